@@ -1,0 +1,1 @@
+//! Cars whose effects are withheld from the diagnosis.
