@@ -5,6 +5,8 @@
 #[cfg(feature = "cli")]
 pub mod campaign;
 pub mod effects;
+#[cfg(feature = "cli")]
+pub mod gap;
 pub mod physics;
 pub mod plant;
 pub mod vehicle;
