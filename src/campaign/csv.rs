@@ -25,12 +25,13 @@ pub(crate) fn read(file: &str, bytes: &[u8], wanted: Wanted<'_>) -> Result<Measu
     if !reader.read_byte_record(&mut record).map_err(unreadable)? {
         return Err(Defect::Empty.in_file(file));
     }
+    let mut lines = LineCounter { bytes, at: 0, line: 1 };
     let mut table = Table::new(file, &record, wanted, delimiter != b',');
     let mut first = true;
     // A short row is judged when the next one has been seen: only the last may be short.
     let mut short: Option<(u64, usize)> = None;
     while reader.read_byte_record(&mut record).map_err(unreadable)? {
-        let line = record.position().map_or(0, Position::line);
+        let line = lines.of(record.position());
         if let Some((line, found)) = short {
             return Err(ragged(file, line, found, table.header));
         }
@@ -46,6 +47,30 @@ pub(crate) fn read(file: &str, bytes: &[u8], wanted: Wanted<'_>) -> Result<Measu
         }
     }
     table.finish(short, bytes)
+}
+
+/// Counts lines along with the reader, whose own positions lie in front of blank lines and comments.
+struct LineCounter<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    line: u64,
+}
+
+impl LineCounter<'_> {
+    /// The line, from 1, on which the record at or after a position starts.
+    fn of(&mut self, position: Option<&Position>) -> u64 {
+        let mut start = position.map_or(self.at, |p| usize::try_from(p.byte()).unwrap_or(usize::MAX)).min(self.bytes.len());
+        loop {
+            match self.bytes.get(start) {
+                Some(b'\r' | b'\n') => start += 1,
+                Some(b'#') => start += self.bytes[start..].iter().position(|&b| b == b'\n').unwrap_or(0).max(1),
+                _ => break,
+            }
+        }
+        self.line += self.bytes.get(self.at..start).map_or(0, |b| b.iter().filter(|&&b| b == b'\n').count() as u64);
+        self.at = self.at.max(start);
+        self.line
+    }
 }
 
 /// Columns under construction.
@@ -183,6 +208,12 @@ mod tests {
         assert!(s[1].values[1].is_nan() && s[1].values[2].is_nan());
         assert_eq!(s[2].text, Some((0, "D".to_string())));
         assert_eq!(m.row(1), Some(("line", 5)));
+    }
+
+    #[test]
+    fn lines_are_counted_through_comments_blanks_and_carriage_returns() {
+        let m = all(b"# a\r\nt,a\r\n0,1\r\n\r\n# b\r\n1,2\r\n2,3\r\n").unwrap();
+        assert_eq!([0, 1, 2].map(|i| m.row(i).unwrap().1), [3, 6, 7]);
     }
 
     #[test]
