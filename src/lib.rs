@@ -1,6 +1,3 @@
 //! Kisspoint: a dry clutch for co-simulation, and a diagnosis of where its simulation departs from a car.
 #[cfg(feature = "cli")]
 pub mod campaign;
-#[cfg(feature = "cli")]
-#[path = "cli/inspect.rs"]
-pub mod inspect_check;
