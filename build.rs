@@ -1,1 +1,177 @@
-fn main() {}
+//! Turns the model descriptions into tables, so that no name, reference, unit, bound or start value stands twice.
+//!
+//! A variable that is renamed in `modelDescription/` breaks the build wherever the code still uses the old name; an
+//! effect that is listed there without its file in `src/effects/`, too.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::Path;
+use std::{env, fs};
+
+fn main() {
+    let root = env::var("CARGO_MANIFEST_DIR").expect("cargo sets CARGO_MANIFEST_DIR");
+    let out = env::var("OUT_DIR").expect("cargo sets OUT_DIR");
+    println!("cargo::rerun-if-changed=build.rs");
+    for model in ["DrivelinePlant", "ClutchController"] {
+        let path = Path::new(&root).join("modelDescription").join(model).with_extension("xml");
+        println!("cargo::rerun-if-changed={}", path.display());
+        let text = fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        let document = roxmltree::Document::parse(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        let variables = variables(&document);
+        let target = Path::new(&out).join(model).with_extension("rs");
+        fs::write(target, variable_table(&variables)).expect("OUT_DIR can be written");
+        if model == "DrivelinePlant" {
+            fs::write(Path::new(&out).join("vehicle.rs"), vehicle_table(&variables)).expect("OUT_DIR can be written");
+            fs::write(Path::new(&out).join("effects.rs"), effect_registry(&variables, &root)).expect("OUT_DIR can be written");
+        }
+    }
+}
+
+/// One ScalarVariable with its attributes and those of its type element, under their FMI names.
+struct Variable {
+    name: String,
+    kind: String,
+    attributes: BTreeMap<String, String>,
+}
+
+impl Variable {
+    fn get(&self, key: &str) -> &str {
+        self.attributes.get(key).map_or("", String::as_str)
+    }
+    fn real(&self, key: &str, default: &str) -> String {
+        let text = self.attributes.get(key).map_or(default, String::as_str);
+        match text.parse::<f64>() {
+            Ok(value) if value.is_infinite() => format!("f64::{}INFINITY", if value < 0.0 { "NEG_" } else { "" }),
+            Ok(value) => format!("{value:?}"),
+            Err(_) => panic!("variable {}: {key}=\"{text}\" is not a number", self.name),
+        }
+    }
+}
+
+fn variables(document: &roxmltree::Document) -> Vec<Variable> {
+    let unit_of_type: BTreeMap<&str, &str> = document
+        .descendants()
+        .filter(|n| n.has_tag_name("SimpleType"))
+        .filter_map(|n| Some((n.attribute("name")?, n.first_element_child()?.attribute("unit")?)))
+        .collect();
+    document.descendants().filter(|n| n.has_tag_name("ScalarVariable")).map(|node| variable(node, &unit_of_type)).collect()
+}
+
+fn variable(node: roxmltree::Node, unit_of_type: &BTreeMap<&str, &str>) -> Variable {
+    let typed = node.first_element_child().expect("a ScalarVariable holds its type");
+    let mut attributes: BTreeMap<String, String> =
+        node.attributes().chain(typed.attributes()).map(|a| (a.name().to_owned(), a.value().to_owned())).collect();
+    if let Some(unit) = attributes.get("declaredType").and_then(|t| unit_of_type.get(t.as_str())) {
+        attributes.insert("unit".to_owned(), (*unit).to_owned());
+    }
+    let name = attributes.remove("name").expect("a ScalarVariable has a name");
+    Variable { name, kind: typed.tag_name().name().to_owned(), attributes }
+}
+
+fn camel(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map_or_else(String::new, |first| first.to_uppercase().collect::<String>() + chars.as_str())
+}
+
+fn variable_table(variables: &[Variable]) -> String {
+    let mut text = String::from(
+        "/// Value references, named as the variables are, with `_` for `.`.\n#[allow(non_upper_case_globals, missing_docs)]\npub mod vr {\n",
+    );
+    for v in variables {
+        writeln!(text, "    pub const {}: u32 = {};", v.name.replace('.', "_"), v.get("valueReference")).unwrap();
+    }
+    writeln!(
+        text,
+        "}}\n/// All variables, in the order of the model description.\npub static VARIABLES: [Variable; {}] = [",
+        variables.len()
+    )
+    .unwrap();
+    for v in variables {
+        let variability = if v.get("variability").is_empty() { "Continuous".to_owned() } else { camel(v.get("variability")) };
+        let start = match v.kind.as_str() {
+            "Boolean" => if v.get("start") == "true" { "1.0" } else { "0.0" }.to_owned(),
+            _ => v.real("start", "0.0"),
+        };
+        writeln!(
+            text,
+            "    Variable {{ name: {:?}, value_reference: {}, kind: Kind::{}, causality: Causality::{}, variability: Variability::{}, unit: {:?}, start: {}, min: {}, max: {} }},",
+            v.name,
+            v.get("valueReference"),
+            v.kind,
+            camel(v.get("causality")),
+            variability,
+            v.get("unit"),
+            start,
+            v.real("min", "-inf"),
+            v.real("max", "inf"),
+        )
+        .unwrap();
+    }
+    text.push_str("];\n");
+    text
+}
+
+/// The vehicle's numbers are the fixed parameters with a dot; the field has the variable's name.
+fn vehicle_table(variables: &[Variable]) -> String {
+    let numbers: Vec<&Variable> = variables.iter().filter(|v| v.name.contains('.') && !v.name.starts_with("effect.")).collect();
+    let mut text = format!("/// The numbers of a vehicle under their flat names.\npub static NUMBERS: [Number; {}] = [\n", numbers.len());
+    for v in numbers {
+        writeln!(
+            text,
+            "    Number {{ name: {:?}, unit: {:?}, meaning: {:?}, default: {}, min: {}, max: {}, value_reference: {}, get: |v| v.{}, get_mut: |v| &mut v.{} }},",
+            v.name, v.get("unit"), v.get("description"), v.real("start", "0.0"), v.real("min", "-inf"), v.real("max", "inf"),
+            v.get("valueReference"), v.name, v.name
+        )
+        .unwrap();
+    }
+    text.push_str("];\n");
+    text
+}
+
+fn effect_registry(variables: &[Variable], root: &str) -> String {
+    let parameters: Vec<(&str, &str, &Variable)> = variables
+        .iter()
+        .filter_map(|v| v.name.strip_prefix("effect.").map(|rest| (rest, v)))
+        .map(|(rest, v)| {
+            rest.split_once('.')
+                .map(|(id, name)| (id, name, v))
+                .unwrap_or_else(|| panic!("{}: effect.<id>.<parameter> is expected", v.name))
+        })
+        .collect();
+    let mut ids: Vec<&str> = parameters.iter().map(|p| p.0).collect();
+    ids.dedup();
+    let mut text = String::new();
+    for id in &ids {
+        writeln!(text, "#[path = \"{root}/src/effects/{id}.rs\"]\npub mod {id};").unwrap();
+    }
+    writeln!(text, "/// Number of parameters of all effects together.\npub const N_PARAMETERS: usize = {};", parameters.len()).unwrap();
+    text.push_str(
+        "/// Index of each parameter, as `param::<id>::<parameter>`.\n#[allow(non_upper_case_globals, missing_docs)]\npub mod param {\n",
+    );
+    for id in &ids {
+        writeln!(text, "    pub mod {id} {{").unwrap();
+        for (k, p) in parameters.iter().enumerate().filter(|(_, p)| p.0 == *id) {
+            writeln!(text, "        pub const {}: usize = {k};", p.1).unwrap();
+        }
+        text.push_str("    }\n");
+    }
+    writeln!(text, "}}\n/// Every parameter of every effect.\npub static PARAMETERS: [Parameter; N_PARAMETERS] = [").unwrap();
+    for (id, name, v) in &parameters {
+        writeln!(
+            text,
+            "    Parameter {{ effect: {id:?}, name: {name:?}, variable: {:?}, unit: {:?}, meaning: {:?}, null: {}, min: {}, max: {}, nominal: {}, value_reference: {} }},",
+            v.name, v.get("unit"), v.get("description"), v.real("start", "0.0"), v.real("min", "-inf"), v.real("max", "inf"), v.real("nominal", "1.0"), v.get("valueReference")
+        )
+        .unwrap();
+    }
+    writeln!(text, "];\n/// Every effect, in the order of the model description.\npub static REGISTRY: [Entry; {}] = [", ids.len())
+        .unwrap();
+    for id in &ids {
+        let first = parameters.iter().position(|p| p.0 == *id).expect("an id comes from its parameters");
+        let count = parameters.iter().filter(|p| p.0 == *id).count();
+        assert!(parameters[first..first + count].iter().all(|p| p.0 == *id), "the parameters of effect {id} must stand together");
+        writeln!(text, "    Entry {{ id: {id:?}, effect: &{id}::EFFECT, parameters: {first}..{} }},", first + count).unwrap();
+    }
+    text.push_str("];\n");
+    text
+}

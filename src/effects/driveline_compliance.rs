@@ -1,0 +1,26 @@
+//! Shafts between disc and vehicle twist: J_c splits in two, with a spring and a damper between them.
+//!
+//! T_s = φ/compliance + damping (ω_c − ω_v), φ̇ = ω_c − ω_v; the disc keeps disc_share · J_c and its load acts on the rest.
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | `compliance` | twist per torque; 0 is rigid | rad/(N·m) |
+//! | `disc_share` | share of J_c on the disc side | 1 |
+//! | `damping` | damping of the shafts | N·m·s/rad |
+
+use super::{Act, Constants, Effect, Parameters, Subsystem, param};
+use crate::vehicle::Vehicle;
+
+/// See the module.
+pub const EFFECT: Effect = Effect {
+    subsystem: Subsystem::Driveline,
+    amplitudes: &[param::driveline_compliance::compliance],
+    act: Act::Constants(apply),
+    shown_by: "torque steps with the clutch locked (tip-in, tip-out)",
+};
+
+fn apply(p: &Parameters, _: &Vehicle, c: &mut Constants) {
+    c.compliance = p[param::driveline_compliance::compliance];
+    c.disc_share = p[param::driveline_compliance::disc_share];
+    c.shaft_damping = p[param::driveline_compliance::damping];
+}

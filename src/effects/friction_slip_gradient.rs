@@ -1,0 +1,23 @@
+//! Friction depends otherwise on slip speed: μ (1 + amplitude (1 − e^(−ω/speed))).
+//!
+//! A negative amplitude is the negative slope that excites judder; a large `speed` makes it linear.
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | `amplitude` | relative change at high slip | 1 |
+//! | `speed` | slip speed over which it develops | rad/s |
+//! | ω | slip speed, ≥ 0 | rad/s |
+
+use super::{Act, Effect, Parameters, Subsystem, param};
+
+/// See the module.
+pub const EFFECT: Effect = Effect {
+    subsystem: Subsystem::Friction,
+    amplitudes: &[param::friction_slip_gradient::amplitude],
+    act: Act::Friction(apply),
+    shown_by: "slip from high speed down to lock-up at constant position",
+};
+
+fn apply(p: &Parameters, omega: f64, _: f64) -> f64 {
+    1.0 + p[param::friction_slip_gradient::amplitude] * (1.0 - (-omega / p[param::friction_slip_gradient::speed]).exp())
+}

@@ -1,0 +1,202 @@
+//! Effects: what the nominal plant may be missing, one small file each.
+//!
+//! The list of effects and of their parameters (name, unit, null value, bounds) is `modelDescription/DrivelinePlant.xml`:
+//! every `effect.<id>.<parameter>` there belongs to `src/effects/<id>.rs`, and `build.rs` derives [`REGISTRY`] from it. A new
+//! effect is therefore one new file and its line there.
+//!
+//! An effect does one of a few things to the plant ([`Act`]). While all its amplitudes are at their null values it takes no part at all,
+//! which leaves the plant bit-identical.
+
+use crate::physics::driveline::Driveline;
+use crate::physics::lag::Lag;
+use crate::physics::map::Contact;
+use crate::physics::thermal::Thermal;
+use crate::vehicle::Vehicle;
+
+include!(concat!(env!("OUT_DIR"), "/effects.rs"));
+
+/// Part of the vehicle in which an effect lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[allow(missing_docs)]
+pub enum Subsystem {
+    Engine,
+    Actuator,
+    ClutchForce,
+    Friction,
+    Thermal,
+    Driveline,
+    Sensors,
+}
+
+impl Subsystem {
+    /// All subsystems, in the order of the contract.
+    pub const ALL: [Subsystem; 7] =
+        [Self::Engine, Self::Actuator, Self::ClutchForce, Self::Friction, Self::Thermal, Self::Driveline, Self::Sensors];
+
+    /// Name in diagnosis.json.
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::Engine => "engine",
+            Self::Actuator => "actuator",
+            Self::ClutchForce => "clutch_force",
+            Self::Friction => "friction",
+            Self::Thermal => "thermal",
+            Self::Driveline => "driveline",
+            Self::Sensors => "sensors",
+        }
+    }
+}
+
+/// Values of all effect parameters, in the order of [`PARAMETERS`].
+pub type Parameters = [f64; N_PARAMETERS];
+
+/// Every effect at its null value.
+pub fn null() -> Parameters {
+    std::array::from_fn(|k| PARAMETERS[k].null)
+}
+
+/// One parameter of an effect, as the model description has it.
+pub struct Parameter {
+    /// Id of the effect.
+    pub effect: &'static str,
+    /// Name within the effect.
+    pub name: &'static str,
+    /// Name of the FMU's variable.
+    pub variable: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// Meaning in words.
+    pub meaning: &'static str,
+    /// Value that stands for no effect (of an amplitude), or a usual value (of a shape).
+    pub null: f64,
+    /// Least value accepted.
+    pub min: f64,
+    /// Greatest value accepted.
+    pub max: f64,
+    /// Size that a noticeable effect has.
+    pub nominal: f64,
+    /// Value reference in `DrivelinePlant`.
+    pub value_reference: u32,
+}
+
+/// One line of the registry.
+pub struct Entry {
+    /// Id of the effect.
+    pub id: &'static str,
+    /// The effect.
+    pub effect: &'static Effect,
+    /// Where its parameters stand in [`PARAMETERS`].
+    pub parameters: std::ops::Range<usize>,
+}
+
+impl Entry {
+    /// Whether every amplitude is at its null value, so that the effect takes no part.
+    pub fn is_null(&self, p: &Parameters) -> bool {
+        self.effect.amplitudes.iter().all(|&k| p[k] == PARAMETERS[k].null)
+    }
+}
+
+/// Index in [`REGISTRY`] of the effect `id`.
+pub fn find(id: &str) -> Option<usize> {
+    REGISTRY.iter().position(|entry| entry.id == id)
+}
+
+/// What an effect is.
+pub struct Effect {
+    /// Where it lies.
+    pub subsystem: Subsystem,
+    /// Parameters whose null values switch it off; the others only shape it.
+    pub amplitudes: &'static [usize],
+    /// What it does.
+    pub act: Act,
+    /// Manoeuvre or channel that shows it best.
+    pub shown_by: &'static str,
+}
+
+/// What an effect does to the plant.
+pub enum Act {
+    /// Changes constants, once, when parameters are set.
+    Constants(fn(&Parameters, &Vehicle, &mut Constants)),
+    /// Moves contact points at a disc temperature in °C.
+    Contact(fn(&Parameters, f64, &mut Contact)),
+    /// Factor on the spring force at a disc temperature in °C.
+    Force(fn(&Parameters, f64) -> f64),
+    /// Factor on friction at a slip speed ≥ 0 in rad/s and a disc temperature in °C.
+    Friction(fn(&Parameters, f64, f64) -> f64),
+    /// Factor on the torque capacity at a slip angle in rad.
+    Pulsation(fn(&Parameters, f64) -> f64),
+    /// Torque in N·m beside the capacity's at a signed slip speed in rad/s.
+    Drag(fn(&Parameters, f64) -> f64),
+    /// Load torque in N·m added at a speed in rad/s.
+    Load(fn(&Parameters, &Vehicle, f64) -> f64),
+}
+
+/// Constants of the plant that effects may change; the nominal ones come from the vehicle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Constants {
+    /// Torque on the crankshaft is gain · report + bias (N·m).
+    pub engine_gain: f64,
+    /// See `engine_gain`.
+    pub engine_bias: f64,
+    /// Lag of the torque.
+    pub engine_lag: Lag,
+    /// Transport delay of the position command, s.
+    pub command_delay: f64,
+    /// Inverse of the bearing's greatest speed, s/mm; 0 is no limit.
+    pub inverse_speed: f64,
+    /// Lag of the bearing.
+    pub actuator_lag: Lag,
+    /// Play between command and bearing, mm.
+    pub play: f64,
+    /// Shift of contact and closed point, mm.
+    pub contact_shift: Contact,
+    /// Factor on friction.
+    pub friction_factor: f64,
+    /// Relative width of the force hysteresis.
+    pub hysteresis_width: f64,
+    /// Travel from one branch of the hysteresis to the other, mm.
+    pub hysteresis_stroke: f64,
+    /// Thermal coefficients while engaged.
+    pub thermal: Thermal,
+    /// Driveline numbers.
+    pub driveline: Driveline,
+    /// Twist of the shafts, rad/(N·m); 0 is rigid.
+    pub compliance: f64,
+    /// Share of J_c before the shafts.
+    pub disc_share: f64,
+    /// Damping of the shafts, N·m·s/rad.
+    pub shaft_damping: f64,
+    /// Delay of the disc speed signal, s.
+    pub clutch_speed_delay: f64,
+    /// Delay of the engine speed signal, s.
+    pub engine_speed_delay: f64,
+    /// Disc speed sensed over disc speed.
+    pub clutch_speed_gain: f64,
+}
+
+impl Constants {
+    /// Constants of the nominal plant.
+    pub fn nominal(vehicle: &Vehicle) -> Self {
+        Self {
+            engine_gain: 1.0,
+            engine_bias: 0.0,
+            engine_lag: Lag::default(),
+            command_delay: 0.0,
+            inverse_speed: 0.0,
+            actuator_lag: Lag::default(),
+            play: 0.0,
+            contact_shift: Contact { x_cnt: 0.0, x_cls: 0.0 },
+            friction_factor: 1.0,
+            hysteresis_width: 0.0,
+            hysteresis_stroke: 1.0,
+            thermal: vehicle.thermal,
+            driveline: vehicle.driveline,
+            compliance: 0.0,
+            disc_share: 1.0,
+            shaft_damping: 0.0,
+            clutch_speed_delay: 0.0,
+            engine_speed_delay: 0.0,
+            clutch_speed_gain: 1.0,
+        }
+    }
+}

@@ -1,0 +1,26 @@
+//! Another constant load: a grade, or rolling resistance.
+//!
+//! T = mgR/i · sin(arctan grade) + rolling_torque · tanh(ω_c/ω_L).
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | `grade` | tangent of the road's angle | 1 |
+//! | `rolling_torque` | rolling resistance added | N·m |
+//! | mgR/i | load torque of a vertical grade, `driveline.mgR_over_i` | N·m |
+
+use super::{Act, Effect, Parameters, Subsystem, param};
+use crate::vehicle::Vehicle;
+
+/// See the module.
+pub const EFFECT: Effect = Effect {
+    subsystem: Subsystem::Driveline,
+    amplitudes: &[param::road_load::grade, param::road_load::rolling_torque],
+    act: Act::Load(apply),
+    shown_by: "coasting and a locked drive",
+};
+
+fn apply(p: &Parameters, vehicle: &Vehicle, omega: f64) -> f64 {
+    let grade = p[param::road_load::grade];
+    let d = &vehicle.driveline;
+    d.mgR_over_i * grade / grade.hypot(1.0) + p[param::road_load::rolling_torque] * (omega / d.omega_L).tanh()
+}

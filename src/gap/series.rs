@@ -1,0 +1,132 @@
+//! A recording made ready for the fit: at the rate of analysis, with the noise of every channel estimated.
+//!
+//! A recording faster than [`ANALYSIS_RATE_HZ`] is averaged down: inputs over each new sample's interval, which keeps
+//! their integral, speeds around each new instant, which keeps their phase.
+
+use crate::campaign::Recording;
+
+/// Rate of analysis, Hz; slower recordings keep their own.
+pub const ANALYSIS_RATE_HZ: f64 = 100.0;
+
+/// Channels that the plant predicts, in the order of [`Series::measured`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Channel {
+    /// Flywheel speed, rad/s.
+    OmegaF,
+    /// Disc speed, rad/s.
+    OmegaC,
+    /// Bearing position, mm.
+    XTo,
+    /// Clutch torque, N·m.
+    TFc,
+    /// Disc temperature, °C.
+    ThetaC,
+}
+
+impl Channel {
+    /// All channels.
+    pub const ALL: [Self; 5] = [Self::OmegaF, Self::OmegaC, Self::XTo, Self::TFc, Self::ThetaC];
+
+    /// Name of the column in a recording.
+    pub fn column(self) -> &'static str {
+        match self {
+            Self::OmegaF => "omega_f_rad_s",
+            Self::OmegaC => "omega_c_rad_s",
+            Self::XTo => "x_to_mm",
+            Self::TFc => "T_fc_Nm",
+            Self::ThetaC => "theta_c_degC",
+        }
+    }
+}
+
+/// A recording at the rate of analysis.
+#[derive(Clone, Debug)]
+pub struct Series {
+    /// Name of the recording.
+    pub name: String,
+    /// Manoeuvre.
+    pub manoeuvre: String,
+    /// Sample interval, s.
+    pub dt: f64,
+    /// Temperatures at the start: disc, body, °C.
+    pub theta_0: [f64; 2],
+    /// Reported torque, N·m; held.
+    pub t_e: Vec<f64>,
+    /// Commanded position, mm; held.
+    pub x_to: Vec<f64>,
+    /// Housing air, °C; held.
+    pub theta_h: Vec<f64>,
+    /// What was measured, by [`Channel`]; empty where the channel is missing.
+    pub measured: [Vec<f64>; 5],
+    /// Standard deviation of each channel's noise at this rate.
+    pub noise: [f64; 5],
+}
+
+impl Series {
+    /// Prepares a recording.
+    pub fn new(recording: &Recording) -> Self {
+        let factor = (recording.sample_rate_hz / ANALYSIS_RATE_HZ).round().max(1.0) as usize;
+        let held = |v: &[f64]| block_means(v, factor);
+        let sensed = |v: &[f64]| centred_means(v, factor);
+        let optional = |v: &Option<Vec<f64>>| v.as_deref().map(sensed).unwrap_or_default();
+        let measured =
+            [sensed(&recording.omega_f), sensed(&recording.omega_c), optional(&recording.x_to), optional(&recording.t_fc), optional(&recording.theta_c)];
+        let noise = std::array::from_fn(|k| noise(&measured[k]).max(LEAST_NOISE[k]));
+        Self {
+            name: recording.name.clone(),
+            manoeuvre: recording.manoeuvre.clone(),
+            dt: factor as f64 / recording.sample_rate_hz,
+            theta_0: [recording.theta_c0, recording.theta_b0],
+            t_e: held(&recording.t_e),
+            x_to: held(&recording.x_to_cmd),
+            theta_h: held(&recording.theta_h),
+            measured,
+            noise,
+        }
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.t_e.len()
+    }
+
+    /// Whether there are no samples.
+    pub fn is_empty(&self) -> bool {
+        self.t_e.is_empty()
+    }
+}
+
+/// Least noise that is believed, by channel: a channel finer than this would only be fitted to numerics.
+const LEAST_NOISE: [f64; 5] = [0.01, 0.01, 0.001, 0.05, 0.05];
+
+fn block_means(v: &[f64], factor: usize) -> Vec<f64> {
+    v.chunks(factor).map(|c| c.iter().sum::<f64>() / c.len() as f64).collect()
+}
+
+fn centred_means(v: &[f64], factor: usize) -> Vec<f64> {
+    let reach = factor / 2;
+    (0..v.len())
+        .step_by(factor)
+        .map(|k| {
+            // Near the ends the window shrinks on both sides alike, or a ramp would be biased.
+            let reach = reach.min(k).min(v.len() - 1 - k);
+            let window = &v[k - reach..=k + reach];
+            window.iter().sum::<f64>() / window.len() as f64
+        })
+        .collect()
+}
+
+/// Standard deviation of white noise on a smooth signal, from its third differences; their median keeps kinks out.
+fn noise(v: &[f64]) -> f64 {
+    let mut d: Vec<f64> = v.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs()).collect();
+    if d.is_empty() {
+        return 0.0;
+    }
+    d.sort_by(f64::total_cmp);
+    // Third differences of unit white noise have the variance 20; 0.6745 is the median of a half-normal one. Zero differences
+    // (quantisation) pull the median down, so the mean of the lower three quarters joins in.
+    let median = d[d.len() / 2] / 0.6745;
+    let kept = &d[..d.len() - d.len() / 10];
+    let mean = kept.iter().sum::<f64>() / kept.len() as f64 / 0.6667;
+    median.max(mean) / 20.0_f64.sqrt()
+}

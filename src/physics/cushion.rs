@@ -1,0 +1,83 @@
+//! Cushion spring: its force over the normalised throwout position, and back.
+//!
+//! F(ξ) = β_1 ξ + β_2 ξ² + β_3 ξ³ above the true contact point ξ_0, and 0 at and below it.
+//!
+//! | symbol | meaning | unit | source |
+//! |---|---|---|---|
+//! | ξ | normalised position, 0..1 | 1 | paper eq. (2) |
+//! | β_1, β_2, β_3 | spring polynomial | N | text after eq. (4), printed in kN |
+//! | ξ_0 | largest root of F in [0, 1): where contact really begins | 1 | the printed polynomial is negative below 0.202 |
+
+/// Coefficients of the spring polynomial, N.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct CushionSpring {
+    /// Linear term, N.
+    pub beta_1: f64,
+    /// Quadratic term, N.
+    pub beta_2: f64,
+    /// Cubic term, N.
+    pub beta_3: f64,
+}
+
+#[inline]
+fn polynomial(p: &CushionSpring, xi: f64) -> f64 {
+    xi * (p.beta_1 + xi * (p.beta_2 + xi * p.beta_3))
+}
+
+#[inline]
+fn slope(p: &CushionSpring, xi: f64) -> f64 {
+    p.beta_1 + xi * (2.0 * p.beta_2 + 3.0 * xi * p.beta_3)
+}
+
+/// True contact point ξ_0: the largest root of F in [0, 1).
+pub fn contact_point(p: &CushionSpring) -> f64 {
+    let inside = |root: f64| if root > 0.0 && root < 1.0 { root } else { 0.0 };
+    if p.beta_3 == 0.0 {
+        return if p.beta_2 == 0.0 { 0.0 } else { inside(-p.beta_1 / p.beta_2) };
+    }
+    let discriminant = p.beta_2 * p.beta_2 - 4.0 * p.beta_1 * p.beta_3;
+    if discriminant < 0.0 {
+        return 0.0;
+    }
+    // q carries the sign of β_2, so that neither root loses digits to cancellation.
+    let q = -0.5 * (p.beta_2 + discriminant.sqrt().copysign(p.beta_2));
+    let roots = [q / p.beta_3, if q == 0.0 { 0.0 } else { p.beta_1 / q }];
+    inside(roots[0]).max(inside(roots[1]))
+}
+
+/// Spring force in N at the normalised position `xi`, with `xi_0` from [`contact_point`].
+#[inline]
+pub fn force(p: &CushionSpring, xi_0: f64, xi: f64) -> f64 {
+    if xi <= xi_0 { 0.0 } else { polynomial(p, xi).max(0.0) }
+}
+
+/// Newton and bisection steps that [`inverse`] makes at most; bisection alone would need 53.
+pub const INVERSE_ITERATIONS: usize = 64;
+
+/// Normalised position at which the spring gives `wanted` N: ξ_0 for none, 1 where the spring cannot give more.
+///
+/// The branch above ξ_0 is monotone for a sound vehicle (`Vehicle::check` says so); the bracket holds anyway.
+pub fn inverse(p: &CushionSpring, xi_0: f64, wanted: f64) -> f64 {
+    if wanted <= 0.0 {
+        return xi_0;
+    }
+    if wanted >= polynomial(p, 1.0) {
+        return 1.0;
+    }
+    let (mut low, mut high, mut xi) = (xi_0, 1.0, 1.0);
+    for _ in 0..INVERSE_ITERATIONS {
+        let excess = polynomial(p, xi) - wanted;
+        if excess > 0.0 {
+            high = xi
+        } else {
+            low = xi
+        }
+        let newton = xi - excess / slope(p, xi);
+        let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+        if (next - xi).abs() <= f64::EPSILON {
+            return next;
+        }
+        xi = next;
+    }
+    xi
+}

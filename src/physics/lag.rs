@@ -1,0 +1,71 @@
+//! Linear lag of second order, solved exactly: y + τ ẏ + κ τ² ÿ = u.
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | τ | time constant | s |
+//! | κ | second-order share: 0 is a first-order lag, 1/4 two equal ones, above that it overshoots | 1 |
+//! | u | input, constant or a ramp over the step | any |
+//!
+//! Engine torque and throwout bearing lag by the same law, hence one function; the exact solution keeps every τ stable.
+
+/// Coefficients of the lag; `time_constant` 0 is no lag at all.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Lag {
+    /// τ, s.
+    pub time_constant: f64,
+    /// κ.
+    pub curvature: f64,
+}
+
+/// Output and its rate.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct LagState {
+    /// Output, in the input's unit.
+    pub value: f64,
+    /// Rate of the output, per second.
+    pub rate: f64,
+}
+
+/// State after `h` seconds with the input `u + slope·t`.
+pub fn advance(lag: &Lag, state: LagState, u: f64, slope: f64, h: f64) -> LagState {
+    let tau = lag.time_constant;
+    if tau <= 0.0 {
+        return LagState { value: u + slope * h, rate: slope };
+    }
+    // Steady response to the ramp: it trails by τ. The rest decays freely.
+    let (z0, v0) = (state.value - (u - slope * tau), state.rate - slope);
+    let trail = u + slope * (h - tau);
+    let (z, v) = free_response(lag, z0, v0, h);
+    LagState { value: trail + z, rate: slope + v }
+}
+
+/// Below this κ the second pole is faster than 1000 times the first and plays no part.
+const FIRST_ORDER: f64 = 1e-3;
+
+fn free_response(lag: &Lag, z0: f64, v0: f64, h: f64) -> (f64, f64) {
+    let (tau, kappa) = (lag.time_constant, lag.curvature);
+    if kappa < FIRST_ORDER {
+        let z = z0 * (-h / tau).exp();
+        return (z, -z / tau);
+    }
+    let half = 1.0 / (2.0 * kappa * tau);
+    let stiffness = 1.0 / (kappa * tau * tau);
+    let discriminant = half * half - stiffness;
+    let scale = (-half * h).exp();
+    // z = e^(−half·h) (z0 C + (v0 + half z0) S), with C, S circular or hyperbolic.
+    let (c, s) = if discriminant < -1e-9 * stiffness {
+        let w = (-discriminant).sqrt();
+        ((w * h).cos(), (w * h).sin() / w)
+    } else if discriminant > 1e-9 * stiffness {
+        let w = discriminant.sqrt();
+        // The growing part of the hyperbolic functions is folded into the decay, or it would overflow at small τ.
+        let (grow, fade) = ((w * h - half * h).exp(), (-w * h - half * h).exp());
+        let (c, s) = (0.5 * (grow + fade), 0.5 * (grow - fade) / w);
+        let a = v0 + half * z0;
+        return (z0 * c + a * s, v0 * c - (half * v0 + stiffness * z0) * s);
+    } else {
+        (1.0, h)
+    };
+    let a = v0 + half * z0;
+    (scale * (z0 * c + a * s), scale * (v0 * c - (half * v0 + stiffness * z0) * s))
+}

@@ -1,0 +1,10 @@
+//! The nominal plant's equations, each once, as pure functions of numbers.
+//!
+//! Nothing here knows of effects, of FMI or of files. Units: s, rad/s, N·m, N, mm for throwout position, °C, J.
+
+pub mod cushion;
+pub mod driveline;
+pub mod friction;
+pub mod lag;
+pub mod map;
+pub mod thermal;

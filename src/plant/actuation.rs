@@ -1,0 +1,100 @@
+//! From commands to engine torque and bearing position.
+//!
+//! Command → delay → rate limit → lag → play → bearing; report → gain and bias → lag → crankshaft. Inputs are held over
+//! a substep, so the chain is solved exactly at its start, middle and end and no lag, however short, is stiff.
+
+use super::State;
+use super::config::Config;
+use crate::physics::lag::{self, LagState};
+
+/// Engine torque in N·m and bearing position in mm at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drive {
+    /// Torque on the crankshaft.
+    pub t_e: f64,
+    /// Bearing position.
+    pub x: f64,
+}
+
+/// Chain states at one instant.
+#[derive(Clone, Copy, Debug)]
+pub struct Chain {
+    engine: LagState,
+    limited: f64,
+    lagged: LagState,
+    bearing: f64,
+}
+
+impl Chain {
+    /// What drives the driveline at this instant.
+    #[inline]
+    pub fn drive(&self) -> Drive {
+        Drive { t_e: self.engine.value, x: self.bearing }
+    }
+
+    /// Writes the chain into the state.
+    #[inline]
+    pub fn store(&self, state: &mut State) {
+        state.engine = self.engine;
+        state.limited = self.limited;
+        state.lagged = self.lagged;
+        state.bearing = self.bearing;
+    }
+}
+
+/// Torque on the crankshaft that the report asks for, N·m.
+#[inline]
+fn engine_target(config: &Config, report: f64) -> f64 {
+    config.constants.engine_gain * report + config.constants.engine_bias
+}
+
+/// Chain after `h` seconds with the (delayed) command `x_cmd` held.
+#[inline]
+pub fn advance(config: &Config, state: &State, x_cmd: f64, h: f64) -> Chain {
+    let c = &config.constants;
+    let target = engine_target(config, state.inputs.t_e_ref);
+    let engine = if c.engine_lag.time_constant > 0.0 {
+        lag::advance(&c.engine_lag, state.engine, target, 0.0, h)
+    } else {
+        LagState { value: target, rate: 0.0 }
+    };
+    let limited = rate_limited(c.inverse_speed, state.limited, x_cmd, h);
+    let lagged = if c.actuator_lag.time_constant > 0.0 {
+        let slope = if h > 0.0 { (limited - state.limited) / h } else { 0.0 };
+        // A command that jumps at the start of the substep counts as held; one that the rate limit slows is a ramp.
+        let (u, slope) = if c.inverse_speed > 0.0 { (state.limited, slope) } else { (x_cmd, 0.0) };
+        lag::advance(&c.actuator_lag, state.lagged, u, slope, h)
+    } else {
+        LagState { value: limited, rate: 0.0 }
+    };
+    let reach = 0.5 * c.play;
+    let bearing = if c.play > 0.0 { state.bearing.clamp(lagged.value - reach, lagged.value + reach) } else { lagged.value };
+    Chain { engine, limited, lagged, bearing }
+}
+
+#[inline]
+fn rate_limited(inverse_speed: f64, from: f64, to: f64, h: f64) -> f64 {
+    if inverse_speed <= 0.0 {
+        return to;
+    }
+    let most = h / inverse_speed;
+    from + (to - from).clamp(-most, most)
+}
+
+/// Puts the chain to rest in the values of the state's inputs.
+pub fn rest(config: &Config, state: &mut State) {
+    let x = state.inputs.x_to;
+    let at = |value| LagState { value, rate: 0.0 };
+    state.engine = at(engine_target(config, state.inputs.t_e_ref));
+    state.limited = x;
+    state.lagged = at(x);
+    state.bearing = x;
+    state.memory = x;
+}
+
+/// When effects are set while running, a state that was not in use starts where its signal is.
+pub fn carry_over(old: &Config, new: &Config, state: &mut State) {
+    if old.constants.hysteresis_width == 0.0 && new.constants.hysteresis_width != 0.0 {
+        state.memory = state.bearing;
+    }
+}

@@ -1,0 +1,63 @@
+//! From throwout position to torque capacity: paper eq. (1) to (4) with whatever effects bend them.
+
+use super::config::Config;
+use super::motion::{Motion, index};
+use crate::physics::{cushion, map};
+
+/// Normalised position at the bearing position `x` in mm and the disc temperature `theta` in °C; eq. (2).
+#[inline]
+pub fn normalised_position(config: &Config, x: f64, theta: f64) -> f64 {
+    let mut contact = map::contact(&config.vehicle.actuator, theta);
+    contact.x_cnt += config.constants.contact_shift.x_cnt;
+    contact.x_cls += config.constants.contact_shift.x_cls;
+    for effect in config.contact.iter() {
+        effect(&config.parameters, theta, &mut contact);
+    }
+    map::normalised_position(contact, x)
+}
+
+/// Whether the faces touch: ξ > ξ_0, the thermal model's δ_1.
+#[inline]
+pub fn engaged(config: &Config, x: f64, theta: f64) -> bool {
+    normalised_position(config, x, theta) > config.xi_0
+}
+
+/// Memory of the force hysteresis after the bearing came to `x` mm.
+#[inline]
+pub fn hysteresis_memory(config: &Config, memory: f64, x: f64) -> f64 {
+    let reach = 0.5 * config.constants.hysteresis_stroke;
+    memory.clamp(x - reach, x + reach)
+}
+
+/// Torque capacity in N·m: at bearing position `x` mm, hysteresis memory `memory` mm, slip speed `slip` ≥ 0 rad/s.
+#[inline]
+pub fn capacity(config: &Config, x: f64, memory: f64, slip: f64, y: &Motion) -> f64 {
+    let theta = y[index::THETA_C];
+    let xi = normalised_position(config, x, theta);
+    let mut force = cushion::force(&config.vehicle.cushion_spring, config.xi_0, xi);
+    if force == 0.0 {
+        return 0.0;
+    }
+    let c = &config.constants;
+    if c.hysteresis_width != 0.0 {
+        let z = (x - hysteresis_memory(config, memory, x)) / (0.5 * c.hysteresis_stroke);
+        force *= 1.0 + 0.5 * c.hysteresis_width * z;
+    }
+    for effect in config.force.iter() {
+        force *= effect(&config.parameters, theta);
+    }
+    let mut torque = c.friction_factor * map::torque_capacity(&config.vehicle.friction, force, slip, theta);
+    for effect in config.friction.iter() {
+        torque *= effect(&config.parameters, slip, theta);
+    }
+    for effect in config.pulsation.iter() {
+        torque *= effect(&config.parameters, y[index::ANGLE]);
+    }
+    torque.max(0.0)
+}
+
+/// Torque beside the capacity's at the signed slip speed `slip` rad/s, N·m.
+#[inline]
+pub fn drag(config: &Config, slip: f64) -> f64 {
+    config.drag.iter().map(|effect| effect(&config.parameters, slip)).sum()
+}

@@ -1,0 +1,101 @@
+//! Vehicle and effects compiled for the step: constants, and short lists of the effects that act in it.
+
+use crate::effects::{Act, Constants, Parameters, REGISTRY};
+use crate::physics::cushion;
+use crate::vehicle::Vehicle;
+
+/// Functions of one kind that are active, in the order of the registry.
+#[derive(Clone, Copy, Debug)]
+pub struct List<F: Copy> {
+    functions: [Option<F>; REGISTRY.len()],
+    count: usize,
+}
+
+impl<F: Copy> List<F> {
+    fn new() -> Self {
+        Self { functions: [None; REGISTRY.len()], count: 0 }
+    }
+    fn push(&mut self, function: F) {
+        self.functions[self.count] = Some(function);
+        self.count += 1;
+    }
+    /// The active functions.
+    #[inline]
+    pub fn iter(&self) -> impl Iterator<Item = F> + '_ {
+        self.functions[..self.count].iter().flatten().copied()
+    }
+}
+
+/// What the step needs to know.
+#[derive(Clone, Debug)]
+pub struct Config {
+    /// The nominal vehicle.
+    pub vehicle: Vehicle,
+    /// Effect parameters.
+    pub parameters: Parameters,
+    /// Constants as the effects leave them.
+    pub constants: Constants,
+    /// True contact point of the cushion spring.
+    pub xi_0: f64,
+    /// See [`Act::Contact`].
+    pub contact: List<fn(&Parameters, f64, &mut crate::physics::map::Contact)>,
+    /// See [`Act::Force`].
+    pub force: List<fn(&Parameters, f64) -> f64>,
+    /// See [`Act::Friction`].
+    pub friction: List<fn(&Parameters, f64, f64) -> f64>,
+    /// See [`Act::Pulsation`].
+    pub pulsation: List<fn(&Parameters, f64) -> f64>,
+    /// See [`Act::Drag`].
+    pub drag: List<fn(&Parameters, f64) -> f64>,
+    /// See [`Act::Load`].
+    pub load: List<fn(&Parameters, &Vehicle, f64) -> f64>,
+}
+
+impl PartialEq for Config {
+    fn eq(&self, other: &Self) -> bool {
+        self.vehicle == other.vehicle && self.parameters == other.parameters
+    }
+}
+
+impl Config {
+    /// Compiles; effects at their null value are left out.
+    pub fn new(vehicle: &Vehicle, parameters: &Parameters) -> Self {
+        let mut config = Self {
+            vehicle: *vehicle,
+            parameters: *parameters,
+            constants: Constants::nominal(vehicle),
+            xi_0: cushion::contact_point(&vehicle.cushion_spring),
+            contact: List::new(),
+            force: List::new(),
+            friction: List::new(),
+            pulsation: List::new(),
+            drag: List::new(),
+            load: List::new(),
+        };
+        for entry in REGISTRY.iter().filter(|entry| !entry.is_null(parameters)) {
+            match entry.effect.act {
+                Act::Constants(apply) => apply(parameters, vehicle, &mut config.constants),
+                Act::Contact(apply) => config.contact.push(apply),
+                Act::Force(apply) => config.force.push(apply),
+                Act::Friction(apply) => config.friction.push(apply),
+                Act::Pulsation(apply) => config.pulsation.push(apply),
+                Act::Drag(apply) => config.drag.push(apply),
+                Act::Load(apply) => config.load.push(apply),
+            }
+        }
+        config
+    }
+
+    /// Whether the shafts twist.
+    #[inline]
+    pub fn compliant(&self) -> bool {
+        self.constants.compliance > 0.0
+    }
+
+    /// Inertia that the disc drags without the shafts' spring, kg·m².
+    #[inline]
+    pub fn disc_inertia(&self) -> f64 {
+        let j = self.constants.driveline.J_c;
+        if self.compliant() { self.constants.disc_share * j } else { j }
+    }
+}

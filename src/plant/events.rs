@@ -1,0 +1,331 @@
+//! The stick-slip state machine: lock-up, break-away and contact are located inside a substep.
+//!
+//! ```text
+//!            slip reaches 0 and |T_hold| ≤ T_cap(0)
+//!   slipping ------------------------------------> stuck
+//!            <------------------------------------
+//!                    |T_hold| > T_cap(0)
+//! ```
+//!
+//! `Open` and `Slipping` are the same motion, told apart by contact. Where slip reaches 0 and the clutch cannot hold, it
+//! slips on in the other direction.
+
+use super::actuation::{self, Chain};
+use super::clutch;
+use super::config::Config;
+use super::motion::{self, Motion, Setting, index};
+use super::{Inputs, Phase, Plant, Start, State};
+
+/// Slip in rad/s, or torque in N·m, at which an event counts as met.
+const EVENT_TOLERANCE: f64 = 1e-12;
+
+/// Steps of the search for an event; it usually needs five.
+pub const LOCATE_ITERATIONS: usize = 60;
+
+/// Events that one substep serves; what is left after them is integrated without a further switch.
+pub const EVENTS_PER_SUBSTEP: usize = 8;
+
+/// Relative length under which what remains of a step is rounding.
+const SLIVER: f64 = 1e-9;
+
+/// The shafts' fastest oscillation turns by at most this angle in a substep, rad.
+const TURN_PER_SUBSTEP: f64 = 0.5;
+
+/// Shortest substep that the shafts can ask for, s: it bounds the work of a step.
+const SHORTEST_SUBSTEP: f64 = 2e-5;
+
+/// State before the chain is put to rest and the phase is found.
+pub fn initial(start: &Start, inputs: &Inputs) -> State {
+    let mut y = [0.0; motion::N];
+    y[index::OMEGA_F] = start.omega_f;
+    y[index::OMEGA_C] = start.omega_c;
+    y[index::OMEGA_V] = start.omega_c;
+    y[index::THETA_C] = start.theta_c;
+    y[index::THETA_B] = start.theta_b;
+    State {
+        time: 0.0,
+        y,
+        stuck: false,
+        direction: 1.0,
+        engine: Default::default(),
+        limited: 0.0,
+        lagged: Default::default(),
+        bearing: 0.0,
+        memory: 0.0,
+        inputs: *inputs,
+    }
+}
+
+/// Finds phase and direction of slip at the start; shafts begin without twist.
+pub fn settle_phase(config: &Config, state: &mut State) {
+    let slip = state.y[index::OMEGA_F] - state.y[index::OMEGA_C];
+    if slip == 0.0 { decide_at_zero_slip(config, state) } else { state.direction = slip.signum() }
+}
+
+/// With both sides at one speed: stick if the clutch can hold, else slip the way that the torque pushes.
+fn decide_at_zero_slip(config: &Config, state: &mut State) {
+    let hold = motion::sticking_torque(config, &state.y, state.engine.value, state.inputs.t_load);
+    let most = clutch::capacity(config, state.bearing, state.memory, 0.0, &state.y);
+    state.stuck = hold.abs() <= most && most > 0.0;
+    if !state.stuck {
+        state.direction = if hold < 0.0 { -1.0 } else { 1.0 };
+    }
+}
+
+/// Clutch torque now, N·m.
+pub fn clutch_torque(config: &Config, s: &State) -> f64 {
+    if s.stuck {
+        motion::sticking_torque(config, &s.y, s.engine.value, s.inputs.t_load)
+    } else {
+        motion::slipping_torque(config, &s.y, s.direction, s.memory, s.bearing)
+    }
+}
+
+/// Phase now.
+pub fn phase(config: &Config, s: &State) -> Phase {
+    if s.stuck {
+        Phase::Locked
+    } else if clutch::engaged(config, s.bearing, s.y[index::THETA_C]) {
+        Phase::Slipping
+    } else {
+        Phase::Open
+    }
+}
+
+/// See [`Plant::correct_speeds`].
+pub fn correct_speeds(config: &Config, state: &mut State, omega_f: f64, omega_c: f64) {
+    let y = &mut state.y;
+    if state.stuck {
+        let d = &config.constants.driveline;
+        let common = (d.J_f * omega_f + d.J_c * omega_c) / (d.J_f + d.J_c);
+        y[index::OMEGA_F] += common;
+        y[index::OMEGA_C] += common;
+        y[index::OMEGA_V] += common;
+        return;
+    }
+    y[index::OMEGA_F] += omega_f;
+    y[index::OMEGA_C] += omega_c;
+    y[index::OMEGA_V] += omega_c;
+    let slip = y[index::OMEGA_F] - y[index::OMEGA_C];
+    if slip != 0.0 {
+        state.direction = slip.signum();
+    }
+}
+
+/// See [`Plant::step`].
+pub fn step(plant: &mut Plant, inputs: &Inputs, h: f64) {
+    let start = plant.state.time;
+    let end = start + h;
+    let delayed = plant.config.constants.command_delay > 0.0;
+    if delayed && inputs.x_to != plant.state.inputs.x_to {
+        plant.command.push(start, inputs.x_to);
+    }
+    plant.state.inputs = *inputs;
+    let longest = longest_substep(&plant.config, plant.max_substep);
+    let count = (h / longest * (1.0 - SLIVER)).ceil().max(1.0);
+    for k in 1..=count as u64 {
+        let until = if k as f64 == count { end } else { start + h * (k as f64 / count) };
+        substep(plant, until, delayed);
+        record_sensed(plant);
+    }
+}
+
+/// Shafts that oscillate fast ask for shorter substeps.
+fn longest_substep(config: &Config, most: f64) -> f64 {
+    if !config.compliant() {
+        return most;
+    }
+    let disc = config.disc_inertia();
+    let c = &config.constants;
+    let inertia = disc * (c.driveline.J_c - disc) / c.driveline.J_c;
+    let turn = (1.0 / (c.compliance * inertia)).sqrt().max(c.shaft_damping / inertia);
+    most.min((TURN_PER_SUBSTEP / turn).max(SHORTEST_SUBSTEP))
+}
+
+fn record_sensed(plant: &mut Plant) {
+    let (c, s) = (&plant.config.constants, &plant.state);
+    if c.engine_speed_delay > 0.0 {
+        plant.sensed_f.push(s.time, s.y[index::OMEGA_F]);
+    }
+    if c.clutch_speed_delay > 0.0 {
+        plant.sensed_c.push(s.time, s.y[index::OMEGA_C]);
+    }
+}
+
+/// Integrates to `until`, from event to event.
+fn substep(plant: &mut Plant, until: f64, delayed: bool) {
+    let mut switches = 0;
+    loop {
+        let (config, state) = (&plant.config, &mut plant.state);
+        let mut h = until - state.time;
+        if h <= SLIVER * plant.max_substep {
+            state.time = until;
+            return;
+        }
+        let mut x_cmd = state.inputs.x_to;
+        if delayed {
+            let lag = config.constants.command_delay;
+            x_cmd = plant.command.held(state.time - lag);
+            if let Some(event) = plant.command.next_event(state.time - lag) {
+                h = h.min((event + lag - state.time).max(SLIVER * plant.max_substep));
+            }
+        }
+        if switches < EVENTS_PER_SUBSTEP {
+            h = until_contact(config, state, x_cmd, h);
+            switches += usize::from(smooth_piece(config, state, x_cmd, h));
+        } else {
+            let setting = setting(config, state, x_cmd, h);
+            let (y, chain) = integrate(config, state, &setting, x_cmd, h);
+            accept(config, state, y, &chain, h);
+        }
+    }
+}
+
+/// Shortens `h` to the moment at which a moving bearing makes or breaks contact.
+fn until_contact(config: &Config, state: &State, x_cmd: f64, h: f64) -> f64 {
+    let theta = state.y[index::THETA_C];
+    let end = actuation::advance(config, state, x_cmd, h).drive().x;
+    let begin = actuation::advance(config, state, x_cmd, 0.0).drive().x;
+    if begin == end {
+        return h;
+    }
+    let touches = |x: f64| clutch::engaged(config, x, theta);
+    let before = touches(begin);
+    if before == touches(end) {
+        return h;
+    }
+    let (mut low, mut high) = (0.0, h);
+    for _ in 0..LOCATE_ITERATIONS {
+        let middle = 0.5 * (low + high);
+        if touches(actuation::advance(config, state, x_cmd, middle).drive().x) == before { low = middle } else { high = middle }
+    }
+    high
+}
+
+fn setting(config: &Config, state: &State, x_cmd: f64, h: f64) -> Setting {
+    let middle = actuation::advance(config, state, x_cmd, 0.5 * h).drive().x;
+    Setting {
+        stuck: state.stuck,
+        direction: state.direction,
+        engaged: clutch::engaged(config, middle, state.y[index::THETA_C]),
+        memory: state.memory,
+        theta_h: state.inputs.theta_h,
+        t_load: state.inputs.t_load,
+    }
+}
+
+fn integrate(config: &Config, state: &State, setting: &Setting, x_cmd: f64, h: f64) -> (Motion, Chain) {
+    let chain = actuation::advance(config, state, x_cmd, h);
+    let begin = actuation::advance(config, state, x_cmd, 0.0).drive();
+    let middle = actuation::advance(config, state, x_cmd, 0.5 * h).drive();
+    (motion::runge_kutta(config, setting, &state.y, [begin, middle, chain.drive()], h), chain)
+}
+
+fn accept(config: &Config, state: &mut State, y: Motion, chain: &Chain, h: f64) {
+    state.y = y;
+    state.time += h;
+    chain.store(state);
+    if config.constants.hysteresis_width != 0.0 {
+        state.memory = clutch::hysteresis_memory(config, state.memory, state.bearing);
+    }
+}
+
+/// Integrates over `h`, or up to the first switch inside it; true if it ended in a switch.
+fn smooth_piece(config: &Config, state: &mut State, x_cmd: f64, h: f64) -> bool {
+    if state.stuck && overload(config, state, &state.y, &actuation::advance(config, state, x_cmd, 0.0)) > 0.0 {
+        actuation::advance(config, state, x_cmd, 0.0).store(state);
+        break_away(config, state);
+        return true;
+    }
+    let setting = setting(config, state, x_cmd, h);
+    // Positive once the event has happened.
+    let passed = |y: &Motion, chain: &Chain| {
+        if setting.stuck { overload(config, state, y, chain) } else { -setting.direction * (y[index::OMEGA_F] - y[index::OMEGA_C]) }
+    };
+    let (y, chain) = integrate(config, state, &setting, x_cmd, h);
+    if passed(&y, &chain) <= 0.0 {
+        accept(config, state, y, &chain, h);
+        return false;
+    }
+    let before = passed(&state.y, &actuation::advance(config, state, x_cmd, 0.0));
+    let mut bracket = Bracket { low: 0.0, high: h, at_low: before.min(0.0), at_high: passed(&y, &chain) };
+    let mut found = (y, chain);
+    for _ in 0..LOCATE_ITERATIONS {
+        let Some(middle) = bracket.next() else { break };
+        let trial = integrate(config, state, &setting, x_cmd, middle);
+        let value = passed(&trial.0, &trial.1);
+        if bracket.narrow(middle, value) {
+            found = trial;
+        }
+        if value.abs() < EVENT_TOLERANCE && value > 0.0 {
+            break;
+        }
+    }
+    let high = bracket.high;
+    accept(config, state, found.0, &found.1, high);
+    if setting.stuck {
+        break_away(config, state)
+    } else {
+        meet(config, state)
+    }
+    true
+}
+
+/// Interval that holds an event: its function is not positive at `low` and positive at `high`.
+struct Bracket {
+    low: f64,
+    high: f64,
+    at_low: f64,
+    at_high: f64,
+}
+
+impl Bracket {
+    /// Where to look next: regula falsi in the Illinois form; none when the interval is down to rounding.
+    fn next(&self) -> Option<f64> {
+        if self.high - self.low <= 4.0 * f64::EPSILON * self.high {
+            return None;
+        }
+        let secant = self.high - self.at_high * (self.high - self.low) / (self.at_high - self.at_low);
+        Some(if secant > self.low && secant < self.high { secant } else { 0.5 * (self.low + self.high) })
+    }
+
+    /// Takes in the value at `x`; true if the event lies before it.
+    fn narrow(&mut self, x: f64, value: f64) -> bool {
+        if value > 0.0 {
+            // The end that stays loses half its weight, or the secant would creep.
+            self.at_low *= 0.5;
+            (self.high, self.at_high) = (x, value);
+            true
+        } else {
+            self.at_high *= 0.5;
+            (self.low, self.at_low) = (x, value);
+            false
+        }
+    }
+}
+
+/// Torque by which a stuck clutch is asked for more than it can hold, N·m; negative while it holds.
+fn overload(config: &Config, state: &State, y: &Motion, chain: &Chain) -> f64 {
+    let drive = chain.drive();
+    let hold = motion::sticking_torque(config, y, drive.t_e, state.inputs.t_load);
+    hold.abs() - clutch::capacity(config, drive.x, state.memory, 0.0, y)
+}
+
+fn break_away(config: &Config, state: &mut State) {
+    let hold = motion::sticking_torque(config, &state.y, state.engine.value, state.inputs.t_load);
+    state.stuck = false;
+    state.direction = if hold < 0.0 { -1.0 } else { 1.0 };
+}
+
+/// Slip has reached zero: both sides take the speed that keeps their momentum, then stick or slip on.
+fn meet(config: &Config, state: &mut State) {
+    let d = &config.constants.driveline;
+    let (j_f, j_c) = (d.J_f, config.disc_inertia());
+    let common = (j_f * state.y[index::OMEGA_F] + j_c * state.y[index::OMEGA_C]) / (j_f + j_c);
+    state.y[index::OMEGA_F] = common;
+    state.y[index::OMEGA_C] = common;
+    if !config.compliant() {
+        state.y[index::OMEGA_V] = common;
+    }
+    decide_at_zero_slip(config, state);
+}

@@ -1,0 +1,252 @@
+//! The plant: physics and effects, stepped through stick and slip.
+//!
+//! A [`Plant`] is a plain value without heap memory. [`Plant::step`] holds the inputs over the step and cuts it into
+//! substeps of at most [`Plant::max_substep`]; events (a delayed command arriving, contact, lock-up, break-away) cut further, so that
+//! the result does not depend on the communication step. Each substep is one Runge–Kutta step of fourth order.
+//!
+//! - [`config`]: vehicle and effects, compiled into constants and lists of what is active
+//! - [`clutch`]: from throwout position to torque capacity
+//! - [`actuation`]: from commands to engine torque and bearing position, solved exactly
+//! - [`motion`]: the balances as rates of the state, and the Runge–Kutta step
+//! - [`events`]: the stick-slip state machine
+//! - [`history`]: delay lines
+
+pub mod actuation;
+pub mod clutch;
+pub mod config;
+pub mod events;
+pub mod history;
+pub mod motion;
+
+use crate::effects::Parameters;
+use crate::physics::lag::LagState;
+use crate::vehicle::Vehicle;
+use config::Config;
+use history::History;
+use motion::{Motion, index};
+
+/// Substep of the plant unless set otherwise, s.
+pub const MAX_SUBSTEP: f64 = 1e-3;
+
+/// Phase of the clutch, numbered as the FMU's enumeration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Phase {
+    /// No contact.
+    #[default]
+    Open = 1,
+    /// Contact with slip.
+    Slipping = 2,
+    /// Contact without slip.
+    Locked = 3,
+}
+
+/// Inputs, held over a step.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Inputs {
+    /// Throwout position commanded, mm.
+    pub x_to: f64,
+    /// Engine torque asked for, or reported, N·m.
+    pub t_e_ref: f64,
+    /// Housing air temperature, °C.
+    pub theta_h: f64,
+    /// Load torque added, N·m.
+    pub t_load: f64,
+}
+
+/// State at the start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Start {
+    /// Flywheel speed, rad/s.
+    pub omega_f: f64,
+    /// Disc speed, rad/s.
+    pub omega_c: f64,
+    /// Disc temperature, °C.
+    pub theta_c: f64,
+    /// Body temperature, °C.
+    pub theta_b: f64,
+}
+
+/// Outputs at the present instant, with the inputs of the last step.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Outputs {
+    /// Flywheel speed as sensed, rad/s.
+    pub omega_f: f64,
+    /// Disc speed as sensed, rad/s.
+    pub omega_c: f64,
+    /// Engine torque as reported, N·m.
+    pub t_e: f64,
+    /// Clutch torque, N·m.
+    pub t_fc: f64,
+    /// Disc temperature, °C.
+    pub theta_c: f64,
+    /// Body temperature, °C.
+    pub theta_b: f64,
+    /// Bearing position, mm.
+    pub x_to_actual: f64,
+    /// Energy dissipated by the clutch since the start, J.
+    pub e_d: f64,
+    /// Phase.
+    pub phase: Phase,
+}
+
+/// Energy books since the start, J: `work_in` = change of `stored` + `dissipated` + `losses`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Energy {
+    /// Work of the engine.
+    pub work_in: f64,
+    /// Kinetic energy, and that of the shafts.
+    pub stored: f64,
+    /// Friction heat of the clutch.
+    pub dissipated: f64,
+    /// Damping and load.
+    pub losses: f64,
+}
+
+/// Everything that changes while the plant runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct State {
+    /// Time since the start, s.
+    pub time: f64,
+    /// Continuous states, see [`motion::index`].
+    pub y: Motion,
+    /// Stuck: flywheel and disc turn as one.
+    pub stuck: bool,
+    /// Direction of slip, ±1, while not stuck.
+    pub direction: f64,
+    /// Engine torque behind its lag, N·m.
+    pub engine: LagState,
+    /// Position behind the rate limit, mm.
+    pub limited: f64,
+    /// Position behind the lag, mm.
+    pub lagged: LagState,
+    /// Position behind the play: the bearing's, mm.
+    pub bearing: f64,
+    /// Memory of the force hysteresis, mm.
+    pub memory: f64,
+    /// Inputs of the last step.
+    pub inputs: Inputs,
+}
+
+/// A driveline with a dry clutch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plant {
+    config: Config,
+    state: State,
+    command: History,
+    sensed_f: History,
+    sensed_c: History,
+    max_substep: f64,
+}
+
+impl Plant {
+    /// A plant at rest at its start values.
+    pub fn new(vehicle: &Vehicle, effects: &Parameters, start: &Start, inputs: &Inputs) -> Self {
+        let mut plant = Self {
+            config: Config::new(vehicle, effects),
+            state: events::initial(start, inputs),
+            command: History::new(),
+            sensed_f: History::new(),
+            sensed_c: History::new(),
+            max_substep: MAX_SUBSTEP,
+        };
+        plant.restart(start, inputs);
+        plant
+    }
+
+    /// Back to time 0 at `start`; actuator and engine rest in the values of `inputs`. The effects that are set stay.
+    pub fn restart(&mut self, start: &Start, inputs: &Inputs) {
+        self.state = events::initial(start, inputs);
+        for line in [&mut self.command, &mut self.sensed_f, &mut self.sensed_c] {
+            line.clear();
+        }
+        actuation::rest(&self.config, &mut self.state);
+        events::settle_phase(&self.config, &mut self.state);
+        self.start_delay_lines(inputs.x_to);
+    }
+
+    /// Greatest substep in s; the default serves 1e-6, a fit may take a longer one.
+    pub fn max_substep(&self) -> f64 {
+        self.max_substep
+    }
+
+    /// Sets the greatest substep in s; it must be positive.
+    pub fn set_max_substep(&mut self, seconds: f64) {
+        debug_assert!(seconds > 0.0, "a substep must be positive");
+        self.max_substep = seconds;
+    }
+
+    /// Sets all effect parameters, also while running: states are kept, so nothing jumps where physics has no jump.
+    pub fn set_effects(&mut self, vehicle: &Vehicle, effects: &Parameters) {
+        let config = Config::new(vehicle, effects);
+        actuation::carry_over(&self.config, &config, &mut self.state);
+        self.config = config;
+        let held = self.state.inputs.x_to;
+        self.start_delay_lines(held);
+    }
+
+    /// A delay line begins with the value that its signal has now, and ends with its delay.
+    fn start_delay_lines(&mut self, command: f64) {
+        let (c, s) = (&self.config.constants, &self.state);
+        let lines = [
+            (&mut self.command, c.command_delay, command),
+            (&mut self.sensed_f, c.engine_speed_delay, s.y[index::OMEGA_F]),
+            (&mut self.sensed_c, c.clutch_speed_delay, s.y[index::OMEGA_C]),
+        ];
+        for (line, delay, value) in lines {
+            if delay <= 0.0 {
+                line.clear();
+            } else if line.is_empty() {
+                line.push(s.time, value);
+            }
+        }
+    }
+
+    /// Advances by `h` seconds with the inputs held.
+    pub fn step(&mut self, inputs: &Inputs, h: f64) {
+        events::step(self, inputs, h);
+    }
+
+    /// Moves the speeds by `omega_f`, `omega_c` rad/s: the correction of an observer. A stuck clutch stays stuck and takes
+    /// the mean that keeps its momentum.
+    pub fn correct_speeds(&mut self, omega_f: f64, omega_c: f64) {
+        events::correct_speeds(&self.config, &mut self.state, omega_f, omega_c);
+    }
+
+    /// Outputs now.
+    pub fn outputs(&self) -> Outputs {
+        let (s, c) = (&self.state, &self.config.constants);
+        let sensed = |line: &History, delay: f64, now: f64| if delay > 0.0 { line.interpolate(s.time - delay, s.time, now) } else { now };
+        Outputs {
+            omega_f: sensed(&self.sensed_f, c.engine_speed_delay, s.y[index::OMEGA_F]),
+            omega_c: c.clutch_speed_gain * sensed(&self.sensed_c, c.clutch_speed_delay, s.y[index::OMEGA_C]),
+            t_e: s.inputs.t_e_ref,
+            t_fc: events::clutch_torque(&self.config, s),
+            theta_c: s.y[index::THETA_C],
+            theta_b: s.y[index::THETA_B],
+            x_to_actual: s.bearing,
+            e_d: s.y[index::E_D],
+            phase: events::phase(&self.config, s),
+        }
+    }
+
+    /// Energy books since the start.
+    pub fn energy(&self) -> Energy {
+        let y = &self.state.y;
+        Energy {
+            work_in: y[index::WORK_IN],
+            stored: motion::stored_energy(&self.config, y),
+            dissipated: y[index::E_D],
+            losses: y[index::LOSSES],
+        }
+    }
+
+    /// The state, to look at.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// The compiled vehicle and effects, to look at.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+}

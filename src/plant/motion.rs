@@ -1,0 +1,153 @@
+//! The balances as rates of the state, and the Runge–Kutta step.
+//!
+//! Paper eq. (6), (7) and (10) with stick and slip: while the clutch slips, T_fc = ±T_cap; while it sticks, flywheel and disc are one
+//! inertia and T_fc is the torque that keeps them together. Work and losses are integrated along, so that every run carries its
+//! energy books.
+
+use super::actuation::Drive;
+use super::clutch;
+use super::config::Config;
+use crate::physics::{driveline, thermal};
+
+/// Number of continuous states.
+pub const N: usize = 10;
+
+/// Continuous states.
+pub type Motion = [f64; N];
+
+/// Places in [`Motion`].
+pub mod index {
+    /// Flywheel speed, rad/s.
+    pub const OMEGA_F: usize = 0;
+    /// Disc speed, rad/s.
+    pub const OMEGA_C: usize = 1;
+    /// Vehicle speed at the clutch beyond the shafts, rad/s; the disc's while they are rigid.
+    pub const OMEGA_V: usize = 2;
+    /// Twist of the shafts, rad.
+    pub const TWIST: usize = 3;
+    /// Disc temperature, °C.
+    pub const THETA_C: usize = 4;
+    /// Body temperature, °C.
+    pub const THETA_B: usize = 5;
+    /// Slip angle, rad.
+    pub const ANGLE: usize = 6;
+    /// Energy dissipated by the clutch, J.
+    pub const E_D: usize = 7;
+    /// Work of the engine, J.
+    pub const WORK_IN: usize = 8;
+    /// Work of damping and load, J.
+    pub const LOSSES: usize = 9;
+}
+use index::{ANGLE, E_D, LOSSES, OMEGA_C, OMEGA_F, OMEGA_V, THETA_B, THETA_C, TWIST, WORK_IN};
+
+/// What does not change within a substep.
+#[derive(Clone, Copy, Debug)]
+pub struct Setting {
+    /// Flywheel and disc turn as one.
+    pub stuck: bool,
+    /// Direction of slip, ±1.
+    pub direction: f64,
+    /// The faces touch.
+    pub engaged: bool,
+    /// Memory of the force hysteresis, mm.
+    pub memory: f64,
+    /// Housing air, °C.
+    pub theta_h: f64,
+    /// Load torque added, N·m.
+    pub t_load: f64,
+}
+
+/// Torque in N·m that the driveline behind the disc puts up against it.
+#[inline]
+pub fn resistance(config: &Config, y: &Motion, t_load: f64) -> f64 {
+    if config.compliant() { shaft_torque(config, y) } else { vehicle_resistance(config, y[OMEGA_C], t_load) }
+}
+
+#[inline]
+fn shaft_torque(config: &Config, y: &Motion) -> f64 {
+    y[TWIST] / config.constants.compliance + config.constants.shaft_damping * (y[OMEGA_C] - y[OMEGA_V])
+}
+
+#[inline]
+fn vehicle_resistance(config: &Config, omega: f64, t_load: f64) -> f64 {
+    let added: f64 = config.load.iter().map(|effect| effect(&config.parameters, &config.vehicle, omega)).sum();
+    driveline::resistance(&config.constants.driveline, omega, t_load + added)
+}
+
+/// Clutch torque in N·m while slipping in `direction`, eq. (1).
+#[inline]
+pub fn slipping_torque(config: &Config, y: &Motion, direction: f64, memory: f64, x: f64) -> f64 {
+    let slip = y[OMEGA_F] - y[OMEGA_C];
+    direction * clutch::capacity(config, x, memory, (direction * slip).max(0.0), y) + clutch::drag(config, slip)
+}
+
+/// Clutch torque in N·m that keeps a stuck clutch together, eq. (7).
+#[inline]
+pub fn sticking_torque(config: &Config, y: &Motion, t_e: f64, t_load: f64) -> f64 {
+    let resist = resistance(config, y, t_load);
+    driveline::holding_torque(&config.constants.driveline, config.disc_inertia(), y[OMEGA_F], t_e, resist)
+}
+
+/// Rates of all states.
+#[inline]
+fn rates(config: &Config, set: &Setting, y: &Motion, drive: Drive) -> Motion {
+    let c = &config.constants;
+    let d = &c.driveline;
+    let resist = resistance(config, y, set.t_load);
+    let mut dy = [0.0; N];
+    let (t_fc, slip) = if set.stuck {
+        let t_fc = driveline::holding_torque(d, config.disc_inertia(), y[OMEGA_F], drive.t_e, resist);
+        let common = driveline::flywheel_acceleration(d, y[OMEGA_F], drive.t_e, t_fc);
+        dy[OMEGA_F] = common;
+        dy[OMEGA_C] = common;
+        (t_fc, 0.0)
+    } else {
+        let t_fc = slipping_torque(config, y, set.direction, set.memory, drive.x);
+        dy[OMEGA_F] = driveline::flywheel_acceleration(d, y[OMEGA_F], drive.t_e, t_fc);
+        dy[OMEGA_C] = driveline::driveline_acceleration(config.disc_inertia(), t_fc, resist);
+        (t_fc, y[OMEGA_F] - y[OMEGA_C])
+    };
+    dy[LOSSES] = d.b_f * y[OMEGA_F] * y[OMEGA_F];
+    if config.compliant() {
+        let twist_rate = y[OMEGA_C] - y[OMEGA_V];
+        let load = vehicle_resistance(config, y[OMEGA_V], set.t_load);
+        dy[TWIST] = twist_rate;
+        dy[OMEGA_V] = driveline::driveline_acceleration(d.J_c - config.disc_inertia(), resist, load);
+        dy[LOSSES] += load * y[OMEGA_V] + c.shaft_damping * twist_rate * twist_rate;
+    } else {
+        dy[OMEGA_V] = dy[OMEGA_C];
+        dy[LOSSES] += resist * y[OMEGA_C];
+    }
+    let power = t_fc * slip;
+    (dy[THETA_C], dy[THETA_B]) = thermal::single_rates(&c.thermal, y[THETA_C], y[THETA_B], set.theta_h, set.engaged, power);
+    dy[ANGLE] = slip;
+    dy[E_D] = power;
+    dy[WORK_IN] = drive.t_e * y[OMEGA_F];
+    dy
+}
+
+/// One Runge–Kutta step of `h` seconds; `drive` at its start, middle and end.
+#[inline]
+pub fn runge_kutta(config: &Config, set: &Setting, y: &Motion, drive: [Drive; 3], h: f64) -> Motion {
+    let at = |k: &Motion, f: f64| -> Motion { std::array::from_fn(|i| y[i] + f * k[i]) };
+    let k1 = rates(config, set, y, drive[0]);
+    let k2 = rates(config, set, &at(&k1, 0.5 * h), drive[1]);
+    let k3 = rates(config, set, &at(&k2, 0.5 * h), drive[1]);
+    let k4 = rates(config, set, &at(&k3, h), drive[2]);
+    let mut next: Motion = std::array::from_fn(|i| y[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]));
+    if set.stuck {
+        next[OMEGA_C] = next[OMEGA_F];
+    }
+    if !config.compliant() {
+        next[OMEGA_V] = next[OMEGA_C];
+    }
+    next
+}
+
+/// Kinetic energy and that of the shafts, J.
+pub fn stored_energy(config: &Config, y: &Motion) -> f64 {
+    let d = &config.constants.driveline;
+    let disc = config.disc_inertia();
+    let spring = if config.compliant() { y[TWIST] * y[TWIST] / config.constants.compliance } else { 0.0 };
+    0.5 * (d.J_f * y[OMEGA_F] * y[OMEGA_F] + disc * y[OMEGA_C] * y[OMEGA_C] + (d.J_c - disc) * y[OMEGA_V] * y[OMEGA_V] + spring)
+}

@@ -1,0 +1,262 @@
+//! The vehicle: the numbers of `vehicle.json`, read, checked and written.
+//!
+//! Units are those of the model description, which names every number once: `driveline.J_f`, `friction.m_0`, …
+//! In the file, polynomials are arrays: `friction.mu_d` holds m_0, m_1, m_2, `cushion_spring.beta` β_1..β_3, and
+//! `actuator.x_cnt`, `actuator.x_cls` up to three coefficients each.
+
+use crate::physics::cushion::CushionSpring;
+use crate::physics::driveline::Driveline;
+use crate::physics::friction::Friction;
+use crate::physics::map::Actuator;
+use crate::physics::thermal::Thermal;
+use serde_json::Value;
+
+/// All numbers of one vehicle.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Vehicle {
+    /// Friction function and facings.
+    pub friction: Friction,
+    /// Kiss point and closed point.
+    pub actuator: Actuator,
+    /// Cushion spring.
+    pub cushion_spring: CushionSpring,
+    /// Thermal model.
+    pub thermal: Thermal,
+    /// Driveline.
+    pub driveline: Driveline,
+}
+
+/// One number of a vehicle: what the model description says of it, and where it lives.
+pub struct Number {
+    /// Flat name, as the FMU has it.
+    pub name: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// Meaning in words.
+    pub meaning: &'static str,
+    /// Value for the paper's car.
+    pub default: f64,
+    /// Least value accepted.
+    pub min: f64,
+    /// Greatest value accepted.
+    pub max: f64,
+    /// Value reference in `DrivelinePlant`.
+    pub value_reference: u32,
+    /// Reads the number.
+    pub get: fn(&Vehicle) -> f64,
+    /// Gives access to the number.
+    pub get_mut: fn(&mut Vehicle) -> &mut f64,
+}
+
+include!(concat!(env!("OUT_DIR"), "/vehicle.rs"));
+
+/// What is wrong with a vehicle file.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum VehicleError {
+    /// The text is not JSON.
+    #[error("vehicle file is not JSON: {0}; check line and column for a missing comma or bracket")]
+    Json(String),
+    /// A number is missing.
+    #[error("vehicle number \"{0}\" is missing; add it (unit {1})")]
+    Missing(String, &'static str),
+    /// A number has another JSON type.
+    #[error("vehicle number \"{0}\" is {1}, not a number; write it without quotes")]
+    NotANumber(String, String),
+    /// An array has the wrong length.
+    #[error("vehicle number \"{name}\" has {found} coefficients; between {least} and {most} are expected")]
+    Length {
+        /// Path in the file.
+        name: String,
+        /// Coefficients found.
+        found: usize,
+        /// Least number of coefficients.
+        least: usize,
+        /// Greatest number of coefficients.
+        most: usize,
+    },
+    /// A name that no vehicle has.
+    #[error("unknown vehicle number \"{0}\"; did you mean \"{1}\"? Remove it or correct its name")]
+    Unknown(String, String),
+    /// A number is outside its bounds.
+    #[error("vehicle number \"{name}\" = {value} {unit} is outside {min} to {max}; check its unit")]
+    Bounds {
+        /// Flat name.
+        name: String,
+        /// Value found.
+        value: f64,
+        /// Unit.
+        unit: &'static str,
+        /// Least value.
+        min: f64,
+        /// Greatest value.
+        max: f64,
+    },
+    /// Numbers contradict each other.
+    #[error("{0}")]
+    Implausible(String),
+}
+
+/// Arrays of the file: group, key, flat names of their coefficients, least count.
+const ARRAYS: [(&str, &str, [&str; 3], usize); 4] = [
+    ("friction", "mu_d", ["m_0", "m_1", "m_2"], 3),
+    ("actuator", "x_cnt", ["x_cnt_0", "x_cnt_1", "x_cnt_2"], 1),
+    ("actuator", "x_cls", ["x_cls_0", "x_cls_1", "x_cls_2"], 1),
+    ("cushion_spring", "beta", ["beta_1", "beta_2", "beta_3"], 3),
+];
+
+impl Vehicle {
+    /// The paper's car, with the readings of its misprints.
+    pub fn paper() -> Self {
+        let mut vehicle = Self::default();
+        for number in &NUMBERS {
+            *(number.get_mut)(&mut vehicle) = number.default;
+        }
+        vehicle
+    }
+
+    /// Reads and checks the text of a `vehicle.json`.
+    ///
+    /// # Errors
+    /// The first number that is missing, misnamed, no number, out of bounds or in contradiction with another one.
+    pub fn from_json(text: &str) -> Result<Self, VehicleError> {
+        let value: Value = serde_json::from_str(text).map_err(|e| VehicleError::Json(e.to_string()))?;
+        Self::from_value(&value)
+    }
+
+    /// As [`Vehicle::from_json`], of a parsed document; `tolerance` and keys that begin with `_` or `$` are left to others.
+    ///
+    /// # Errors
+    /// As [`Vehicle::from_json`].
+    pub fn from_value(value: &Value) -> Result<Self, VehicleError> {
+        let mut vehicle = Self::paper();
+        let root = value.as_object().ok_or_else(|| VehicleError::Json("the document is not an object".into()))?;
+        for (group, content) in root.iter().filter(|(k, _)| *k != "tolerance" && !k.starts_with(['_', '$'])) {
+            let content = content.as_object().ok_or_else(|| VehicleError::Unknown(group.clone(), nearest(group)))?;
+            for (key, value) in content.iter().filter(|(k, _)| !k.starts_with(['_', '$'])) {
+                set_from_file(&mut vehicle, group, key, value)?;
+            }
+        }
+        for number in &NUMBERS {
+            let (group, key) = number.name.split_once('.').unwrap_or((number.name, ""));
+            let key = ARRAYS.iter().find(|a| a.0 == group && a.2.contains(&key)).map_or(key, |a| a.1);
+            if value.get(group).and_then(|g| g.get(key)).is_none() {
+                return Err(VehicleError::Missing(format!("{group}.{key}"), number.unit));
+            }
+        }
+        vehicle.check()?;
+        Ok(vehicle)
+    }
+
+    /// The document of a `vehicle.json`, without tolerances.
+    pub fn to_value(&self) -> Value {
+        let mut root = serde_json::Map::new();
+        for number in &NUMBERS {
+            let (group, key) = number.name.split_once('.').unwrap_or((number.name, ""));
+            let slot = root.entry(group).or_insert_with(|| Value::Object(serde_json::Map::new()));
+            let value = Value::from((number.get)(self));
+            match ARRAYS.iter().find(|a| a.0 == group && a.2.contains(&key)) {
+                None => slot[key] = value,
+                Some(array) => match &mut slot[array.1] {
+                    Value::Array(list) => list.push(value),
+                    empty => *empty = Value::Array(vec![value]),
+                },
+            }
+        }
+        Value::Object(root)
+    }
+
+    /// Bounds of every number and what must hold between them.
+    ///
+    /// # Errors
+    /// The first number out of bounds, or a contradiction: a kiss point beyond the closed point, a spring or friction that
+    /// leaves no torque.
+    pub fn check(&self) -> Result<(), VehicleError> {
+        for number in &NUMBERS {
+            let value = (number.get)(self);
+            if !(value >= number.min && value <= number.max) {
+                let (name, unit) = (number.name.to_owned(), number.unit);
+                return Err(VehicleError::Bounds { name, value, unit, min: number.min, max: number.max });
+            }
+        }
+        let f = &self.friction;
+        if f.R_1 >= f.R_2 {
+            return Err(implausible(format!("friction.R_1 = {} m is not less than friction.R_2 = {} m", f.R_1, f.R_2)));
+        }
+        let a = &self.actuator;
+        if a.x_cnt_0 >= a.x_cls_0 {
+            return Err(implausible(format!(
+                "actuator.x_cnt = {} mm is not below actuator.x_cls = {} mm; larger is more closed",
+                a.x_cnt_0, a.x_cls_0
+            )));
+        }
+        let spring = &self.cushion_spring;
+        if spring.beta_1 + spring.beta_2 + spring.beta_3 <= 0.0 {
+            return Err(implausible("cushion_spring.beta gives no force at the closed point (their sum is not positive)".into()));
+        }
+        Ok(())
+    }
+}
+
+fn implausible(what: String) -> VehicleError {
+    VehicleError::Implausible(what)
+}
+
+fn set_from_file(vehicle: &mut Vehicle, group: &str, key: &str, value: &Value) -> Result<(), VehicleError> {
+    let path = format!("{group}.{key}");
+    let number = |v: &Value, path: &str| v.as_f64().ok_or_else(|| VehicleError::NotANumber(path.to_owned(), v.to_string()));
+    let Some(array) = ARRAYS.iter().find(|a| a.0 == group && a.1 == key) else {
+        let found = NUMBERS.iter().find(|n| n.name == path);
+        let in_array = ARRAYS.iter().any(|a| a.0 == group && a.2.contains(&key));
+        let target = found.filter(|_| !in_array).ok_or_else(|| VehicleError::Unknown(path.clone(), nearest(&path)))?;
+        *(target.get_mut)(vehicle) = number(value, &path)?;
+        return Ok(());
+    };
+    let list = value.as_array().ok_or_else(|| VehicleError::NotANumber(path.clone(), format!("{value}; an array is expected")))?;
+    if list.len() < array.3 || list.len() > 3 {
+        return Err(VehicleError::Length { name: path, found: list.len(), least: array.3, most: 3 });
+    }
+    for (k, name) in array.2.iter().enumerate() {
+        let flat = format!("{group}.{name}");
+        let target = NUMBERS.iter().find(|n| n.name == flat).expect("ARRAYS name numbers of the model description");
+        *(target.get_mut)(vehicle) = list.get(k).map_or(Ok(0.0), |v| number(v, &format!("{path}[{k}]")))?;
+    }
+    Ok(())
+}
+
+/// The known path that shares most letters in order with `path`.
+fn nearest(path: &str) -> String {
+    let known = ARRAYS.iter().map(|a| format!("{}.{}", a.0, a.1)).chain(NUMBERS.iter().map(|n| n.name.to_owned()));
+    let score = |candidate: &str| {
+        let mut rest = candidate.chars();
+        path.chars().filter(|c| rest.by_ref().any(|d| d == *c)).count() as f64 / (candidate.len() + path.len()) as f64
+    };
+    known.max_by(|a, b| score(a).total_cmp(&score(b))).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_vehicle_survives_its_own_file() {
+        let mut vehicle = Vehicle::paper();
+        vehicle.actuator.x_cnt_1 = 1e-3;
+        assert_eq!(Vehicle::from_value(&vehicle.to_value()), Ok(vehicle));
+    }
+
+    #[test]
+    fn errors_name_number_and_remedy() {
+        let mut value = Vehicle::paper().to_value();
+        value["driveline"]["J_g"] = 0.2.into();
+        assert_eq!(Vehicle::from_value(&value), Err(VehicleError::Unknown("driveline.J_g".into(), "driveline.J_f".into())));
+        let mut value = Vehicle::paper().to_value();
+        value["driveline"].as_object_mut().unwrap().remove("J_c");
+        assert_eq!(Vehicle::from_value(&value), Err(VehicleError::Missing("driveline.J_c".into(), "kg.m2")));
+        let mut value = Vehicle::paper().to_value();
+        value["actuator"]["x_cnt"] = serde_json::json!([9.0]);
+        assert!(Vehicle::from_value(&value).unwrap_err().to_string().contains("actuator.x_cnt = 9"));
+        let mut value = Vehicle::paper().to_value();
+        value["thermal"]["gamma_3"] = 50.into();
+        assert!(Vehicle::from_value(&value).unwrap_err().to_string().contains("outside 0 to 1"));
+    }
+}
