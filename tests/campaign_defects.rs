@@ -145,7 +145,10 @@ fn clocks() {
     left_out(&column(0, |_, v| (v * 10.0).to_string()), &["r02.csv", "10.000 Hz"]);
     noted(&column(0, |_, v| (v + 12.5).to_string()), &["the clock starts at 12.5 s"]);
     noted(&column(0, |_, v| (v / 2.0).to_string()), &["recordings.json says 100 Hz, the speeds come at 200 Hz"]);
-    let odd = noted(&column(0, |_, v| (v * 100.0 / 97.0).to_string()), &["omega_f_rad_s: brought from 97 Hz to the 100 Hz grid, along straight lines"]);
+    let odd = noted(
+        &column(0, |_, v| (v * 100.0 / 97.0).to_string()),
+        &["omega_f_rad_s: brought from 97 Hz to the 100 Hz grid, along straight lines"],
+    );
     assert_eq!(odd.recordings[1].sample_rate_hz, 100.0);
     assert_eq!(odd.recordings[1].omega_f.len(), 155);
     let lost: String = seed().lines().enumerate().filter(|(i, _)| !(81..100).contains(i)).map(|(_, l)| format!("{l}\n")).collect();
@@ -178,8 +181,14 @@ fn stated_units() {
     let converted = noted(&rpm.replace("omega_f_rad_s", "omega_f [rpm]"), &["omega_f (omega_f_rad_s): rpm converted to rad/s"]);
     let (got, expected) = (&converted.recordings[1].omega_f, &converted.recordings[0].omega_f);
     assert!(got.iter().zip(expected).all(|(g, e)| (g - e).abs() < 1e-9));
-    left_out(&rpm.replace("omega_f_rad_s", "omega_f_rad_s [rpm]"), &["omega_f_rad_s", "the channel's name says the unit is rad/s, the file says rpm"]);
-    left_out(&seed().replace("omega_f_rad_s", "omega_f [1/s]"), &["the unit \"1/s\" is not known for a rotational speed", "rad/s, rpm, Hz"]);
+    left_out(
+        &rpm.replace("omega_f_rad_s", "omega_f_rad_s [rpm]"),
+        &["omega_f_rad_s", "the channel's name says the unit is rad/s, the file says rpm"],
+    );
+    left_out(
+        &seed().replace("omega_f_rad_s", "omega_f [1/s]"),
+        &["the unit \"1/s\" is not known for a rotational speed", "rad/s, rpm, Hz"],
+    );
     left_out(&seed().replace("T_e_Nm", "T_e [mm]"), &["the unit \"mm\" can't be right: the channel is a torque"]);
 }
 
@@ -192,7 +201,10 @@ fn files() {
     left_out(&some(2), &["r02.csv", "too short"]);
     noted(&format!("{}0.8,120", some(81)), &["line 82 (the last) has 2 of 9 cells: cut off while writing, dropped"]);
     left_out(&format!("{}0.8,120\n{}", some(81), "0.81,1,1,1,1,1,1,1,1\n"), &["r02.csv, line 82", "2 cells where the header has 9"]);
-    left_out(&seed().replace("theta_h_degC", "T_e_Nm"), &["channel T_e_Nm", "occurs 2 times (`T_e_Nm` at position 4, `T_e_Nm` at position 6)"]);
+    left_out(
+        &seed().replace("theta_h_degC", "T_e_Nm"),
+        &["channel T_e_Nm", "occurs 2 times (`T_e_Nm` at position 4, `T_e_Nm` at position 6)"],
+    );
     left_out(&seed(), &["r02.csv: holds the same bytes as r01.csv"]);
     left_out("PAR1abc", &["r02.csv: the file is a Parquet file, not a text file"]);
 }
@@ -207,6 +219,13 @@ fn channels_that_say_nothing() {
     let frozen = noted(&column(6, |_, _| "3.5".into()), &["x_to_mm: the value is 3.5 in every sample; the channel is not used"]);
     assert_eq!(frozen.recordings[1].x_to, None);
     noted(&column(3, |_, _| "50".into()), &[]);
+}
+
+#[test]
+fn a_car_at_rest_may_read_no_disc_speed_with_the_clutch_open() {
+    let folder = Folder::with(&column(2, |_, _| "0".into()));
+    folder.file("recordings.json", &format!(r#"{{"r01": {ENTRY}, "r02": {}}}"#, ENTRY.replace("launch", "open_rev")));
+    assert_eq!(folder.read().unwrap().left_out, []);
 }
 
 #[test]

@@ -99,7 +99,10 @@ fn three_rates_come_onto_one_grid_and_it_is_noted() {
     let held: Vec<f64> = (0..151).map(|i| seed.t_e[i / 2 * 2]).collect();
     assert_near(&recording.t_e, &held, 0.0, "T_e holds its previous value");
     assert_near(&recording.theta_h, &seed.theta_h, 1e-9, "theta_h");
-    for expected in ["TqEng (T_e_Nm): brought from 50 Hz to the 100 Hz grid, each value kept until the next", "nEngine (omega_f_rad_s): rpm converted to rad/s"] {
+    for expected in [
+        "TqEng (T_e_Nm): brought from 50 Hz to the 100 Hz grid, each value kept until the next",
+        "nEngine (omega_f_rad_s): rpm converted to rad/s",
+    ] {
         assert!(notes.iter().any(|n| n.text == expected), "{expected} is not in {notes:?}");
     }
 }
@@ -114,7 +117,10 @@ fn invalid_samples_are_bridged_or_the_channel_is_dropped() {
     assert!((recording.omega_c[41] - middle).abs() < 1e-9);
     assert_eq!(recording.t_fc, None);
     let texts: Vec<&str> = notes.iter().map(|n| n.text.as_str()).collect();
-    assert!(texts.contains(&"omega_c_rad_s: 1 gap (3 samples, the longest 30 ms, the first at record 41) bridged by a straight line"), "{texts:?}");
+    assert!(
+        texts.contains(&"omega_c_rad_s: 1 gap (3 samples, the longest 30 ms, the first at record 41) bridged by a straight line"),
+        "{texts:?}"
+    );
     assert!(texts.iter().any(|t| t.starts_with("T_fc_Nm: a gap of 0.300 s")), "{texts:?}");
 }
 
@@ -136,7 +142,7 @@ fn parquet_equals_the_seed() {
 #[test]
 fn unfinalised_and_unsorted_files_are_refused() {
     let defect = |name: &str| match campaign::read_one(&data(name), &about(), &ChannelMap::default()).unwrap_err() {
-        campaign::CampaignError::Recording(e) => e.defect,
+        campaign::CampaignError::Recording(e) => *e.defect,
         other => panic!("{other}"),
     };
     assert_eq!(defect("measurements/unfinalised.mf4"), Defect::Unfinalised);

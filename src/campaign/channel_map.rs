@@ -66,8 +66,7 @@ impl ChannelMap {
 
     /// Reads JSON; `file` is what messages call it.
     pub fn from_json(file: &str, text: &str) -> Result<ChannelMap, CampaignError> {
-        let value: Value =
-            serde_json::from_str(text).map_err(|e| syntax(file, "JSON", e.line(), e.column(), &e.to_string()))?;
+        let value: Value = serde_json::from_str(text).map_err(|e| syntax(file, "JSON", e.line(), e.column(), &e.to_string()))?;
         Self::from_value(file, &value, text)
     }
 
@@ -159,12 +158,10 @@ mod tests {
 
     #[test]
     fn toml_and_json_say_the_same() {
-        let t = ChannelMap::from_toml("map.toml", "T_e_Nm = \"TqEng\"\n[omega_f_rad_s]\nname = \"n\"\nunit = \"rpm\"\ngroup = 2\n").unwrap();
-        let j = ChannelMap::from_json(
-            "map.json",
-            r#"{"T_e_Nm": "TqEng", "omega_f_rad_s": {"name": "n", "unit": "rpm", "group": "2"}}"#,
-        )
-        .unwrap();
+        let t =
+            ChannelMap::from_toml("map.toml", "T_e_Nm = \"TqEng\"\n[omega_f_rad_s]\nname = \"n\"\nunit = \"rpm\"\ngroup = 2\n").unwrap();
+        let j = ChannelMap::from_json("map.json", r#"{"T_e_Nm": "TqEng", "omega_f_rad_s": {"name": "n", "unit": "rpm", "group": "2"}}"#)
+            .unwrap();
         assert_eq!(t.entries, j.entries);
         assert_eq!(t.get(Channel::TE).unwrap().name.as_deref(), Some("TqEng"));
     }

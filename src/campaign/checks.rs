@@ -8,7 +8,7 @@
 //! | flywheel speed | never above 40 rad/s (380 rpm), below any idle | revolutions per second |
 //! | flywheel speed | half of the time negative | a sign |
 //! | engine torque | above 3000 N·m | N·mm |
-//! | engine torque | changing, never above 1 N·m | kN·m |
+//! | engine torque | changing, never above 0.5 N·m | kN·m |
 //! | positions | never above 0.05 mm | m |
 //! | positions | above 100 mm | µm, counts |
 //! | temperatures | above 200 °C in the housing; 253 to 293 K off the disc's temperature at the start | K |
@@ -37,7 +37,10 @@ pub(crate) fn plausible(m: &Measurement, signal: &Signal, entry: &Entry) -> Resu
         None => Ok(()),
         Some((sample, what, taken_for)) => {
             let remedy = match taken_for {
-                Some(unit) => format!("It looks like {unit}: say so in a channel map, e.g. {} = {{ name = \"…\", unit = \"{unit}\" }}", signal.channel.spec().column),
+                Some(unit) => format!(
+                    "It looks like {unit}: say so in a channel map, e.g. {} = {{ name = \"…\", unit = \"{unit}\" }}",
+                    signal.channel.spec().column
+                ),
                 None => "Check that it is the right channel, and its scale, offset and sign in the channel map".to_string(),
             };
             Err(m.defect_at(Defect::UnitCannotBeRight { what, remedy }, &signal.label, Some(sample)))
@@ -107,7 +110,7 @@ fn torque(channel: Channel, range: &Range) -> Suspicion {
         return Some((at, format!("{peak} N·m is more than a dry clutch carries"), Some("N·mm")));
     }
     // The clutch may be open throughout, with no torque at all; the engine has to turn itself.
-    let idle = channel == Channel::TE && peak.abs() < 1.0 && range.max.1 > range.min.1;
+    let idle = channel == Channel::TE && peak.abs() < 0.5 && range.max.1 > range.min.1;
     idle.then(|| (at, format!("the engine torque never exceeds {peak} N·m"), Some("kN·m")))
 }
 

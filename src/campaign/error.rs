@@ -68,7 +68,7 @@ pub enum CampaignError {
         example: &'static str,
     },
     /// A recording's entry holds a value that can't be.
-    #[error("{}: recording `{recording}`, key `{key}`: {value} {why}. {remedy}", .file.display())]
+    #[error("{}: recording `{recording}`, key `{key}`: {value} {why}", .file.display())]
     WrongValue {
         /// recordings.json.
         file: PathBuf,
@@ -78,10 +78,8 @@ pub enum CampaignError {
         key: &'static str,
         /// What stands there.
         value: String,
-        /// Why it can't be.
+        /// Why it can't be, and what to do.
         why: &'static str,
-        /// What to do.
-        remedy: &'static str,
     },
     /// recordings.json lists nothing.
     #[error("{}: lists no recording. Add one entry per recording, e.g. \"r01\": {{\"manoeuvre\": \"launch\", \"sample_rate_Hz\": 100, \"theta_c0_degC\": 25, \"theta_b0_degC\": 25}}", .0.display())]
@@ -145,9 +143,9 @@ impl std::fmt::Display for Place {
 #[error("{place}: {defect}")]
 pub struct RecordingError {
     /// Where.
-    pub place: Place,
+    pub place: Box<Place>,
     /// What, and what to do.
-    pub defect: Defect,
+    pub defect: Box<Defect>,
 }
 
 /// A defect of one recording; the message says what is wrong and what to do.
@@ -158,7 +156,9 @@ pub enum Defect {
     NoFile,
     #[error("there are several files of that name: {0}. Keep one of them")]
     SeveralFiles(String),
-    #[error("recordings.json does not list it. Add an entry with manoeuvre, sample_rate_Hz, theta_c0_degC and theta_b0_degC, or move the file away")]
+    #[error(
+        "recordings.json does not list it. Add an entry with manoeuvre, sample_rate_Hz, theta_c0_degC and theta_b0_degC, or move the file away"
+    )]
     NotListed,
     #[error("holds the same bytes as {0}; counting one measurement twice would make the intervals too narrow. Remove one of the two")]
     SameAs(String),
@@ -170,9 +170,13 @@ pub enum Defect {
     NoRows,
     #[error("the file is {found}, not {expected}. Give it the ending that fits, or export it again")]
     WrongFormat { found: &'static str, expected: &'static str },
-    #[error("the MDF file was not finalised: the recorder stopped before it wrote the record counts, so times and values can't be trusted. Finalise it with the recorder's own tool, or open and save it with asammdf, then try again")]
+    #[error(
+        "the MDF file was not finalised: the recorder stopped before it wrote the record counts, so times and values can't be trusted. Finalise it with the recorder's own tool, or open and save it with asammdf, then try again"
+    )]
     Unfinalised,
-    #[error("the MDF file is unsorted: records of several channel groups are mixed in one data group. Sort it with the recorder's own tool, or open and save it with asammdf, then try again")]
+    #[error(
+        "the MDF file is unsorted: records of several channel groups are mixed in one data group. Sort it with the recorder's own tool, or open and save it with asammdf, then try again"
+    )]
     Unsorted,
     #[error("MDF version {0} is older than 4.10. Convert it, e.g. with asammdf: MDF(file).convert(\"4.10\").save(file)")]
     OldMdf(String),
@@ -180,7 +184,9 @@ pub enum Defect {
     Unsupported(String),
     #[error("the file is damaged or cut short: {0}. Copy it again from the recorder, or export it again")]
     Damaged(String),
-    #[error("no channel for {column} ({unit}): `{wanted}` is not in the file, which has {there}. Export it too, or say in a channel map which channel it is")]
+    #[error(
+        "no channel for {column} ({unit}): `{wanted}` is not in the file, which has {there}. Export it too, or say in a channel map which channel it is"
+    )]
     MissingChannel { column: &'static str, unit: &'static str, wanted: String, there: String },
     #[error("the name occurs {count} times ({places}). Rename one, or give `group` in the channel map")]
     DuplicateChannel { count: usize, places: String },
@@ -192,11 +198,17 @@ pub enum Defect {
     NotANumber(String),
     #[error("the row has {found} cells where the header has {expected}. Correct the row or export the recording again")]
     RaggedRow { found: usize, expected: usize },
-    #[error("the unit \"{unit}\" is not known for {quantity}. Use one of {known}, or give `unit`, or `scale` and `offset`, in a channel map")]
+    #[error(
+        "the unit \"{unit}\" is not known for {quantity}. Use one of {known}, or give `unit`, or `scale` and `offset`, in a channel map"
+    )]
     UnknownUnit { unit: String, quantity: &'static str, known: &'static str },
-    #[error("the unit \"{unit}\" can't be right: the channel is {quantity}. Use one of {known}, or check that the channel map names the right channel")]
+    #[error(
+        "the unit \"{unit}\" can't be right: the channel is {quantity}. Use one of {known}, or check that the channel map names the right channel"
+    )]
     WrongQuantity { unit: String, quantity: &'static str, known: &'static str },
-    #[error("{first} says the unit is {first_unit}, {second} says {second_unit}. Correct the one that is wrong; a channel map can state the unit together with `scale = 1` to overrule the file")]
+    #[error(
+        "{first} says the unit is {first_unit}, {second} says {second_unit}. Correct the one that is wrong; a channel map can state the unit together with `scale = 1` to overrule the file"
+    )]
     UnitContradiction { first: &'static str, first_unit: String, second: &'static str, second_unit: String },
     #[error("the unit can't be right: {what}. {remedy}")]
     UnitCannotBeRight { what: String, remedy: String },
@@ -212,30 +224,40 @@ pub enum Defect {
     TooSlow(f64),
     #[error("{seconds:.3} s are too short; a recording needs 0.5 s or more. Record longer, or remove the entry")]
     TooShort { seconds: f64 },
-    #[error("no usable sample before a gap of {seconds:.3} s; {kept:.3} s remain in front of it and 0.5 s are needed. Record again, or export the channel without the gap")]
+    #[error(
+        "no usable sample before a gap of {seconds:.3} s; {kept:.3} s remain in front of it and 0.5 s are needed. Record again, or export the channel without the gap"
+    )]
     Gap { seconds: f64, kept: f64 },
-    #[error("starts {seconds:.3} s after the other channels. Engine and actuator are known to be at rest only where a recording starts, so that part can't be dropped: export all channels from the same moment")]
+    #[error(
+        "starts {seconds:.3} s after the other channels. Engine and actuator are known to be at rest only where a recording starts, so that part can't be dropped: export all channels from the same moment"
+    )]
     LateStart { seconds: f64 },
     #[error("not one valid sample. Check the sensor and the export")]
     NothingValid,
-    #[error("{percent:.1} % of the samples are missing in many short gaps; 5 % may be. Export at the rate that the channel was recorded at")]
+    #[error(
+        "{percent:.1} % of the samples are missing in many short gaps; 5 % may be. Export at the rate that the channel was recorded at"
+    )]
     TooManyGaps { percent: f64 },
     #[error("the value is {value} in every sample: the sensor was frozen or not connected. Check the sensor, or remove the recording")]
     Frozen { value: f64 },
-    #[error("constant input: engine torque and commanded position never change, so the recording shows nothing. Remove it, or export the right channels")]
+    #[error(
+        "constant input: engine torque and commanded position never change, so the recording shows nothing. Remove it, or export the right channels"
+    )]
     ConstantInput,
-    #[error("constant input: the commanded position is {value} mm throughout, which is no {manoeuvre}. Export the channel that the TCU commands, or correct the manoeuvre")]
+    #[error(
+        "constant input: the commanded position is {value} mm throughout, which is no {manoeuvre}. Export the channel that the TCU commands, or correct the manoeuvre"
+    )]
     ConstantCommand { value: f64, manoeuvre: String },
 }
 
 impl Defect {
     /// The defect, placed in a file.
     pub fn in_file(self, file: &str) -> RecordingError {
-        RecordingError { place: Place { file: file.to_string(), channel: None, row: None }, defect: self }
+        RecordingError { place: Box::new(Place { file: file.to_string(), channel: None, row: None }), defect: Box::new(self) }
     }
 
     /// The defect, placed at a channel of a file.
     pub fn at(self, file: &str, channel: impl Into<String>, row: Option<(&'static str, u64)>) -> RecordingError {
-        RecordingError { place: Place { file: file.to_string(), channel: Some(channel.into()), row }, defect: self }
+        RecordingError { place: Box::new(Place { file: file.to_string(), channel: Some(channel.into()), row }), defect: Box::new(self) }
     }
 }

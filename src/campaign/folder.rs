@@ -19,10 +19,8 @@ pub fn read(dir: &Path, options: &ReadOptions) -> Result<Campaign, CampaignError
     }
     let (vehicle_path, manifest_path) = (dir.join("vehicle.json"), dir.join("recordings.json"));
     let vehicle_text = text(&vehicle_path, "Add it: it holds the nominal vehicle that the recordings are compared with")?;
-    let manifest_text = text(
-        &manifest_path,
-        "Add it: it names manoeuvre, sample_rate_Hz, theta_c0_degC and theta_b0_degC of each recording",
-    )?;
+    let manifest_text =
+        text(&manifest_path, "Add it: it names manoeuvre, sample_rate_Hz, theta_c0_degC and theta_b0_degC of each recording")?;
     let vehicle_json = manifest::json(&vehicle_path, &vehicle_text)?;
     if !vehicle_json.is_object() {
         let remedy = "Write one object with the groups friction, actuator, cushion_spring, thermal and driveline".to_string();
@@ -70,12 +68,7 @@ pub fn read_one(path: &Path, like: &Recording, map: &ChannelMap) -> Result<(Reco
     Ok((recording, notes))
 }
 
-fn from_bytes(
-    path: &Path,
-    bytes: Vec<u8>,
-    entry: &Entry,
-    map: &ChannelMap,
-) -> Result<(Recording, Vec<String>), RecordingError> {
+fn from_bytes(path: &Path, bytes: Vec<u8>, entry: &Entry, map: &ChannelMap) -> Result<(Recording, Vec<String>), RecordingError> {
     let format = path.extension().and_then(|e| Format::from_ending(&e.to_string_lossy()));
     let format = format.unwrap_or_else(|| Format::from_bytes(&bytes));
     let measurement = table::read(&file_name(path), bytes, format, &|name| pick::wanted(map, name))?;
@@ -96,14 +89,7 @@ struct Reading<'a> {
 impl<'a> Reading<'a> {
     fn new(options: &'a ReadOptions) -> Self {
         let map = options.channel_map.as_ref().map(std::borrow::Cow::Borrowed).unwrap_or_default();
-        Reading {
-            strict: options.strict,
-            map,
-            recordings: Vec::new(),
-            left_out: Vec::new(),
-            notes: Vec::new(),
-            digests: BTreeMap::new(),
-        }
+        Reading { strict: options.strict, map, recordings: Vec::new(), left_out: Vec::new(), notes: Vec::new(), digests: BTreeMap::new() }
     }
 
     fn hash(&mut self, name: &str, bytes: &[u8]) {

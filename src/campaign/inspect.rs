@@ -123,7 +123,11 @@ fn entry(column: &str, channel: &ChannelInfo, inspection: &Inspection) -> String
             let _ = writeln!(out, "unit = {}", toml_text(unit));
         }
         Some(unit) => {
-            let _ = writeln!(out, "# the file says {}, which is not known: give scale and offset\n# scale = 1.0\n# offset = 0.0", toml_text(unit));
+            let _ = writeln!(
+                out,
+                "# the file says {}, which is not known: give scale and offset\n# scale = 1.0\n# offset = 0.0",
+                toml_text(unit)
+            );
         }
         None => out.push_str("# the file states no unit\n# unit = \"\"\n"),
     }

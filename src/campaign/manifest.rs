@@ -51,45 +51,35 @@ pub(crate) fn json(file: &Path, text: &str) -> Result<Value, CampaignError> {
 }
 
 fn entry(file: &Path, name: &str, fields: &Value) -> Result<Entry, CampaignError> {
-    let wrong = |key, value: &Value, why, remedy| CampaignError::WrongValue {
+    let wrong = |key, value: &Value, why| CampaignError::WrongValue {
         file: file.to_path_buf(),
         recording: name.to_string(),
         key,
         value: value.to_string(),
         why,
-        remedy,
     };
     if name.is_empty() || name.contains(['/', '\\']) || name.starts_with('.') {
-        let why = "can't be the name of a recording";
-        return Err(wrong("name", &Value::from(name), why, "Use the file's name without its ending, e.g. r01"));
+        let why = "can't be the name of a recording. Use the file's name without its ending, e.g. r01";
+        return Err(wrong("name", &Value::from(name), why));
     }
-    let fields = fields.as_object().ok_or_else(|| {
-        wrong("entry", fields, "is not an object", "Give manoeuvre, sample_rate_Hz, theta_c0_degC and theta_b0_degC")
-    })?;
+    let not_object = "is not an object. Give manoeuvre, sample_rate_Hz, theta_c0_degC and theta_b0_degC";
+    let fields = fields.as_object().ok_or_else(|| wrong("entry", fields, not_object))?;
     let manoeuvre = field(file, name, fields, "manoeuvre", "\"launch\"")?;
-    let manoeuvre = manoeuvre
-        .as_str()
-        .filter(|m| !m.trim().is_empty())
-        .ok_or_else(|| wrong("manoeuvre", manoeuvre, "is not a word", "Name the manoeuvre, e.g. \"launch\""))?;
-    let number = |key, example, range: std::ops::RangeInclusive<f64>, why, remedy| {
+    let word = manoeuvre.as_str().filter(|m| !m.trim().is_empty());
+    let word = word.ok_or_else(|| wrong("manoeuvre", manoeuvre, "is not a word. Name the manoeuvre, e.g. \"launch\""))?;
+    let number = |key, example, range: std::ops::RangeInclusive<f64>, why| {
         let value = field(file, name, fields, key, example)?;
-        value.as_f64().filter(|v| range.contains(v)).ok_or_else(|| wrong(key, value, why, remedy))
+        value.as_f64().filter(|v| range.contains(v)).ok_or_else(|| wrong(key, value, why))
     };
-    let not_rate = "is not a rate from 20 to 100000";
-    let not_temperature = "is not a temperature in °C between -60 and 600";
-    let in_celsius = "Give the temperature at the recording's start in °C";
+    let not_rate = "is not a rate from 20 to 100000. Give samples per second, e.g. 100 or 1000";
+    let not_disc = "is not the temperature of a clutch disc, -60 to 600 °C. Give it as it was at the start";
+    let not_body = "is not the temperature of a clutch body, -60 to 250 °C. Give it in °C, as it was at the start";
     Ok(Entry {
         name: name.to_string(),
-        manoeuvre: manoeuvre.to_string(),
-        sample_rate_hz: number("sample_rate_Hz", "100", 20.0..=1e5, not_rate, "Give samples per second, e.g. 100 or 1000")?,
-        theta_c0: number("theta_c0_degC", "25.0", -60.0..=600.0, not_temperature, in_celsius)?,
-        theta_b0: number(
-            "theta_b0_degC",
-            "25.0",
-            -60.0..=250.0,
-            "is not the temperature of a clutch body in °C (above 250 it looks like K)",
-            in_celsius,
-        )?,
+        manoeuvre: word.to_string(),
+        sample_rate_hz: number("sample_rate_Hz", "100", 20.0..=1e5, not_rate)?,
+        theta_c0: number("theta_c0_degC", "25.0", -60.0..=600.0, not_disc)?,
+        theta_b0: number("theta_b0_degC", "25.0", -60.0..=250.0, not_body)?,
     })
 }
 
@@ -125,10 +115,9 @@ mod tests {
     #[test]
     fn impossible_values_are_named() {
         let with = |key: &str, value: &str| {
-            let mut fields: Map<String, Value> = serde_json::from_str(
-                r#"{"manoeuvre": "launch", "sample_rate_Hz": 100, "theta_c0_degC": 20, "theta_b0_degC": 20}"#,
-            )
-            .unwrap();
+            let mut fields: Map<String, Value> =
+                serde_json::from_str(r#"{"manoeuvre": "launch", "sample_rate_Hz": 100, "theta_c0_degC": 20, "theta_b0_degC": 20}"#)
+                    .unwrap();
             fields.insert(key.into(), serde_json::from_str(value).unwrap());
             serde_json::json!({ "r01": fields }).to_string()
         };

@@ -59,12 +59,7 @@ fn decode(bytes: Vec<u8>, wanted: Wanted<'_>) -> Decoded<(Vec<Group>, Vec<String
 }
 
 /// One group, or `None` if nothing in it is wanted.
-fn decode_group(
-    index: usize,
-    group: &ChannelGroup<'_>,
-    wanted: Wanted<'_>,
-    names: &mut Vec<String>,
-) -> Decoded<Option<Group>> {
+fn decode_group(index: usize, group: &ChannelGroup<'_>, wanted: Wanted<'_>, names: &mut Vec<String>) -> Decoded<Option<Group>> {
     let metadata = |e: MdfError| (None, damaged(&e));
     let name = group.name().map_err(metadata)?.unwrap_or_default();
     let cycles = group.raw_channel_group().block.cycles_nr as usize;

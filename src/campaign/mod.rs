@@ -5,8 +5,8 @@
 //! unless none remains or [`ReadOptions::strict`] is set. Whatever is bridged, cut, converted or resampled is noted: nothing
 //! is invented silently.
 //!
-//! The way of a file: bytes, [`table`] (csv, mdf, parquet), [`pick`] (channel map, units), [`checks`], [`assemble`] (span and
-//! grid, with [`clock`] and [`resample`]), [`Recording`].
+//! The way of a file: bytes, [`table`] (csv, mdf, parquet), [`pick`] (channel map, units), [`checks`], [`span`] (with
+//! [`clock`]), [`assemble`] (with [`resample`]), [`Recording`].
 
 mod assemble;
 mod channel_map;
@@ -24,6 +24,7 @@ mod mdf_blocks;
 mod parquet;
 mod pick;
 mod resample;
+mod span;
 mod table;
 mod units;
 mod write;

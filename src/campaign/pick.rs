@@ -76,9 +76,12 @@ pub(crate) fn pick(m: &mut Measurement, map: &ChannelMap) -> Result<Picked, Reco
 /// Group and position of the one series for a channel.
 fn find(m: &Measurement, spec: &Spec, map: &ChannelMap) -> Result<Option<(usize, usize)>, RecordingError> {
     let entry = map.get(spec.channel);
-    let all = m.groups.iter().enumerate().filter(|(_, g)| in_group(g, entry)).flat_map(|(i, g)| {
-        g.series.iter().enumerate().filter(|(at, _)| g.master != Some(*at)).map(move |(at, s)| ((i, at), s))
-    });
+    let all = m
+        .groups
+        .iter()
+        .enumerate()
+        .filter(|(_, g)| in_group(g, entry))
+        .flat_map(|(i, g)| g.series.iter().enumerate().filter(|(at, _)| g.master != Some(*at)).map(move |(at, s)| ((i, at), s)));
     let all: Vec<((usize, usize), &Series)> = all.filter(|(_, s)| candidate(spec, entry, &s.name)).collect();
     // The full column name goes before the name without a unit.
     let exact: Vec<_> = all.iter().filter(|(_, s)| s.name == wanted_name(spec, entry)).collect();
@@ -144,7 +147,9 @@ fn find_in(m: &Measurement, group: usize, spec: &Spec, map: &ChannelMap) -> Opti
     let entry = map.get(spec.channel);
     let series = &m.groups[group].series;
     series.iter().position(|s| s.name == wanted_name(spec, entry)).or_else(|| {
-        let fits = |s: &Series| candidate(spec, entry, &s.name) && (entry.is_some() || s.unit.is_some() || s.name.eq_ignore_ascii_case(spec.column));
+        let fits = |s: &Series| {
+            candidate(spec, entry, &s.name) && (entry.is_some() || s.unit.is_some() || s.name.eq_ignore_ascii_case(spec.column))
+        };
         series.iter().position(fits)
     })
 }
@@ -211,12 +216,7 @@ fn same(a: Unit, b: Unit) -> bool {
 }
 
 fn contradiction(first: (&'static str, &str), second: (&'static str, &str)) -> Defect {
-    Defect::UnitContradiction {
-        first: first.0,
-        first_unit: first.1.to_string(),
-        second: second.0,
-        second_unit: second.1.to_string(),
-    }
+    Defect::UnitContradiction { first: first.0, first_unit: first.1.to_string(), second: second.0, second_unit: second.1.to_string() }
 }
 
 fn understood(text: &str, spec: &Spec) -> Result<Unit, Defect> {

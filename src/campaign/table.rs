@@ -68,6 +68,11 @@ impl Measurement {
         }
     }
 
+    /// The row of a sample as a text.
+    pub fn row_text(&self, sample: usize) -> String {
+        self.row(sample).map_or_else(String::new, |(word, row)| format!("{word} {row}"))
+    }
+
     /// Where a series is, for messages.
     pub fn place(&self, group: usize, at: usize, series: &Series) -> String {
         match (self.groups.len(), self.groups[group].name.as_str()) {

@@ -51,9 +51,7 @@ pub fn parse(text: &str) -> Option<Unit> {
         "us" | "usec" | "microsecond" | "microseconds" => unit(Quantity::Time, 1e-6, 0.0),
         "ns" | "nsec" | "nanosecond" | "nanoseconds" => unit(Quantity::Time, 1e-9, 0.0),
         "rad/s" | "rad/sec" | "rads^-1" | "rads-1" | "radps" | "rad_s" => unit(Quantity::Speed, 1.0, 0.0),
-        "rpm" | "1/min" | "u/min" | "rev/min" | "r/min" | "min^-1" | "min-1" | "/min" => {
-            unit(Quantity::Speed, PI / 30.0, 0.0)
-        }
+        "rpm" | "1/min" | "u/min" | "rev/min" | "r/min" | "min^-1" | "min-1" | "/min" => unit(Quantity::Speed, PI / 30.0, 0.0),
         "hz" | "rev/s" | "rps" | "u/s" => unit(Quantity::Speed, 2.0 * PI, 0.0),
         "deg/s" | "°/s" | "degree/s" => unit(Quantity::Speed, PI / 180.0, 0.0),
         "nm" | "newtonmeter" | "newton-meter" => unit(Quantity::Torque, 1.0, 0.0),

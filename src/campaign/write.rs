@@ -54,10 +54,7 @@ pub fn write_recordings_json(recordings: &[Recording], path: &Path) -> Result<()
 }
 
 /// Writes beside the file and renames, so that an interruption leaves nothing half-written under its name.
-fn whole(
-    path: &Path,
-    fill: impl FnOnce(&mut std::io::BufWriter<std::fs::File>) -> std::io::Result<()>,
-) -> Result<(), CampaignError> {
+fn whole(path: &Path, fill: impl FnOnce(&mut std::io::BufWriter<std::fs::File>) -> std::io::Result<()>) -> Result<(), CampaignError> {
     let mut part = path.as_os_str().to_owned();
     part.push(".part");
     let written = std::fs::File::create(&part).and_then(|file| {
