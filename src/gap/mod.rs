@@ -3,4 +3,6 @@
 pub mod fit;
 pub mod nuisance;
 pub mod predict;
+pub mod pulsation;
+pub mod screen;
 pub mod series;
