@@ -68,8 +68,13 @@ impl Tcu {
     /// A controller for one manoeuvre; temperatures in °C as they are noted.
     pub fn new(vehicle: &Vehicle, tuning: &Tuning, what: Manoeuvre, dt: f64, theta: [f64; 2]) -> Self {
         let engine_sum = match what {
-            Manoeuvre::Creep(..) => 6.0,
-            Manoeuvre::Modulate => 8.0,
+            Manoeuvre::Creep(..) => 4.0,
+            Manoeuvre::Modulate => 7.0,
+            _ => 0.0,
+        };
+        // A controller that does not follow the heat allows for half a launch of it.
+        let allowed = match what {
+            Manoeuvre::Launch(l) if !tuning.follows_heat => 0.3 * l.torque,
             _ => 0.0,
         };
         Self {
@@ -80,7 +85,7 @@ impl Tcu {
             engine_sum,
             clutch_sum: 0.0,
             plan_c: 0.0,
-            theta: theta[0],
+            theta: theta[0] + allowed,
             theta_b: theta[1],
             slip: 100.0,
             phase: Phase::Slipping,
@@ -100,11 +105,11 @@ impl Tcu {
             Manoeuvre::LockedDrive(_) => (manoeuvre::locked_torque(t), v.x_cls + 0.3),
             Manoeuvre::Creep(top, period) => {
                 let x = rise(t, 0.3, v.x_cnt - 0.6, at(manoeuvre::creep_position(t.max(0.3), top, period)));
-                (self.governor(150.0, omega_f, 0.85, 0.8), x)
+                (self.governor(150.0, omega_f, 0.85, 0.8) + self.carried(t, x), x)
             }
             Manoeuvre::Modulate => {
                 let x = rise(t, 0.3, v.x_cnt - 0.6, at(manoeuvre::chirp_position(t.max(0.3))));
-                (self.governor(150.0, omega_f, 0.8, 0.9), x)
+                (self.governor(150.0, omega_f, 0.8, 0.9) + 0.4 * self.carried(t, x), x)
             }
             Manoeuvre::Launch(l) => self.launch(l, t, omega_f, omega_c),
         };
@@ -112,6 +117,13 @@ impl Tcu {
         // The command is sent as whole micrometres.
         self.position = (position.clamp(v.x_cnt - 1.0, v.x_cls + 0.3) * 1000.0).round() / 1000.0;
         (self.torque, self.position)
+    }
+
+    /// What the clutch should carry at this position: the engine is told in advance.
+    fn carried(&self, t: f64, x: f64) -> f64 {
+        let v = &self.vehicle;
+        let force = map::cushion_force_n(v, (x - v.x_cnt) / (v.x_cls - v.x_cnt));
+        2.0 * map::friction_radius_m(v, 80.0, self.theta) * force * smooth(t / 0.3)
     }
 
     fn governor(&mut self, target: f64, omega_f: f64, p: f64, i: f64) -> f64 {
@@ -123,7 +135,7 @@ impl Tcu {
     }
 
     fn launch(&mut self, l: Launch, t: f64, omega_f: f64, omega_c: f64) -> (f64, f64) {
-        self.slip += (omega_f - omega_c - self.slip) * (self.dt / 0.02).min(1.0);
+        self.slip += (omega_f - omega_c - self.slip) * (self.dt / 0.012).min(1.0);
         match self.phase {
             Phase::Slipping => self.slipping(l, t, omega_f, omega_c),
             Phase::HandOver { since, x } => self.hand_over(l, t, since, x),
@@ -133,10 +145,10 @@ impl Tcu {
 
     fn slipping(&mut self, l: Launch, t: f64, omega_f: f64, omega_c: f64) -> (f64, f64) {
         let v = Rc::clone(&self.vehicle);
-        let plan = l.torque * ease(t - l.fill_s, l.ramp_s);
+        let plan = 0.93 * l.torque * ease(t - l.fill_s, l.ramp_s);
         self.plan_c += self.dt * (plan - v.t_l0 - v.b_c * self.plan_c).max(0.0) / v.j_c;
         // The engine is to meet the disc at the speed that the plan reaches in the time of its strength.
-        let meet = 104.72 + 0.32 * (l.torque + 42.0);
+        let meet = 104.72 + 0.27 * (l.torque + 55.0);
         let share = smooth((t - 0.05) / 0.75);
         let err = 104.72 + (meet - 104.72) * share - omega_f;
         self.engine_sum = (self.engine_sum + self.dt * self.tuning.engine_i * err).clamp(-25.0, 25.0);
@@ -144,7 +156,7 @@ impl Tcu {
         let wanted = plan + v.b_f * omega_f + self.tuning.engine_p * err + self.engine_sum + speed_up;
         let mut torque = wanted * smooth(t / 0.25);
 
-        if plan > 0.9 * l.torque && self.slip > 5.0 {
+        if plan > 0.84 * l.torque && self.slip > 5.0 {
             self.clutch_sum += self.dt * self.tuning.clutch_i * (self.plan_c - omega_c).clamp(-20.0, 20.0);
             self.clutch_sum = self.clutch_sum.clamp(-0.12 * l.torque, 0.12 * l.torque);
         }
@@ -156,13 +168,13 @@ impl Tcu {
             map::position_for_torque_mm(&v, asked, self.theta)
         };
 
-        if plan > 0.9 * l.torque {
+        if plan > 0.84 * l.torque {
             if self.slip < 6.0 && self.down_since.is_none() {
                 self.down_since = Some((t, torque));
             }
-            self.near = if self.slip < 1.2 { self.near + 1 } else { 0 };
+            self.near = if self.slip < 2.5 { self.near + 1 } else { 0 };
             let late = t > 0.62 * l.length_s + 0.55;
-            if self.near as f64 * self.dt > 0.03 || (late && self.slip < 12.0) {
+            if self.near as f64 * self.dt > 0.025 || (late && self.slip < 12.0) {
                 self.phase = Phase::HandOver { since: t, x: self.position };
                 self.down_since = Some(self.down_since.unwrap_or((t, torque)));
             }
@@ -189,8 +201,8 @@ impl Tcu {
         let torque = going_down(l, t - down, from);
         let grip = map::position_for_torque_mm(&v, 1.38 * l.torque, self.theta).max(x + 0.2).min(v.x_cls + 0.3);
         let s = t - since;
-        let position = x + (grip - x) * smooth(s / 0.09) + (v.x_cls + 0.3 - grip) * smooth((s - 0.24) / 0.36);
-        if s > 0.60 {
+        let position = x + (grip - x) * smooth(s / 0.09) + (v.x_cls + 0.3 - grip) * smooth((s - 0.22) / 0.34);
+        if s > 0.56 {
             self.phase = Phase::Closed { since: t };
         }
         (torque, position)
