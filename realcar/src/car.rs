@@ -14,6 +14,7 @@
 //! | J_f, J_d | inertia of engine and disc side | kg·m² |
 
 use crate::effects::Deviation;
+use crate::effects::thermal::Work;
 use crate::map;
 use crate::vehicle::Vehicle;
 
@@ -172,7 +173,7 @@ impl Motion {
         self.heat_j += h * power;
         self.road_j += h * (friction_f * mean[0] + load * if d.driveline.shaft.is_some() { self.omega_v } else { mean[1] } + lost);
         d.friction.work(h, power);
-        let rates = d.thermal.step(h, v, self.theta, self.air, power, touching, mean);
+        let rates = d.thermal.step(h, v, self.theta, Work { air: self.air, power_w: power, touching, speeds: mean });
         self.theta = [self.theta[0] + h * rates[0], self.theta[1] + h * rates[1]];
 
         if d.driveline.shaft.is_none() {
@@ -207,5 +208,61 @@ impl Motion {
                         + 0.5 * s.k * self.twist * self.twist
                 }
             }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::{Dice, STEP_S};
+
+    const START: Start = Start { omega: [140.0, 0.0], theta: [40.0, 35.0], air: 25.0, torque: 40.0, position: 6.2 };
+
+    fn ride(deviation: &Deviation, h: f64) -> Motion {
+        let v = Vehicle::reference();
+        let mut car = Motion::start(&v, deviation, h, START, 0);
+        car.drive(2.5, 55.0, 6.2);
+        car.drive(1.0, 30.0, 7.6);
+        car
+    }
+
+    #[test]
+    fn engine_work_is_stored_or_lost() {
+        let mut shaft = Deviation::default();
+        shaft.set("driveline_compliance", &mut Dice::new(3, 1.0));
+        for (deviation, part) in [(Deviation::default(), 1e-9), (shaft, 2e-3)] {
+            let start = Motion::start(&Vehicle::reference(), &deviation, STEP_S, START, 0).stored_j();
+            let car = ride(&deviation, STEP_S);
+            let off = car.engine_j - (car.stored_j() - start) - car.heat_j - car.road_j;
+            assert!(car.heat_j > 1000.0);
+            assert!(off.abs() < part * car.engine_j, "{off} J of {} J", car.engine_j);
+        }
+    }
+
+    #[test]
+    fn disc_and_body_take_up_the_heat() {
+        let mut v = Vehicle::reference();
+        (v.gamma_2, v.t_l0) = (0.0, 3.1);
+        let mut car = Motion::start(&v, &Deviation::default(), STEP_S, START, 0);
+        car.drive(2.0, 55.0, 6.2);
+        let taken = v.c_1 * (car.theta[0] - 40.0) + v.c_b * (car.theta[1] - 35.0);
+        assert!((taken - car.heat_j).abs() < 1e-6 * car.heat_j, "{taken} J of {} J", car.heat_j);
+    }
+
+    #[test]
+    fn a_finer_step_changes_nothing_that_a_sensor_sees() {
+        let (coarse, fine) = (ride(&Deviation::default(), STEP_S), ride(&Deviation::default(), STEP_S / 8.0));
+        assert!((coarse.omega_f - fine.omega_f).abs() < 0.01, "{} {}", coarse.omega_f, fine.omega_f);
+        assert!((coarse.theta[0] - fine.theta[0]).abs() < 0.02);
+    }
+
+    #[test]
+    fn a_closed_clutch_sticks_exactly_and_carries_its_share() {
+        let car = ride(&Deviation::default(), STEP_S);
+        assert!((car.omega_f - car.omega_d).abs() < 1e-10);
+        let v = Vehicle::reference();
+        let net = 30.0 - v.b_f * car.omega_f - v.t_l0 - v.b_c * car.omega_d - v.k_l * car.omega_d.powi(2);
+        let share = 30.0 - v.b_f * car.omega_f - v.j_f * net / (v.j_f + v.j_c);
+        assert!((car.t_fc - share).abs() < 0.01, "{} against {share}", car.t_fc);
     }
 }

@@ -80,6 +80,11 @@ pub fn draw(settings: Settings) -> impl Iterator<Item = Car> {
 
 /// The car of this index: 15 % healthy, 50 % with one effect (all in turn), 20 % with two, 15 % outside the library.
 pub fn draw_car(seed: u64, index: usize) -> Car {
+    draw_car_of(seed, index, kind(seed, index))
+}
+
+/// What the car of this index carries, unless told otherwise.
+pub fn kind(seed: u64, index: usize) -> Kind {
     // Each score of cars holds 3 healthy, 10 singles, 4 pairs and 3 others, in an order of its own.
     let score = index / 20;
     let mut rng = StdRng::seed_from_u64(mix(seed, 0x5c0e, score));
@@ -88,13 +93,12 @@ pub fn draw_car(seed: u64, index: usize) -> Car {
         places.swap(i, rng.random_range(0..=i));
     }
     let mut rng = StdRng::seed_from_u64(mix(seed, 0x1d, index));
-    let kind = match places[index % 20] {
+    match places[index % 20] {
         0..3 => Kind::Healthy,
         p @ 3..13 => Kind::Single(turn(seed, &catalogue::LIBRARY, score * 10 + p - 3)),
         13..17 => pair(&mut rng),
         p => Kind::Outside(turn(seed, &catalogue::OUTSIDE, score * 3 + p - 17)),
-    };
-    draw_car_of(seed, index, kind)
+    }
 }
 
 /// The car of this index with effects of this kind.
@@ -173,7 +177,7 @@ impl Bed {
         let body = 25.0 + 0.6 * (disc - 25.0) + self.rng.random_range(-0.5..1.5);
         let air = f64::from(self.rng.random_range(30..=80)) * 0.5;
         let noted = [disc, body].map(|theta: f64| {
-            let z: f64 = self.rng.random_range(-1.2..1.2);
+            let z: f64 = self.rng.random_range(-1.6..1.6);
             ((theta + z) * 10.0).round() / 10.0
         });
         let setting = Setting { what, rate: self.rate, bench: self.bench, theta: [disc, body], noted, air };

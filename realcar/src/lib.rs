@@ -30,4 +30,4 @@ pub mod vehicle;
 pub mod write;
 
 pub use channels::Recording;
-pub use draw::{Campaign, Car, Kind, Settings, TrueEffect, Truth, draw, draw_car, draw_car_of};
+pub use draw::{Campaign, Car, Kind, Settings, TrueEffect, Truth, draw, draw_car, draw_car_of, draw_car_sized, kind};

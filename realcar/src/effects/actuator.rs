@@ -46,25 +46,25 @@ impl Actuator {
     pub fn draw(&mut self, id: &str, dice: &mut Dice) -> Option<String> {
         let shape = match id {
             "actuator_delay" => {
-                self.delay_s = dice.magnitude(0.025, 0.065);
+                self.delay_s = dice.magnitude(0.035, 0.10);
                 self.jitter = if dice.shape(2) == 0 { 0.0 } else { 0.2 };
                 self.seed = dice.seed();
                 format!("{:.4} s, jitter {}", self.delay_s, self.jitter)
             }
             "actuator_rate_limit" => {
-                self.pace_s_mm = 1.0 / dice.within(3.5, 8.0) * dice.magnitude(0.999, 1.0);
+                self.pace_s_mm = 1.0 / dice.within(2.8, 6.5) * dice.magnitude(0.999, 1.0);
                 self.soft_pace = dice.shape(2) == 1;
                 format!("{:.4} s/mm{}", self.pace_s_mm, if self.soft_pace { ", soft onset" } else { "" })
             }
             "actuator_lag" => {
-                let tau = dice.magnitude(0.03, 0.08);
+                let tau = dice.magnitude(0.045, 0.13);
                 let kind = [Shape::First(tau), Shape::Second(tau, dice.within(0.55, 1.0)), Shape::UpDown(1.25 * tau, 0.8 * tau)]
                     [dice.shape(3)];
                 self.lag = Lag::new(kind);
                 format!("{kind:.3?}")
             }
             "actuator_backlash" => {
-                self.half_play = 0.5 * dice.magnitude(0.14, 0.36);
+                self.half_play = 0.5 * dice.magnitude(0.18, 0.5);
                 self.play_power = [f64::INFINITY, 4.0][dice.shape(2)];
                 format!("{:.3} mm, sharpness {}", 2.0 * self.half_play, self.play_power)
             }
@@ -74,14 +74,14 @@ impl Actuator {
                 format!("sticks for {:.3} mm", self.stick_mm)
             }
             "actuator_hunting" => {
-                self.hunt_mm = dice.magnitude(0.05, 0.12);
+                self.hunt_mm = dice.magnitude(0.09, 0.22);
                 self.hunt_hz = dice.within(4.0, 9.0);
                 self.hunt_phase = dice.within(0.0, TAU);
                 self.hunt_settles_s = if dice.shape(2) == 0 { f64::INFINITY } else { dice.within(0.5, 1.0) };
                 format!("{:.3} mm at {:.1} Hz", self.hunt_mm, self.hunt_hz)
             }
             "actuator_leak" => {
-                self.leak_mm_s = dice.magnitude(0.12, 0.3);
+                self.leak_mm_s = dice.magnitude(0.06, 0.16);
                 self.leak_tau_s = if dice.shape(2) == 0 { 100.0 } else { dice.within(0.8, 1.5) };
                 format!("{:.3} mm/s, refilled in {:.1} s", self.leak_mm_s, self.leak_tau_s)
             }
@@ -170,7 +170,7 @@ impl Actuator {
         if (command - self.last).abs() > 0.03 {
             (self.still_s, self.last) = (0.0, command);
         }
-        self.hunt_mm * (TAU * self.hunt_hz * t + self.hunt_phase).sin() * (-self.still_s / self.hunt_settles_s).exp()
+        self.hunt_mm * (TAU * self.hunt_hz * t + self.hunt_phase).sin() * (0.5 + 0.5 * (-self.still_s / self.hunt_settles_s).exp())
     }
 
     fn leak(&mut self, h: f64, command: f64, x_cnt: f64) -> f64 {

@@ -60,7 +60,7 @@ impl Driveline {
         let shape = match id {
             "driveline_compliance" => {
                 // Small compliance is a stiff shaft, and none is no shaft.
-                let softness = dice.magnitude(1.0 / 260.0, 1.0 / 80.0);
+                let softness = dice.magnitude(1.0 / 190.0, 1.0 / 60.0);
                 if softness > 0.0 {
                     let (share, zeta) = (dice.within(0.08, 0.2), dice.within(0.04, 0.14));
                     let k = 1.0 / softness;
@@ -71,7 +71,7 @@ impl Driveline {
                 format!("{:.3?}", self.shaft)
             }
             "vehicle_mass" => {
-                self.mass = dice.magnitude(0.12, 0.30);
+                self.mass = dice.magnitude(0.11, 0.28);
                 match dice.shape(3) {
                     0 => self.mass *= -0.75,
                     1 => {}
@@ -97,13 +97,13 @@ impl Driveline {
                 format!("{:.2} N·m rms over {:.2} s{}", self.gust_nm, self.gust_tau_s, if self.gust_blows { ", in blows" } else { "" })
             }
             "dragging_brake" => {
-                self.brake_nm = dice.magnitude(7.0, 16.0);
+                self.brake_nm = dice.magnitude(6.0, 14.0);
                 self.brake_kind = dice.shape(3);
                 self.seed = dice.seed();
                 format!("{:.2} N·m, {}", self.brake_nm, ["seizes", "lets go", "rubs for a while"][self.brake_kind])
             }
             "surging_load" => {
-                self.surge_nm = dice.magnitude(4.0, 9.0);
+                self.surge_nm = dice.magnitude(5.0, 11.0);
                 self.surge_ratio = [1.0 / 8.0, 1.0 / 13.0][dice.shape(2)];
                 format!("{:.2} N·m once per wheel turn, ratio {:.3}", self.surge_nm, self.surge_ratio)
             }

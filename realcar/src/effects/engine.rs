@@ -42,10 +42,10 @@ impl Engine {
             }
             "engine_torque_bias" => {
                 if dice.shape(2) == 0 {
-                    self.bias_nm = dice.either(2.0, 5.0);
+                    self.bias_nm = dice.either(2.3, 5.5);
                     format!("constant {:.2} N·m", self.bias_nm)
                 } else {
-                    self.accessory_w = dice.magnitude(300.0, 700.0);
+                    self.accessory_w = dice.magnitude(350.0, 800.0);
                     format!("accessory of {:.0} W", self.accessory_w)
                 }
             }
@@ -63,7 +63,7 @@ impl Engine {
                 format!("cylinder loses {:.2} for {:.2} of the time", self.misfire, self.burst_share)
             }
             "tip_in_dip" => {
-                self.tip_in = dice.magnitude(0.5, 1.1);
+                self.tip_in = dice.magnitude(0.35, 0.8);
                 let (fast, slow) = if dice.shape(2) == 0 { (0.06, 0.3) } else { (0.12, 0.45) };
                 (self.tip_fast, self.tip_slow) = (Lag::new(Shape::First(fast)), Lag::new(Shape::First(slow)));
                 format!("dip {:.2} of a rise between {fast} s and {slow} s", self.tip_in)

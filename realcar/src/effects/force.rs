@@ -73,7 +73,7 @@ impl Force {
                 format!("first contact {:+.3} mm, closed {:+.3} mm", self.kiss_mm, self.closed_mm)
             }
             "kiss_point_thermal" => {
-                let rate = dice.either(0.0012, 0.003);
+                let rate = dice.either(0.0014, 0.004);
                 self.kiss_growth = Growth::draw(dice, rate);
                 self.closed_grows = dice.shape(2) == 0;
                 format!("{:.5?} mm/K, closed too: {}", self.kiss_growth, self.closed_grows)
@@ -84,24 +84,24 @@ impl Force {
                 format!("{:.5?} 1/K", self.stiffness_growth)
             }
             "cushion_hysteresis" => {
-                self.loop_width = dice.magnitude(0.06, 0.14);
+                self.loop_width = dice.magnitude(0.09, 0.24);
                 self.loop_travel = dice.within(0.015, 0.05);
                 self.loop_power = [1.0, 2.0][dice.shape(2)];
                 format!("±{:.3} of the force, rounded over {:.3}, power {}", self.loop_width, self.loop_travel, self.loop_power)
             }
             "plate_wobble" => {
-                self.wobble_mm = dice.magnitude(0.05, 0.11);
+                self.wobble_mm = dice.magnitude(0.14, 0.30);
                 self.wobble_order = [1.0, 0.5][dice.shape(2)];
                 self.wobble_phase = dice.within(0.0, TAU);
                 format!("{:.3} mm, order {} of the flywheel", self.wobble_mm, self.wobble_order)
             }
             "cushion_settling" => {
-                self.settle = dice.either(0.10, 0.24);
+                self.settle = dice.either(0.12, 0.26);
                 self.settle_tau_s = [dice.within(0.5, 0.9), dice.within(1.2, 2.2)][dice.shape(2)];
                 format!("{:+.3} of the force within {:.2} s of contact", self.settle, self.settle_tau_s)
             }
             "cushion_knee" => {
-                self.knee = dice.either(0.16, 0.32);
+                self.knee = dice.either(0.24, 0.5);
                 self.knee_at = dice.within(0.40, 0.52);
                 self.knee_wide = [0.05, 0.09][dice.shape(2)];
                 format!("{:+.3} of the force about {:.2}, width {}", self.knee, self.knee_at, self.knee_wide)

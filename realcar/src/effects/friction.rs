@@ -61,7 +61,7 @@ impl Friction {
     pub fn draw(&mut self, id: &str, dice: &mut Dice) -> Option<String> {
         let shape = match id {
             "friction_level" => {
-                self.level = dice.either(0.07, 0.17);
+                self.level = dice.either(0.08, 0.19);
                 self.level_but_at_rest = dice.shape(2) == 1;
                 format!("factor {:.3}{}", 1.0 + self.level, if self.level_but_at_rest { ", not at standstill" } else { "" })
             }
@@ -75,9 +75,9 @@ impl Friction {
             }
             "friction_slip_gradient" => {
                 self.slip = if dice.shape(2) == 0 {
-                    Slip::Stribeck { more: dice.either(0.16, 0.36), speed: dice.within(20.0, 55.0) }
+                    Slip::Stribeck { more: dice.either(0.26, 0.7), speed: dice.within(20.0, 55.0) }
                 } else {
-                    Slip::Slope { per_rad_s: dice.either(0.0012, 0.0028) }
+                    Slip::Slope { per_rad_s: dice.either(0.0018, 0.0048) }
                 };
                 format!("{:.5?}", self.slip)
             }
@@ -87,19 +87,19 @@ impl Friction {
                 format!("{:.4?}", self.drag)
             }
             "judder" => {
-                self.judder = dice.magnitude(0.06, 0.15);
-                self.judder_order = [1.0, 2.0][dice.shape(2)];
+                self.judder = dice.magnitude(0.12, 0.32);
+                self.judder_order = [0.5, 1.0, 2.0][dice.shape(3)];
                 self.judder_phase = dice.within(0.0, TAU);
                 self.judder_fades_rad_s = [f64::INFINITY, 90.0][dice.shape(2)];
                 format!("{:.3} of the torque, order {}, fades {}", self.judder, self.judder_order, self.judder_fades_rad_s)
             }
             "pressure_dependence" => {
-                self.pressure = dice.either(0.10, 0.22);
+                self.pressure = dice.either(0.13, 0.28);
                 self.pressure_power = dice.shape(2) == 0;
                 format!("{:+.3} {}", self.pressure, if self.pressure_power { "as a power" } else { "saturating" })
             }
             "wear_in" => {
-                self.wear_in = dice.either(0.14, 0.3);
+                self.wear_in = dice.either(0.2, 0.42);
                 self.wear_in_j = [2500.0, 5000.0][dice.shape(2)];
                 format!("{:+.3} within {} J", self.wear_in, self.wear_in_j)
             }

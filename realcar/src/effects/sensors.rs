@@ -18,7 +18,7 @@ struct Late {
 
 impl Late {
     fn draw(dice: &mut Dice) -> (Self, String) {
-        let total = dice.magnitude(0.022, 0.058);
+        let total = dice.magnitude(0.024, 0.064);
         let filtered = [0.0, 0.5, 0.8][dice.shape(3)] * total;
         let late = Self { delay_s: total - filtered, line: Ring::default(), filter: Lag::new(Shape::First(filtered)) };
         (late, format!("{:.4} s dead time and {filtered:.4} s filter", total - filtered))

@@ -6,6 +6,19 @@
 use super::Dice;
 use crate::vehicle::Vehicle;
 
+/// What the clutch is doing to its temperatures.
+#[derive(Clone, Copy, Debug)]
+pub struct Work {
+    /// Housing air, °C.
+    pub air: f64,
+    /// Friction power, W.
+    pub power_w: f64,
+    /// Whether the facings touch.
+    pub touching: bool,
+    /// Flywheel and disc speed, rad/s.
+    pub speeds: [f64; 2],
+}
+
 /// The thermal deviations and their states; W, J, °C.
 #[derive(Clone, Debug, Default)]
 pub struct Thermal {
@@ -26,7 +39,7 @@ impl Thermal {
     pub fn draw(&mut self, id: &str, dice: &mut Dice) -> Option<String> {
         let shape = match id {
             "heat_partition" => {
-                self.share = dice.either(0.16, 0.34);
+                self.share = dice.either(0.15, 0.33);
                 self.share_per_rad_s = if dice.shape(2) == 0 { 0.0 } else { 0.4 * self.share / 100.0 };
                 format!("share {:.3}, {:.5} per rad/s", 0.5 + self.share, self.share_per_rad_s)
             }
@@ -40,7 +53,7 @@ impl Thermal {
                 format!("exchange {:+.2}, with speed {:+.2}", self.exchange, self.ventilation)
             }
             "plate_heat_soak" => {
-                self.plate_w_k = dice.magnitude(30.0, 75.0);
+                self.plate_w_k = dice.magnitude(60.0, 150.0);
                 self.plate_j_k = [90.0, 180.0][dice.shape(2)];
                 format!("{:.0} W/K to a plate of {} J/K", self.plate_w_k, self.plate_j_k)
             }
@@ -68,8 +81,9 @@ impl Thermal {
     }
 
     /// Rates of the disc's and the body's temperature, K/s.
-    pub fn step(&mut self, h: f64, v: &Vehicle, theta: [f64; 2], air: f64, power_w: f64, touching: bool, speeds: [f64; 2]) -> [f64; 2] {
+    pub fn step(&mut self, h: f64, v: &Vehicle, theta: [f64; 2], work: Work) -> [f64; 2] {
         let [disc, body] = theta;
+        let Work { air, power_w, touching, speeds } = work;
         let slip = (speeds[0] - speeds[1]).abs();
         if self.flash_k_w != 0.0 {
             self.flash_k += (self.flash_k_w * power_w - self.flash_k) * (1.0 - (-h / self.flash_tau_s).exp());
