@@ -1,12 +1,9 @@
 //! Draws a car: its vehicle, its effects, its campaign, and recordings that the campaign does not hold.
 
-use crate::car::{Motion, Start};
+use crate::bed::Bed;
 use crate::catalogue;
-use crate::channels::{Bench, Noise, Pen, Recording};
-use crate::effects::{Deviation, Dice, STEP_S};
-use crate::manoeuvre::{self, Manoeuvre};
-use crate::tcu::{Tcu, Tuning};
-use crate::vehicle::Vehicle;
+use crate::channels::Recording;
+use crate::effects::{Deviation, Dice};
 use rand::rngs::StdRng;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
@@ -119,159 +116,32 @@ pub fn draw_car_sized(seed: u64, index: usize, kind: Kind, size: f64) -> Car {
     let mut deviation = Deviation::default();
     let mut effects = Vec::new();
     for id in ids {
-        let (id, subsystem, in_library) = catalogue::find(id).unwrap_or_else(|| panic!("`{id}` is not in the catalogue"));
+        let (id, subsystem, in_library) =
+            catalogue::find(id).unwrap_or_else(|| panic!("`{id}` is not in the catalogue"));
         let mut dice = Dice::new(mix(seed, hash(id), index), size);
         let shape = deviation.set(id, &mut dice);
-        effects.push(TrueEffect { id, subsystem, in_library, shape });
+        effects.push(TrueEffect {
+            id,
+            subsystem,
+            in_library,
+            shape,
+        });
     }
     let (campaign, unseen) = Bed::draw(seed, index, ids).record(&deviation);
-    Car { campaign, unseen, truth: Truth { effects } }
-}
-
-/// Everything about a car but its effects: the same for every kind of the same index, where the effects allow it.
-struct Bed {
-    file: Vehicle,
-    real: Vehicle,
-    tuning: Tuning,
-    noise: Noise,
-    rate: f64,
-    bench: bool,
-    plan: Vec<(Manoeuvre, bool)>,
-    unseen: Vec<(Manoeuvre, bool)>,
-    rng: StdRng,
-    pen_seed: u64,
-}
-
-impl Bed {
-    fn draw(seed: u64, index: usize, ids: &[&str]) -> Self {
-        let mut rng = StdRng::seed_from_u64(mix(seed, 0xbed, index));
-        let file = Vehicle::draw_type(&mut rng);
-        let real = file.draw_real(&mut rng);
-        let tuning = Tuning::draw(&mut rng);
-        let noise = Noise::draw(&mut rng);
-        let rate = if rng.random_bool(0.17) { 1000.0 } else { 100.0 };
-        // A fast logger comes with a bench.
-        let bench = rate > 500.0 || rng.random_bool(0.24);
-        let alone = rng.random_bool(0.17) && ids.iter().all(|id| catalogue::shows_in_launches(id, bench));
-        let hot_creep = rng.random_bool(0.45);
-        let plan = plan(&mut rng, alone, hot_creep);
-        let unseen = unseen(&mut rng);
-        Self { file, real, tuning, noise, rate, bench, plan, unseen, pen_seed: rng.random(), rng }
+    Car {
+        campaign,
+        unseen,
+        truth: Truth { effects },
     }
-
-    fn record(mut self, deviation: &Deviation) -> (Campaign, Vec<Recording>) {
-        let jobs: Vec<_> = self.plan.iter().chain(&self.unseen).copied().collect();
-        let mut all: Vec<_> = jobs.into_iter().enumerate().map(|(k, (what, hot))| self.one(what, hot, deviation, k as u64)).collect();
-        let unseen = all.split_off(self.plan.len());
-        let vehicle_json = crate::write::pretty(&self.file.to_json());
-        (Campaign { vehicle_json, recordings: all }, unseen)
-    }
-
-    fn one(&mut self, what: Manoeuvre, hot: bool, deviation: &Deviation, k: u64) -> Recording {
-        let alone_hot = matches!(what, Manoeuvre::Launch(l) if l.reopens && l.length_s > 5.8);
-        let disc = match (hot, alone_hot) {
-            (true, true) => self.rng.random_range(50.0..92.0),
-            (true, false) => self.rng.random_range(86.0..140.0),
-            _ => self.rng.random_range(18.0..45.0),
-        };
-        let body = 25.0 + 0.6 * (disc - 25.0) + self.rng.random_range(-0.5..1.5);
-        let air = f64::from(self.rng.random_range(30..=80)) * 0.5;
-        let noted = [disc, body].map(|theta: f64| {
-            let z: f64 = self.rng.random_range(-1.6..1.6);
-            ((theta + z) * 10.0).round() / 10.0
-        });
-        let setting = Setting { what, rate: self.rate, bench: self.bench, theta: [disc, body], noted, air };
-        self.pen_seed = self.pen_seed.wrapping_add(0x9e37_79b9);
-        let pen = Pen::new(&self.noise, self.pen_seed);
-        let tcu = Tcu::new(&self.file, &self.tuning, what, 1.0 / self.rate, noted);
-        record(&self.real, deviation, setting, tcu, pen, k, STEP_S)
-    }
-}
-
-/// The circumstances of one recording; temperatures in °C as they are and as they are noted, rate in Hz.
-pub struct Setting {
-    /// What is driven.
-    pub what: Manoeuvre,
-    /// Samples per second.
-    pub rate: f64,
-    /// Whether the bench's channels are recorded.
-    pub bench: bool,
-    /// Disc and body temperature.
-    pub theta: [f64; 2],
-    /// The same as the recording notes them.
-    pub noted: [f64; 2],
-    /// Housing air.
-    pub air: f64,
-}
-
-/// Drives one recording with fine steps of `h` seconds.
-pub fn record(real: &Vehicle, deviation: &Deviation, s: Setting, mut tcu: Tcu, mut pen: Pen, k: u64, h: f64) -> Recording {
-    let dt = 1.0 / s.rate;
-    let rows = (s.what.length_s() * s.rate).round() as usize;
-    let omega = s.what.start_speeds();
-    let mut r = Recording {
-        manoeuvre: s.what.name(),
-        sample_rate_hz: s.rate,
-        theta_c0_deg_c: s.noted[0],
-        theta_b0_deg_c: s.noted[1],
-        bench: s.bench.then(Bench::default),
-        ..Recording::default()
-    };
-    let (mut read_f, mut read_c) = (pen.speed(omega[0]), pen.speed(omega[1]));
-    let (mut torque, mut position) = tcu.command(0.0, read_f, read_c);
-    let start = Start { omega, theta: s.theta, air: s.air, torque, position };
-    let mut car = Motion::start(real, deviation, h, start, k);
-    for row in 0..rows {
-        let t = row as f64 * dt;
-        if row > 0 {
-            let [f, c] = car.sensed(dt);
-            (read_f, read_c) = (pen.speed(f), pen.speed(c));
-            (torque, position) = tcu.command(t, read_f, read_c);
-        }
-        r.time_s.push(t);
-        r.omega_f_rad_s.push(read_f);
-        r.omega_c_rad_s.push(read_c);
-        r.t_e_nm.push(pen.torque(torque));
-        r.x_to_cmd_mm.push(pen.command(position));
-        r.theta_h_deg_c.push(s.air);
-        if let Some(bench) = &mut r.bench {
-            pen.bench(bench, car.x, car.t_fc, car.theta[0]);
-        }
-        car.drive(dt, torque, position);
-    }
-    r
-}
-
-fn plan(rng: &mut StdRng, alone: bool, hot_creep: bool) -> Vec<(Manoeuvre, bool)> {
-    let launches = if alone { manoeuvre::LAUNCHES_ALONE } else { manoeuvre::LAUNCHES };
-    let mut plan: Vec<_> = launches.iter().enumerate().map(|(i, l)| (Manoeuvre::Launch(*l), i > 2)).collect();
-    let creep = creep(rng);
-    let rev = Manoeuvre::OpenRev(rng.random_range(111.0..129.0), rng.random_range(61.0..90.0));
-    let locked = Manoeuvre::LockedDrive(rng.random_range(91.0..118.0));
-    if !alone {
-        plan.extend([(creep, false), (rev, false), (Manoeuvre::Modulate, false), (locked, false)]);
-        if hot_creep {
-            plan.push((creep, true));
-        }
-    }
-    plan
-}
-
-fn unseen(rng: &mut StdRng) -> Vec<(Manoeuvre, bool)> {
-    let [soft, firm] = manoeuvre::LAUNCHES_UNSEEN;
-    let hot = rng.random_bool(0.5);
-    vec![(Manoeuvre::Launch(soft), hot), (Manoeuvre::Launch(firm), !hot), (creep(rng), rng.random_bool(0.5))]
-}
-
-fn creep(rng: &mut StdRng) -> Manoeuvre {
-    Manoeuvre::Creep(rng.random_range(0.48..0.54), rng.random_range(1.45..1.6))
 }
 
 /// Two effects of different subsystems, of which each can be told beside the other.
 fn pair(rng: &mut StdRng) -> Kind {
     loop {
         let (a, in_a) = catalogue::LIBRARY[rng.random_range(0..24)];
-        let (b, in_b) = *catalogue::LIBRARY.choose(rng).unwrap_or(&catalogue::LIBRARY[0]);
+        let (b, in_b) = *catalogue::LIBRARY
+            .choose(rng)
+            .unwrap_or(&catalogue::LIBRARY[0]);
         // Where the heat goes is the faintest of all: beside another effect nobody could tell.
         if in_a != in_b && in_a != "thermal" && in_b != "thermal" {
             return Kind::Pair(a, b);
@@ -291,12 +161,16 @@ fn turn(seed: u64, list: &'static [(&'static str, &'static str)], n: usize) -> &
 }
 
 /// A seed of its own for each purpose and car.
-fn mix(seed: u64, purpose: u64, index: usize) -> u64 {
-    let mut z = seed ^ purpose.wrapping_mul(0xd6e8_feb8_6659_fd93) ^ (index as u64).wrapping_mul(0xa076_1d64_78bd_642f);
+pub(crate) fn mix(seed: u64, purpose: u64, index: usize) -> u64 {
+    let mut z = seed
+        ^ purpose.wrapping_mul(0xd6e8_feb8_6659_fd93)
+        ^ (index as u64).wrapping_mul(0xa076_1d64_78bd_642f);
     z = (z ^ (z >> 32)).wrapping_mul(0xe703_7ed1_a0b4_28db);
     z ^ (z >> 29)
 }
 
 fn hash(id: &str) -> u64 {
-    id.bytes().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01b3))
+    id.bytes().fold(0xcbf2_9ce4_8422_2325, |h, b| {
+        (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01b3)
+    })
 }

@@ -10,7 +10,7 @@
 //! | numbers | [`vehicle`], [`map`] | the vehicle file, the real car's numbers, friction and cushion |
 //! | what is withheld | [`effects`], [`catalogue`] | one deviation per subsystem, drawn by its id |
 //! | motion | [`car`], [`tcu`], [`manoeuvre`], [`channels`] | the car, its controller, what is driven, what is recorded |
-//! | campaigns | [`draw`], [`write`](mod@write) | a whole campaign with its truth, and its files |
+//! | campaigns | [`draw`](mod@draw), [`write`](mod@write) | a whole campaign with its truth, and its files |
 //!
 //! ```
 //! let car = realcar::draw_car_of(7, 0, realcar::Kind::Single("friction_level"));
@@ -18,6 +18,7 @@
 //! assert!(car.campaign.recordings.len() >= 5);
 //! ```
 
+mod bed;
 pub mod car;
 pub mod catalogue;
 pub mod channels;
@@ -30,4 +31,7 @@ pub mod vehicle;
 pub mod write;
 
 pub use channels::Recording;
-pub use draw::{Campaign, Car, Kind, Settings, TrueEffect, Truth, draw, draw_car, draw_car_of, draw_car_sized, kind};
+pub use draw::{
+    Campaign, Car, Kind, Settings, TrueEffect, Truth, draw, draw_car, draw_car_of, draw_car_sized,
+    kind,
+};

@@ -11,8 +11,15 @@ use std::f64::consts::TAU;
 enum Fade {
     #[default]
     None,
-    Step { loss: f64, at: f64, wide: f64 },
-    Slope { per_k: f64, from: f64 },
+    Step {
+        loss: f64,
+        at: f64,
+        wide: f64,
+    },
+    Slope {
+        per_k: f64,
+        from: f64,
+    },
 }
 
 /// How friction depends otherwise on slip.
@@ -20,8 +27,15 @@ enum Fade {
 enum Slip {
     #[default]
     None,
-    Stribeck { more: f64, speed: f64 },
-    Slope { per_rad_s: f64 },
+    Stribeck {
+        more: f64,
+        speed: f64,
+        rated: f64,
+    },
+    Slope {
+        per_rad_s: f64,
+        rated: f64,
+    },
 }
 
 /// Torque with the clutch open.
@@ -63,40 +77,79 @@ impl Friction {
             "friction_level" => {
                 self.level = dice.either(0.08, 0.19);
                 self.level_but_at_rest = dice.shape(2) == 1;
-                format!("factor {:.3}{}", 1.0 + self.level, if self.level_but_at_rest { ", not at standstill" } else { "" })
+                format!(
+                    "factor {:.3}{}",
+                    1.0 + self.level,
+                    if self.level_but_at_rest {
+                        ", not at standstill"
+                    } else {
+                        ""
+                    }
+                )
             }
             "friction_fade" => {
                 self.fade = if dice.shape(2) == 0 {
-                    Fade::Step { loss: dice.magnitude(0.16, 0.38), at: dice.within(95.0, 125.0), wide: dice.within(6.0, 14.0) }
+                    Fade::Step {
+                        loss: dice.magnitude(0.16, 0.38),
+                        at: dice.within(95.0, 125.0),
+                        wide: dice.within(6.0, 14.0),
+                    }
                 } else {
-                    Fade::Slope { per_k: dice.magnitude(0.003, 0.007), from: dice.within(80.0, 105.0) }
+                    Fade::Slope {
+                        per_k: dice.magnitude(0.003, 0.007),
+                        from: dice.within(80.0, 105.0),
+                    }
                 };
                 format!("{:.4?}", self.fade)
             }
             "friction_slip_gradient" => {
                 self.slip = if dice.shape(2) == 0 {
-                    Slip::Stribeck { more: dice.either(0.26, 0.7), speed: dice.within(20.0, 55.0) }
+                    Slip::Stribeck {
+                        more: dice.either(0.26, 0.7),
+                        speed: dice.within(20.0, 55.0),
+                        rated: [0.25, 0.0][dice.shape(2)],
+                    }
                 } else {
-                    Slip::Slope { per_rad_s: dice.either(0.0018, 0.0048) }
+                    Slip::Slope {
+                        per_rad_s: dice.either(0.0018, 0.0044),
+                        rated: [70.0, 15.0][dice.shape(2)],
+                    }
                 };
                 format!("{:.5?}", self.slip)
             }
             "clutch_drag" => {
                 let d = dice.magnitude(1.8, 4.5);
-                self.drag = if dice.shape(2) == 0 { Drag::Constant(d) } else { Drag::Viscous(d / 80.0) };
+                self.drag = if dice.shape(2) == 0 {
+                    Drag::Constant(d)
+                } else {
+                    Drag::Viscous(d / 80.0)
+                };
                 format!("{:.4?}", self.drag)
             }
             "judder" => {
-                self.judder = dice.magnitude(0.12, 0.32);
-                self.judder_order = [0.5, 1.0, 2.0][dice.shape(3)];
+                // The faster it pulsates the less the speeds show of it.
+                let (order, more) = [(0.5, 1.0), (1.0, 1.3), (2.0, 1.8)][dice.shape(3)];
+                self.judder = more * dice.magnitude(0.12, 0.30);
+                self.judder_order = order;
                 self.judder_phase = dice.within(0.0, TAU);
                 self.judder_fades_rad_s = [f64::INFINITY, 90.0][dice.shape(2)];
-                format!("{:.3} of the torque, order {}, fades {}", self.judder, self.judder_order, self.judder_fades_rad_s)
+                format!(
+                    "{:.3} of the torque, order {}, fades {}",
+                    self.judder, self.judder_order, self.judder_fades_rad_s
+                )
             }
             "pressure_dependence" => {
                 self.pressure = dice.either(0.13, 0.28);
                 self.pressure_power = dice.shape(2) == 0;
-                format!("{:+.3} {}", self.pressure, if self.pressure_power { "as a power" } else { "saturating" })
+                format!(
+                    "{:+.3} {}",
+                    self.pressure,
+                    if self.pressure_power {
+                        "as a power"
+                    } else {
+                        "saturating"
+                    }
+                )
             }
             "wear_in" => {
                 self.wear_in = dice.either(0.2, 0.42);
@@ -106,7 +159,11 @@ impl Friction {
             "damp_facing" => {
                 self.damp = dice.magnitude(0.16, 0.36);
                 self.damp_by_work = dice.shape(2) == 0;
-                self.damp_scale = if self.damp_by_work { dice.within(800.0, 2000.0) } else { dice.within(0.3, 0.7) };
+                self.damp_scale = if self.damp_by_work {
+                    dice.within(800.0, 2000.0)
+                } else {
+                    dice.within(0.3, 0.7)
+                };
                 format!("-{:.3} at first, scale {:.1}", self.damp, self.damp_scale)
             }
             _ => return None,
@@ -132,7 +189,12 @@ impl Friction {
         let omega = slip.abs();
         let mut f = 1.0;
         if self.level != 0.0 {
-            f += self.level * if self.level_but_at_rest { 1.0 - (-omega / 6.0).exp() } else { 1.0 };
+            f += self.level
+                * if self.level_but_at_rest {
+                    1.0 - (-omega / 6.0).exp()
+                } else {
+                    1.0
+                };
         }
         f *= match self.fade {
             Fade::None => 1.0,
@@ -141,13 +203,14 @@ impl Friction {
         };
         f *= match self.slip {
             Slip::None => 1.0,
-            // The mean over a launch stays about where it was: a facing of that sort would be rated so.
-            Slip::Stribeck { more, speed } => 1.0 + more * ((-omega / speed).exp() - 0.25),
-            Slip::Slope { per_rad_s } => (1.0 - per_rad_s * (omega - 70.0)).clamp(0.5, 1.6),
+            // Some facings are rated at slip, where they are then right, and others near standstill.
+            Slip::Stribeck { more, speed, rated } => 1.0 + more * ((-omega / speed).exp() - rated),
+            Slip::Slope { per_rad_s, rated } => (1.0 - per_rad_s * (omega - rated)).clamp(0.5, 1.6),
         };
         if self.judder != 0.0 {
             let fading = 1.0 / (1.0 + (omega / self.judder_fades_rad_s).powi(2));
-            f *= 1.0 + self.judder * fading * (self.judder_order * slip_angle + self.judder_phase).sin();
+            f *= 1.0
+                + self.judder * fading * (self.judder_order * slip_angle + self.judder_phase).sin();
         }
         f * self.outside(force_n)
     }
@@ -156,13 +219,21 @@ impl Friction {
         let mut f = 1.0;
         if self.pressure != 0.0 {
             let load = (force_n / 600.0).max(0.02);
-            f *= if self.pressure_power { load.powf(-self.pressure) } else { 1.0 - 2.0 * self.pressure * (load / (1.0 + load) - 0.5) };
+            f *= if self.pressure_power {
+                load.powf(-self.pressure)
+            } else {
+                1.0 - 2.0 * self.pressure * (load / (1.0 + load) - 0.5)
+            };
         }
         if self.wear_in != 0.0 {
             f *= 1.0 + self.wear_in * (0.5 - (-self.worked_j / self.wear_in_j).exp());
         }
         if self.damp != 0.0 {
-            let done = if self.damp_by_work { self.worked_j } else { self.slipped_s };
+            let done = if self.damp_by_work {
+                self.worked_j
+            } else {
+                self.slipped_s
+            };
             f *= 1.0 - self.damp * (-done / self.damp_scale).exp();
         }
         f

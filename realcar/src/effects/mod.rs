@@ -1,7 +1,7 @@
 //! What a real car does otherwise than the nominal plant, one subsystem a file.
 //!
 //! Each subsystem is a plain struct of shapes and their states, of which the default is the healthy car, with a `draw`
-//! that sets one shape by the effect's id at random. Magnitudes scale with [`Dice::size`]; at zero the car is healthy.
+//! that sets one shape by the effect's id at random. Magnitudes scale with the size that [`Dice::new`] is given; at zero the car is healthy.
 
 pub mod actuator;
 pub mod driveline;
@@ -65,7 +65,10 @@ pub struct Dice {
 impl Dice {
     /// Chance from a seed; `size` scales every magnitude, 1 is as seen in practice and 0 is no effect.
     pub fn new(seed: u64, size: f64) -> Self {
-        Self { rng: StdRng::seed_from_u64(seed), size }
+        Self {
+            rng: StdRng::seed_from_u64(seed),
+            size,
+        }
     }
 
     /// Which of `n` shapes.
