@@ -92,7 +92,8 @@ pub struct Entry {
 impl Entry {
     /// Largest departure of parameter `k` from its null value among the starts, or its nominal size.
     pub fn scale(&self, k: usize) -> f64 {
-        let departures = self.effect.starts.iter().flat_map(|s| s.iter()).filter(|(p, _)| *p == k).map(|(_, v)| (v - PARAMETERS[k].null).abs());
+        let departures =
+            self.effect.starts.iter().flat_map(|s| s.iter()).filter(|(p, _)| *p == k).map(|(_, v)| (v - PARAMETERS[k].null).abs());
         let largest = departures.fold(0.0, f64::max);
         if largest > 0.0 { largest } else { PARAMETERS[k].nominal }
     }

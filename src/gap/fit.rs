@@ -133,9 +133,9 @@ impl Coordinate {
     /// Step of a finite difference, in the coordinate's unit.
     pub fn step(self) -> f64 {
         match self {
-            Self::Nuisance(_) => 0.5,
-            Self::Theta(..) => 0.5,
-            Self::Effect(k) => 0.03 * effects::owner(k).scale(k),
+            Self::Nuisance(_) => 0.1,
+            Self::Theta(..) => 0.1,
+            Self::Effect(k) => 0.01 * effects::owner(k).scale(k),
         }
     }
     fn slot(self, point: &mut Point) -> &mut f64 {
@@ -171,6 +171,10 @@ impl Coordinate {
             // Wide: an effect may be ten times its nominal size; this keeps shapes that do nothing where they are.
             Self::Effect(k) => 1.0 / (10.0 * effects::owner(k).scale(k)).powi(2),
         }
+    }
+    /// Curvature of one unit step: a tolerance, or the size of a noticeable effect.
+    fn unit(self) -> f64 {
+        if let Self::Effect(_) = self { 100.0 * self.precision() } else { self.precision() }
     }
     fn touches(self, recording: usize) -> bool {
         !matches!(self, Self::Theta(k, _) if k != recording)
@@ -269,7 +273,7 @@ pub struct Fit {
 }
 
 /// Iterations between two differentiations along the nuisances.
-const KEEP_NUISANCE_COLUMNS: usize = 3;
+const KEEP_NUISANCE_COLUMNS: usize = 1;
 
 /// Differentiates anew along all coordinates but the first `kept`.
 fn refresh(problem: &Problem, point: &Point, residuals: &[Residuals], coordinates: &[Coordinate], kept: usize, columns: &mut Columns) {
@@ -288,7 +292,9 @@ pub fn fit(problem: &Problem, effects: &[usize], start: &Point, iterations: usiz
     let mut residuals = problem.all_residuals(&point);
     let mut cost = problem.cost(&point, &residuals);
     let of_effects = coordinates.iter().filter(|c| matches!(c, Coordinate::Effect(_))).count();
-    let mut damping = 1e-3;
+    // Damping is in units of tolerances: an effect and the tolerance that it resembles share a valley, flat but for the
+    // prior, along which damping in proportion to the curvature would hardly move.
+    let mut damping = 0.0_f64;
     let mut curvature = DMatrix::identity(coordinates.len(), coordinates.len());
     let mut columns = Columns::new();
     for iteration in 0..iterations {
@@ -299,11 +305,11 @@ pub fn fit(problem: &Problem, effects: &[usize], start: &Point, iterations: usiz
         let before = cost;
         for _ in 0..5 {
             let mut damped = h.clone();
-            for k in 0..coordinates.len() {
-                damped[(k, k)] *= 1.0 + damping;
+            for (k, c) in coordinates.iter().enumerate() {
+                damped[(k, k)] += damping * c.unit();
             }
             let Some(step) = damped.cholesky().map(|c| c.solve(&g)) else {
-                damping *= 10.0;
+                damping = (damping * 10.0).max(1.0);
                 continue;
             };
             let mut trial = point.clone();
@@ -314,12 +320,13 @@ pub fn fit(problem: &Problem, effects: &[usize], start: &Point, iterations: usiz
             let cost_there = problem.cost(&trial, &there);
             if cost_there < cost {
                 (point, residuals, cost) = (trial, there, cost_there);
-                damping = (damping * 0.2).max(1e-7);
+                damping = if damping < 0.1 { 0.0 } else { damping * 0.1 };
                 break;
             }
-            damping = (damping * 8.0).max(1e-3);
+            damping = (damping * 10.0).max(1.0);
         }
         curvature = h;
+        if std::env::var("LAB").is_ok() { eprintln!("it {iteration} cost {cost:.1} prior {:.1} damping {damping:.1e}", prior(&point)); }
         if before - cost < 0.5 {
             break;
         }

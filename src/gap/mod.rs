@@ -5,4 +5,5 @@ pub mod nuisance;
 pub mod predict;
 pub mod pulsation;
 pub mod screen;
+pub mod select;
 pub mod series;

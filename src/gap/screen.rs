@@ -95,10 +95,11 @@ fn promise(problem: &Problem, anchor: &Anchor, effect: usize, start: Point) -> O
         residuals = linear(anchor, &there, &step);
     }
     let mut point = start;
+    let mut moved = point.clone();
     for (c, s) in anchor.coordinates.iter().zip(step.iter()) {
-        point = c.moved(&point, *s);
+        moved = c.moved(&moved, *s);
     }
-    let promise = residuals.iter().flatten().map(|r| fit::huber(*r)).sum::<f64>() + fit::prior(&point);
+    let promise = residuals.iter().flatten().map(|r| fit::huber(*r)).sum::<f64>() + fit::prior(&moved);
     for &k in REGISTRY[effect].effect.amplitudes {
         let null = PARAMETERS[k].null;
         point.effects[k] = (null + (1.0 + step[n]) * (point.effects[k] - null)).clamp(PARAMETERS[k].min, PARAMETERS[k].max);

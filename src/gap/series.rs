@@ -96,7 +96,7 @@ impl Series {
             dt: factor as f64 / recording.sample_rate_hz,
             block,
             theta_0: [recording.theta_c0, recording.theta_b0],
-            noise: std::array::from_fn(|k| noise(&measured[k]).max(LEAST_NOISE[k])),
+            noise: std::array::from_fn(|k| noise(&measured[k]).hypot(if factor > 1 { AVERAGING_ERROR[k] } else { 0.0 }).max(LEAST_NOISE[k])),
             t_e,
             x_to,
             theta_h,
@@ -122,6 +122,9 @@ const LEAST_NOISE: [f64; 5] = [0.01, 0.01, 0.001, 0.05, 0.05];
 fn reduction(recording: &Recording) -> usize {
     (recording.sample_rate_hz / ANALYSIS_RATE_HZ).round().max(1.0) as usize
 }
+
+/// What averaging over a block adds to the error of each channel, where the inputs move within it.
+const AVERAGING_ERROR: [f64; 5] = [0.05, 0.03, 0.0, 0.0, 0.1];
 
 fn block_means(v: &[f64], factor: usize) -> Vec<f64> {
     v.chunks(factor).map(|c| c.iter().sum::<f64>() / c.len() as f64).collect()

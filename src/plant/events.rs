@@ -51,7 +51,7 @@ pub fn initial(start: &Start, inputs: &Inputs) -> State {
         limited: 0.0,
         lagged: Default::default(),
         bearing: 0.0,
-        memory: 0.0,
+        memory: Default::default(),
         inputs: *inputs,
     }
 }
@@ -226,7 +226,7 @@ fn accept(config: &Config, state: &mut State, y: Motion, chain: &Chain, h: f64) 
     state.time += h;
     chain.store(state);
     if config.constants.hysteresis_width != 0.0 {
-        state.memory = clutch::hysteresis_memory(config, state.memory, state.bearing);
+        state.memory = clutch::advance_branch(config, state.memory, state.bearing);
     }
 }
 
