@@ -5,7 +5,7 @@
 //! not outvote a whole recording. Levenberg–Marquardt; derivatives are finite differences of whole replays.
 
 use super::nuisance::{self, Nuisance};
-use super::predict::{Follow, HORIZON_S, predict};
+use super::predict::{Follow, predict};
 use super::series::Series;
 use crate::effects::{self, PARAMETERS, Parameters, REGISTRY};
 use crate::vehicle::Vehicle;
@@ -27,6 +27,8 @@ pub struct Problem {
     pub vehicle: Vehicle,
     /// Tolerances.
     pub nuisances: Vec<Nuisance>,
+    /// How replays follow their recordings.
+    pub follow: Follow,
 }
 
 /// A point in the space of nuisances, start temperatures and effect parameters.
@@ -58,14 +60,9 @@ impl Problem {
 
     /// Residuals of recording `k`, in standard deviations of each channel's noise.
     pub fn residuals(&self, k: usize, point: &Point) -> Residuals {
-        self.residuals_following(k, point, Follow::Horizon(HORIZON_S))
-    }
-
-    /// As [`Problem::residuals`], with the replay following as told.
-    pub fn residuals_following(&self, k: usize, point: &Point, follow: Follow) -> Residuals {
         let (vehicle, effects) = self.plant_at(point);
         let series = &self.series[k];
-        let predicted = predict(series, &vehicle, &effects, point.theta_shift[k], follow);
+        let predicted = predict(series, &vehicle, &effects, point.theta_shift[k], self.follow);
         let mut all = Vec::with_capacity(5 * series.len());
         for c in 0..5 {
             let errors = series.measured[c].iter().zip(&predicted.value[c]).map(|(y, p)| (y - p) / series.noise[c]);
@@ -326,7 +323,6 @@ pub fn fit(problem: &Problem, effects: &[usize], start: &Point, iterations: usiz
             damping = (damping * 10.0).max(1.0);
         }
         curvature = h;
-        if std::env::var("LAB").is_ok() { eprintln!("it {iteration} cost {cost:.1} prior {:.1} damping {damping:.1e}", prior(&point)); }
         if before - cost < 0.5 {
             break;
         }

@@ -36,8 +36,12 @@ pub struct Search {
 const SINGLES: usize = 7;
 /// Single effects that are tried as the first of a pair.
 const FIRSTS: usize = 2;
+/// Candidates that are fitted whatever they promise.
+const SURE: usize = 3;
+/// A candidate whose cost is so many times the best one's is not worth a fit.
+const HOPELESS: f64 = 4.0;
 /// Second effects that are fitted for each first one.
-const SECONDS: usize = 5;
+const SECONDS: usize = 4;
 /// Iterations that every candidate gets.
 const FIRST_ITERATIONS: usize = 3;
 /// Candidates that are fitted to the end.
@@ -60,19 +64,27 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
     progress("single effects", 0.1);
     let from = if dragged { problem.nominal() } else { base.point.clone() };
     let screened = screen(problem, &Anchor::new(problem, &from, &[]), &[]);
-    let singles = fit_all(problem, &[], &screened[..SINGLES.min(screened.len())], &from.z);
+    let singles = fit_all(problem, &[], worthwhile(&screened, SINGLES), &from.z);
     progress("pairs of effects", 0.5);
     let mut pairs: Vec<Hypothesis> = Vec::new();
     let settled = |h: &Hypothesis| h.fit.cost < SETTLED * samples as f64 && prior(&h.fit.point) < PULLED;
     let firsts = if singles.first().is_none_or(settled) { 0 } else { FIRSTS };
-    for (k, first) in singles.iter().take(firsts).enumerate() {
+    let rivals = |h: &&Hypothesis| h.fit.cost < HOPELESS * singles[0].fit.cost;
+    for (k, first) in singles.iter().take(firsts).filter(rivals).enumerate() {
         let candidates = screen(problem, &Anchor::at(problem, &first.fit, &first.effects), &first.effects);
-        let fresh: Vec<Candidate> = candidates.into_iter().filter(|c| !tried(&pairs, first.effects[0], c.effect)).take(SECONDS).collect();
-        pairs.extend(fit_all(problem, &first.effects, &fresh, &first.fit.point.z));
+        let fresh: Vec<Candidate> = candidates.into_iter().filter(|c| !tried(&pairs, first.effects[0], c.effect)).collect();
+        pairs.extend(fit_all(problem, &first.effects, worthwhile(&fresh, SECONDS), &first.fit.point.z));
         progress("pairs of effects", 0.5 + 0.25 * (k + 1) as f64);
     }
     pairs.sort_by(|a, b| a.fit.cost.total_cmp(&b.fit.cost));
     Search { base: Hypothesis { effects: Vec::new(), fit: base }, singles, pairs, screened, samples }
+}
+
+/// The most promising candidates: at most `most`, and beyond the first three none that promises far less than the best.
+fn worthwhile(candidates: &[Candidate], most: usize) -> &[Candidate] {
+    let hopeless = |c: &Candidate| c.promise > HOPELESS * candidates[0].promise;
+    let count = candidates.iter().enumerate().take_while(|(k, c)| *k < SURE || !hopeless(c)).count();
+    &candidates[..count.min(most)]
 }
 
 fn tried(pairs: &[Hypothesis], a: usize, b: usize) -> bool {
