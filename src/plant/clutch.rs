@@ -43,24 +43,28 @@ pub fn advance_branch(config: &Config, memory: Branch, x: f64) -> Branch {
     Branch { x, z: target + (memory.z - target) * kept }
 }
 
-/// Torque capacity in N·m: at bearing position `x` mm, hysteresis memory `memory`, slip speed `slip` ≥ 0 rad/s.
+/// Force on the faces in N at bearing position `x` mm, hysteresis memory `memory` and disc temperature `theta` °C.
 #[inline]
-pub fn capacity(config: &Config, x: f64, memory: Branch, slip: f64, y: &Motion) -> f64 {
-    let theta = y[index::THETA_C];
+pub fn force(config: &Config, x: f64, memory: Branch, theta: f64) -> f64 {
     let xi = normalised_position(config, x, theta);
     let mut force = cushion::force(&config.vehicle.cushion_spring, config.xi_0, xi);
-    if force == 0.0 {
-        return 0.0;
-    }
-    let c = &config.constants;
-    if c.hysteresis_width != 0.0 {
-        let z = advance_branch(config, memory, x).z;
-        force *= 1.0 + 0.5 * c.hysteresis_width * z;
+    if config.constants.hysteresis_width != 0.0 {
+        force *= 1.0 + 0.5 * config.constants.hysteresis_width * advance_branch(config, memory, x).z;
     }
     for effect in config.force.iter() {
         force *= effect(&config.parameters, theta);
     }
-    let mut torque = c.friction_factor * map::torque_capacity(&config.vehicle.friction, force, slip, theta);
+    force
+}
+
+/// Torque capacity in N·m under a force in N at slip speed `slip` ≥ 0 rad/s, eq. (1).
+#[inline]
+pub fn capacity_under(config: &Config, force: f64, slip: f64, y: &Motion) -> f64 {
+    if force == 0.0 {
+        return 0.0;
+    }
+    let theta = y[index::THETA_C];
+    let mut torque = config.constants.friction_factor * map::torque_capacity(&config.vehicle.friction, force, slip, theta);
     for effect in config.friction.iter() {
         torque *= effect(&config.parameters, slip, theta);
     }
@@ -70,8 +74,16 @@ pub fn capacity(config: &Config, x: f64, memory: Branch, slip: f64, y: &Motion) 
     torque.max(0.0)
 }
 
-/// Torque beside the capacity's at the signed slip speed `slip` rad/s, N·m.
+/// Torque capacity in N·m at bearing position `x` mm and slip speed `slip` ≥ 0 rad/s, eq. (1).
 #[inline]
-pub fn drag(config: &Config, slip: f64) -> f64 {
-    config.drag.iter().map(|effect| effect(&config.parameters, slip)).sum()
+pub fn capacity(config: &Config, x: f64, memory: Branch, slip: f64, y: &Motion) -> f64 {
+    capacity_under(config, force(config, x, memory, y[index::THETA_C]), slip, y)
+}
+
+/// Torque of a slipping clutch in N·m: capacity in the `direction` ±1 of slip, and drag; `slip` is signed, rad/s.
+#[inline]
+pub fn slipping_torque(config: &Config, x: f64, memory: Branch, direction: f64, slip: f64, y: &Motion) -> f64 {
+    let force = force(config, x, memory, y[index::THETA_C]);
+    let drag: f64 = config.drag.iter().map(|effect| effect(&config.parameters, slip, force)).sum();
+    direction * capacity_under(config, force, (direction * slip).max(0.0), y) + drag
 }

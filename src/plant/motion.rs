@@ -77,8 +77,7 @@ fn vehicle_resistance(config: &Config, omega: f64, t_load: f64) -> f64 {
 /// Clutch torque in N·m while slipping in `direction`, eq. (1).
 #[inline]
 pub fn slipping_torque(config: &Config, y: &Motion, direction: f64, memory: Branch, x: f64) -> f64 {
-    let slip = y[OMEGA_F] - y[OMEGA_C];
-    direction * clutch::capacity(config, x, memory, (direction * slip).max(0.0), y) + clutch::drag(config, slip)
+    clutch::slipping_torque(config, x, memory, direction, y[OMEGA_F] - y[OMEGA_C], y)
 }
 
 /// Clutch torque in N·m that keeps a stuck clutch together, eq. (7).
