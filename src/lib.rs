@@ -6,6 +6,7 @@
 pub mod campaign;
 pub mod control;
 pub mod effects;
+pub mod launch;
 pub mod physics;
 pub mod plant;
 pub mod vehicle;
