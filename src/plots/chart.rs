@@ -27,10 +27,11 @@ pub struct Panel {
 /// Colours that stay apart for colour-blind readers and in print.
 pub const COLOURS: [&str; 5] = ["#0072b2", "#d55e00", "#009e73", "#56b4e9", "#e69f00"];
 
-pub(super) const WIDTH: f64 = 760.0;
+pub(super) const WIDTH: f64 = 860.0;
 const HEIGHT: f64 = 300.0;
 const LEFT: f64 = 70.0;
-const RIGHT: f64 = 20.0;
+/// Room for the legend, beside the lines.
+const RIGHT: f64 = 216.0;
 const TOP: f64 = 46.0;
 const BOTTOM: f64 = 48.0;
 
@@ -121,9 +122,7 @@ fn draw_line(svg: &mut String, series: &Series, colour: &str, x: &impl Fn(f64) -
 }
 
 fn draw_legend(svg: &mut String, panel: &Panel, top: f64) {
-    let left = LEFT + 14.0;
-    let high = 19.0 * panel.series.len() as f64 + 8.0;
-    writeln!(svg, "<rect x=\"{}\" y=\"{}\" width=\"206\" height=\"{high}\" fill=\"white\" fill-opacity=\"0.85\"/>", left - 6.0, top + 6.0).unwrap();
+    let left = WIDTH - RIGHT + 12.0;
     for (k, series) in panel.series.iter().enumerate() {
         let (at, colour, dash) = (top + 20.0 + 19.0 * k as f64, COLOURS[k % COLOURS.len()], dashes(series.dashed));
         writeln!(svg, "<path d=\"M{left} {at}h30\" stroke=\"{colour}\" stroke-width=\"2\"{dash}/>").unwrap();
