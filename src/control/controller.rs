@@ -233,11 +233,14 @@ impl Controller {
             state.estimate.omega_f = inputs.omega_f;
             state.engine.integral = self.vehicle.driveline.b_f * inputs.omega_f;
         }
+        let before = state.estimate.t_fc;
         if state.guard.believed {
             state.estimate = self.observer.advance(state.estimate, inputs.omega_f, inputs.t_e, h);
         }
         let slipping = state.outputs.phase == Phase::Slipping;
-        let power = if slipping { performance::dissipated_power(state.estimate.t_fc, slip) } else { 0.0 };
+        // The mean of the torque over the sample without the observer's lag.
+        let mean = 0.5 * (before + state.estimate.t_fc) + self.observer.lag() * (state.estimate.t_fc - before) / h;
+        let power = if slipping { performance::dissipated_power(mean, slip) } else { 0.0 };
         let engaged = state.outputs.phase != Phase::Open;
         state.temperatures = self.estimator.advance(state.temperatures, inputs.theta_h, engaged, power, h);
         state.outputs.e_d += power * h;
