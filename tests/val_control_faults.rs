@@ -34,7 +34,11 @@ fn a_short_drop_out_is_bridged() {
     let bad: [Wire; 3] = [|i| i.omega_f = f64::NAN, |i| i.t_e = f64::INFINITY, |i| i.omega_c += 200.0];
     for (k, spoil) in bad.into_iter().enumerate() {
         let mut run = launch();
-        run.run(2.5, |t, told| if within(t, 0.6, 0.63) { spoil(told) });
+        run.run(2.5, |t, told| {
+            if within(t, 0.6, 0.63) {
+                spoil(told)
+            }
+        });
         assert_sane(&run, "short drop-out");
         assert!(run.rows.iter().any(|r| r.2.fault != Fault::None), "case {k} is reported");
         assert!(run.rows.iter().filter(|r| r.0 > 0.1 && r.0 < 1.0).all(|r| r.2.phase == Phase::Slipping), "case {k} goes on");
@@ -59,7 +63,11 @@ fn a_long_fault_in_slip_opens_and_recovers() {
     ];
     for (what, fault, mut spoil) in cases {
         let mut run = launch();
-        run.run(5.0, |t, told| if within(t, 0.6, 1.2) { spoil(told) });
+        run.run(5.0, |t, told| {
+            if within(t, 0.6, 1.2) {
+                spoil(told)
+            }
+        });
         assert_sane(&run, what);
         let at = run.rows.iter().find(|r| r.0 > 1.15).unwrap();
         assert_eq!(at.2.fault, fault, "{what}");
@@ -85,7 +93,11 @@ fn a_closed_clutch_holds_through_a_fault() {
 #[test]
 fn a_new_level_that_stays_is_believed() {
     let mut run = launch();
-    run.run(0.5, |t, told| if t > 0.2 { told.omega_f += 40.0 });
+    run.run(0.5, |t, told| {
+        if t > 0.2 {
+            told.omega_f += 40.0
+        }
+    });
     assert_eq!(run.last().2.fault, Fault::None);
     assert!(run.rows.iter().any(|r| r.2.fault == Fault::Jump));
 }
@@ -95,7 +107,11 @@ fn bad_air_temperature_changes_nothing() {
     let mut clean = launch();
     let mut spoiled = launch();
     clean.run(1.0, |_, _| ());
-    spoiled.run(1.0, |t, told| if t > 0.3 { told.theta_h = f64::NAN });
+    spoiled.run(1.0, |t, told| {
+        if t > 0.3 {
+            told.theta_h = f64::NAN
+        }
+    });
     assert_eq!(clean.last(), spoiled.last());
 }
 

@@ -94,9 +94,10 @@ static double radius(double w, double theta) {
   static const double weight[4] = {0.34785484513745385, 0.6521451548625461, 0.6521451548625461, 0.34785484513745385};
   double mean = 0.5 * (R_1 + R_2), half = 0.5 * (R_2 - R_1), mu_d = m_0 + theta * (m_1 + theta * m_2), sum = 0.0;
   if (w == 0.0) return coefficient(0.0, mu_d) * mean;
+  double scale = w / mean;
   for (int i = 0; i < 4; i++) {
     double rho = mean + half * node[i];
-    sum += weight[i] * coefficient(w * rho / mean, mu_d) * rho;
+    sum += weight[i] * coefficient(scale * rho, mu_d) * rho;
   }
   return 0.5 * sum;
 }

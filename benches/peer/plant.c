@@ -37,10 +37,10 @@ static double radius(const Vehicle *v, double w, double theta) {
   static const double weight[4] = {0.34785484513745385, 0.6521451548625461, 0.6521451548625461, 0.34785484513745385};
   double mean = 0.5 * (v->R_1 + v->R_2), half = 0.5 * (v->R_2 - v->R_1), mu_d = v->m_0 + theta * (v->m_1 + theta * v->m_2);
   if (w == 0.0) return coefficient(v, 0.0, mu_d) * mean;
-  double sum = 0.0;
+  double sum = 0.0, scale = w / mean;
   for (int i = 0; i < 4; i++) {
     double rho = mean + half * node[i];
-    sum += weight[i] * coefficient(v, w * rho / mean, mu_d) * rho;
+    sum += weight[i] * coefficient(v, scale * rho, mu_d) * rho;
   }
   return 0.5 * sum;
 }

@@ -280,7 +280,8 @@ impl Controller {
         let reach = Limits { low: -s.x_fb_max, high: s.x_fb_max };
         let x_fb = state.feedback.step(gains, direction * (t_c - state.estimate.t_fc), 0.0, reach, h);
         let v = &self.vehicle;
-        let x = map::inverse(&v.friction, &v.actuator, &v.cushion_spring, t_c.abs(), slip.abs(), state.temperatures.theta_c);
+        let theta_c = state.temperatures.theta_c;
+        let x = map::inverse_above(&v.friction, &v.actuator, &v.cushion_spring, self.xi_0, t_c.abs(), slip.abs(), theta_c);
         state.outputs.t_c_ref = t_c;
         state.outputs.t_e_ref = t_e;
         state.outputs.x_to_fb = x_fb;

@@ -74,10 +74,10 @@ pub fn equivalent_radius(p: &Friction, omega: f64, theta: f64) -> f64 {
         // The integrand is linear in ρ: its mean is its value in the middle.
         return coefficient_at(p, 0.0, mu_d) * mean;
     }
-    let mut sum = 0.0;
+    let (mut sum, scale) = (0.0, omega / mean);
     for (node, weight) in GAUSS {
         let rho = mean + half * node;
-        sum += weight * coefficient_at(p, omega * rho / mean, mu_d) * rho;
+        sum += weight * coefficient_at(p, scale * rho, mu_d) * rho;
     }
     0.5 * sum
 }
