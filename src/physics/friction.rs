@@ -65,7 +65,7 @@ const GAUSS: [(f64, f64); 4] = [
 ];
 
 /// Equivalent radius R_μ of eq. (3), in m; `omega` ≥ 0 in rad/s, `theta` in °C.
-#[inline]
+#[inline(always)]
 pub fn equivalent_radius(p: &Friction, omega: f64, theta: f64) -> f64 {
     let mean = 0.5 * (p.R_1 + p.R_2);
     let half = 0.5 * (p.R_2 - p.R_1);
