@@ -28,6 +28,7 @@ fn assert_sane(run: &Coupled, what: &str) {
 }
 
 type Wire = fn(&mut Inputs);
+type Spoiler = Box<dyn FnMut(&mut Inputs)>;
 
 #[test]
 fn a_short_drop_out_is_bridged() {
@@ -49,7 +50,7 @@ fn a_short_drop_out_is_bridged() {
 #[test]
 fn a_long_fault_in_slip_opens_and_recovers() {
     let mut frozen: Option<Inputs> = None;
-    let cases: [(&str, Fault, Box<dyn FnMut(&mut Inputs)>); 4] = [
+    let cases: [(&str, Fault, Spoiler); 4] = [
         ("NaN", Fault::Invalid, Box::new(|i| i.omega_c = f64::NAN)),
         ("absurd torque", Fault::Invalid, Box::new(|i| i.t_e = -1e300)),
         ("toggling jump", Fault::Jump, {
