@@ -9,6 +9,8 @@ pub mod cli;
 pub mod control;
 pub mod effects;
 #[cfg(feature = "cli")]
+pub mod gap;
+#[cfg(feature = "cli")]
 pub mod launch;
 pub mod physics;
 pub mod plant;

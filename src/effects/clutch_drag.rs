@@ -14,6 +14,7 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Friction,
     amplitudes: &[param::clutch_drag::torque, param::clutch_drag::viscosity],
     act: Act::Drag(apply),
+    starts: &[&[(param::clutch_drag::torque, 2.0)], &[(param::clutch_drag::viscosity, 0.02)]],
     shown_by: "an open-clutch rev, where no torque should pass",
 };
 

@@ -15,6 +15,12 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Friction,
     amplitudes: &[param::friction_slip_gradient::amplitude],
     act: Act::Friction(apply),
+    starts: &[
+        &[(param::friction_slip_gradient::amplitude, 0.15)],
+        &[(param::friction_slip_gradient::amplitude, -0.15)],
+        &[(param::friction_slip_gradient::amplitude, 0.15), (param::friction_slip_gradient::speed, 15.0)],
+        &[(param::friction_slip_gradient::amplitude, -0.15), (param::friction_slip_gradient::speed, 15.0)],
+    ],
     shown_by: "slip from high speed down to lock-up at constant position",
 };
 

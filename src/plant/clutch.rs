@@ -22,16 +22,30 @@ pub fn engaged(config: &Config, x: f64, theta: f64) -> bool {
     normalised_position(config, x, theta) > config.xi_0
 }
 
-/// Memory of the force hysteresis after the bearing came to `x` mm.
-#[inline]
-pub fn hysteresis_memory(config: &Config, memory: f64, x: f64) -> f64 {
-    let reach = 0.5 * config.constants.hysteresis_stroke;
-    memory.clamp(x - reach, x + reach)
+/// Memory of the force hysteresis: where the bearing was, and on which branch.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Branch {
+    /// Bearing position, mm.
+    pub x: f64,
+    /// −1 on the opening branch, +1 on the closing one.
+    pub z: f64,
 }
 
-/// Torque capacity in N·m: at bearing position `x` mm, hysteresis memory `memory` mm, slip speed `slip` ≥ 0 rad/s.
+/// Memory after the bearing came to `x` mm: each branch is approached exponentially over half the stroke, as in Dahl's model.
 #[inline]
-pub fn capacity(config: &Config, x: f64, memory: f64, slip: f64, y: &Motion) -> f64 {
+pub fn advance_branch(config: &Config, memory: Branch, x: f64) -> Branch {
+    let travel = x - memory.x;
+    if travel == 0.0 {
+        return memory;
+    }
+    let target = travel.signum();
+    let kept = (-2.0 * travel.abs() / config.constants.hysteresis_stroke).exp();
+    Branch { x, z: target + (memory.z - target) * kept }
+}
+
+/// Torque capacity in N·m: at bearing position `x` mm, hysteresis memory `memory`, slip speed `slip` ≥ 0 rad/s.
+#[inline]
+pub fn capacity(config: &Config, x: f64, memory: Branch, slip: f64, y: &Motion) -> f64 {
     let theta = y[index::THETA_C];
     let xi = normalised_position(config, x, theta);
     let mut force = cushion::force(&config.vehicle.cushion_spring, config.xi_0, xi);
@@ -40,7 +54,7 @@ pub fn capacity(config: &Config, x: f64, memory: f64, slip: f64, y: &Motion) -> 
     }
     let c = &config.constants;
     if c.hysteresis_width != 0.0 {
-        let z = (x - hysteresis_memory(config, memory, x)) / (0.5 * c.hysteresis_stroke);
+        let z = advance_branch(config, memory, x).z;
         force *= 1.0 + 0.5 * c.hysteresis_width * z;
     }
     for effect in config.force.iter() {

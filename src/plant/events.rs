@@ -51,37 +51,15 @@ pub fn initial(start: &Start, inputs: &Inputs) -> State {
         limited: 0.0,
         lagged: Default::default(),
         bearing: 0.0,
-        memory: 0.0,
+        memory: Default::default(),
         inputs: *inputs,
     }
 }
 
-/// Finds phase and direction of slip at the start; shafts begin twisted as the load has them.
+/// Finds phase and direction of slip at the start; shafts begin without twist.
 pub fn settle_phase(config: &Config, state: &mut State) {
-    if config.compliant() {
-        let load = motion_load(config, state);
-        state.y[index::TWIST] = load * config.constants.compliance;
-    }
     let slip = state.y[index::OMEGA_F] - state.y[index::OMEGA_C];
     if slip == 0.0 { decide_at_zero_slip(config, state) } else { state.direction = slip.signum() }
-}
-
-/// Torque through the shafts when disc and vehicle accelerate as the clutch now makes them, N·m.
-fn motion_load(config: &Config, state: &State) -> f64 {
-    let mut rigid = config.clone();
-    rigid.constants.compliance = 0.0;
-    let resist = motion::resistance(&rigid, &state.y, state.inputs.t_load);
-    let j = rigid.constants.driveline.J_c;
-    let slip = state.y[index::OMEGA_F] - state.y[index::OMEGA_C];
-    let t_fc = if slip == 0.0 {
-        let hold = motion::sticking_torque(&rigid, &state.y, state.engine.value, state.inputs.t_load);
-        let most = clutch::capacity(&rigid, state.bearing, state.memory, 0.0, &state.y);
-        hold.clamp(-most, most)
-    } else {
-        motion::slipping_torque(&rigid, &state.y, slip.signum(), state.memory, state.bearing)
-    };
-    // The vehicle's share of the net torque, plus what resists it.
-    (t_fc - resist) / j * (j - config.disc_inertia()) + resist
 }
 
 /// With both sides at one speed: stick if the clutch can hold, else slip the way that the torque pushes.
@@ -254,7 +232,7 @@ fn accept(config: &Config, state: &mut State, y: Motion, chain: &Chain, h: f64) 
     state.time += h;
     chain.store(state);
     if config.constants.hysteresis_width != 0.0 {
-        state.memory = clutch::hysteresis_memory(config, state.memory, state.bearing);
+        state.memory = clutch::advance_branch(config, state.memory, state.bearing);
     }
 }
 

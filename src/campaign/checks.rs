@@ -1,0 +1,181 @@
+//! Values that can't be in the unit that they claim, and channels that say nothing.
+//!
+//! Bounds are far from what a dry clutch of a road vehicle does, so that only a wrong unit or a wrong channel crosses them.
+//!
+//! | channel | refused | taken for |
+//! |---|---|---|
+//! | speeds | above 1500 rad/s, or half of the time above 600 rad/s (5700 rpm) | rpm |
+//! | flywheel speed | never above 40 rad/s (380 rpm), below any idle | revolutions per second |
+//! | flywheel speed | half of the time negative | a sign |
+//! | engine torque | above 3000 N·m | N·mm |
+//! | engine torque | changing, never above 0.5 N·m | kN·m |
+//! | positions | never above 0.05 mm | m |
+//! | positions | above 100 mm | µm, counts |
+//! | temperatures | above 200 °C in the housing; 253 to 293 K off the disc's temperature at the start | K |
+//! | temperatures | below -60 °C | a wrong channel |
+
+use super::Recording;
+use super::channels::Channel;
+use super::clock::valid;
+use super::error::{Defect, RecordingError};
+use super::manifest::Entry;
+use super::pick::Signal;
+use super::table::Measurement;
+
+/// Refuses a channel whose unit can't be right.
+pub(crate) fn plausible(m: &Measurement, signal: &Signal, entry: &Entry) -> Result<(), RecordingError> {
+    let Some(range) = Range::of(signal) else { return Ok(()) };
+    let found = match signal.channel {
+        Channel::OmegaF | Channel::OmegaC => speed(signal, &range),
+        Channel::TE | Channel::TFc => torque(signal.channel, &range),
+        Channel::XToCmd | Channel::XTo => position(&range),
+        Channel::ThetaH => housing(&range),
+        Channel::ThetaC => disc(&range, entry.theta_c0),
+        Channel::Time => None,
+    };
+    match found {
+        None => Ok(()),
+        Some((sample, what, taken_for)) => {
+            let remedy = match taken_for {
+                Some(unit) => format!(
+                    "It looks like {unit}: say so in a channel map, e.g. {} = {{ name = \"…\", unit = \"{unit}\" }}",
+                    signal.channel.spec().column
+                ),
+                None => "Check that it is the right channel, and its scale, offset and sign in the channel map".to_string(),
+            };
+            Err(m.defect_at(Defect::UnitCannotBeRight { what, remedy }, &signal.label, Some(sample)))
+        }
+    }
+}
+
+/// Sample, what is wrong, and the unit that the values look like.
+type Suspicion = Option<(usize, String, Option<&'static str>)>;
+
+struct Range {
+    first: (usize, f64),
+    min: (usize, f64),
+    max: (usize, f64),
+}
+
+impl Range {
+    fn of(signal: &Signal) -> Option<Range> {
+        let mut points = valid(&signal.time, &signal.values).map(|(i, _, v)| (i, v));
+        let first = points.next()?;
+        let mut range = Range { first, min: first, max: first };
+        for point in points {
+            if point.1 < range.min.1 {
+                range.min = point;
+            }
+            if point.1 > range.max.1 {
+                range.max = point;
+            }
+        }
+        Some(range)
+    }
+
+    /// The sample of greatest magnitude.
+    fn peak(&self) -> (usize, f64) {
+        if -self.min.1 > self.max.1 { self.min } else { self.max }
+    }
+}
+
+fn speed(signal: &Signal, range: &Range) -> Suspicion {
+    let (at, peak) = range.peak();
+    if peak.abs() > 1500.0 {
+        return Some((at, format!("{peak} rad/s would be {:.0} rpm", rpm(peak)), Some("rpm")));
+    }
+    let above = |limit: f64| valid(&signal.time, &signal.values).filter(|(_, _, v)| *v > limit).count();
+    let half = valid(&signal.time, &signal.values).count().div_ceil(2);
+    if peak > 600.0 && above(600.0) > half {
+        return Some((at, format!("most samples lie above 600 rad/s ({:.0} rpm)", rpm(600.0)), Some("rpm")));
+    }
+    if signal.channel == Channel::OmegaF {
+        if above(-1.0) < half {
+            return Some((range.min.0, format!("the engine would turn backwards at {} rad/s", range.min.1), None));
+        }
+        if peak < 40.0 {
+            return Some((at, format!("the engine would never turn faster than {:.0} rpm", rpm(peak)), Some("Hz")));
+        }
+    }
+    None
+}
+
+fn rpm(rad_s: f64) -> f64 {
+    rad_s * 30.0 / std::f64::consts::PI
+}
+
+fn torque(channel: Channel, range: &Range) -> Suspicion {
+    let (at, peak) = range.peak();
+    if peak.abs() > 3000.0 {
+        return Some((at, format!("{peak} N·m is more than a dry clutch carries"), Some("N·mm")));
+    }
+    // The clutch may be open throughout, with no torque at all; the engine has to turn itself.
+    let idle = channel == Channel::TE && peak.abs() < 0.5 && range.max.1 > range.min.1;
+    idle.then(|| (at, format!("the engine torque never exceeds {peak} N·m"), Some("kN·m")))
+}
+
+fn position(range: &Range) -> Suspicion {
+    let (at, peak) = range.peak();
+    if peak.abs() < 0.05 && range.max.1 > 0.0 {
+        return Some((at, format!("the bearing would never be beyond {peak} mm"), Some("m")));
+    }
+    (peak.abs() > 100.0).then(|| (at, format!("{peak} mm is no travel of a throwout bearing"), Some("um")))
+}
+
+fn housing(range: &Range) -> Suspicion {
+    if range.max.1 > 200.0 {
+        return Some((range.max.0, format!("{} °C is no air temperature", range.max.1), Some("K")));
+    }
+    too_cold(range)
+}
+
+fn disc(range: &Range, theta_c0: f64) -> Suspicion {
+    let (at, start) = range.first;
+    if (start - theta_c0 - 273.15).abs() < 20.0 {
+        return Some((at, format!("it starts at {start} °C where recordings.json says theta_c0_degC = {theta_c0}"), Some("K")));
+    }
+    too_cold(range)
+}
+
+fn too_cold(range: &Range) -> Suspicion {
+    (range.min.1 < -60.0).then(|| (range.min.0, format!("{} °C is colder than any road", range.min.1), None))
+}
+
+/// Refuses a recording that shows nothing; drops a bench channel that says nothing.
+pub(crate) fn says_something(
+    file: &str,
+    label: impl Fn(Channel) -> String,
+    recording: &mut Recording,
+    notes: &mut Vec<String>,
+) -> Result<(), RecordingError> {
+    let at = |defect: Defect, channel| Err(defect.at(file, label(channel), None));
+    if let Some(value) = constant(&recording.omega_f) {
+        return at(Defect::Frozen { value }, Channel::OmegaF);
+    }
+    // With the clutch open and the car at rest a noise-free sensor reads nothing but 0.
+    if let Some(value) = constant(&recording.omega_c).filter(|v| *v != 0.0 || recording.manoeuvre != "open_rev") {
+        return at(Defect::Frozen { value }, Channel::OmegaC);
+    }
+    let command = constant(&recording.x_to_cmd);
+    if command.is_some() && constant(&recording.t_e).is_some() {
+        return Err(Defect::ConstantInput.in_file(file));
+    }
+    if let Some(value) = command.filter(|_| matches!(recording.manoeuvre.as_str(), "launch" | "creep" | "modulate")) {
+        let defect = Defect::ConstantCommand { value, manoeuvre: recording.manoeuvre.clone() };
+        return at(defect, Channel::XToCmd);
+    }
+    let moving = command.is_none();
+    for (channel, series) in [(Channel::XTo, &mut recording.x_to), (Channel::TFc, &mut recording.t_fc)] {
+        if let Some(value) = series.as_deref().and_then(constant).filter(|_| moving) {
+            notes.push(format!("{}: the value is {value} in every sample; the channel is not used", label(channel)));
+            *series = None;
+        }
+    }
+    Ok(())
+}
+
+/// The value of a series that never changes.
+fn constant(values: &[f64]) -> Option<f64> {
+    let first = *values.first()?;
+    values.iter().all(|v| *v == first).then_some(first)
+}

@@ -1,0 +1,263 @@
+//! What can be wrong with a campaign: where it is, what it is, what to do about it.
+//!
+//! A [`CampaignError`] stops the reading: the folder, `vehicle.json`, `recordings.json` or the channel map is at fault, or
+//! nothing usable is left. A [`RecordingError`] concerns one recording, which is left out with it as the reason.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use super::LeftOut;
+
+/// Why a campaign can't be read at all.
+#[derive(Debug, Error)]
+pub enum CampaignError {
+    /// The path is no folder.
+    #[error("{}: no such folder. Give the folder that holds vehicle.json, recordings.json and the recordings", .0.display())]
+    NoFolder(PathBuf),
+    /// One of the two JSON files is not there.
+    #[error("{}: file not found. {remedy}", .file.display())]
+    NoFile {
+        /// The missing file.
+        file: PathBuf,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// The operating system refused to read or write.
+    #[error("{}: {source}. Check the path and its permissions", .file.display())]
+    Io {
+        /// The file concerned.
+        file: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A file is not JSON or not TOML.
+    #[error("{}, line {line}, column {column}: {what}. Correct the {format} there", .file.display())]
+    Syntax {
+        /// The file concerned.
+        file: PathBuf,
+        /// Its format, as a word.
+        format: &'static str,
+        /// Line, from 1.
+        line: usize,
+        /// Column, from 1.
+        column: usize,
+        /// What the parser said.
+        what: String,
+    },
+    /// A file is JSON of another shape than expected.
+    #[error("{}: {what}. {remedy}", .file.display())]
+    Shape {
+        /// The file concerned.
+        file: PathBuf,
+        /// What is wrong.
+        what: String,
+        /// What to do.
+        remedy: String,
+    },
+    /// A recording's entry lacks a key.
+    #[error("{}: recording `{recording}` has no key `{key}`. Add `\"{key}\": {example}`", .file.display())]
+    MissingKey {
+        /// recordings.json.
+        file: PathBuf,
+        /// The recording's name.
+        recording: String,
+        /// The key that is missing.
+        key: &'static str,
+        /// A value as it could stand there.
+        example: &'static str,
+    },
+    /// A recording's entry holds a value that can't be.
+    #[error("{}: recording `{recording}`, key `{key}`: {value} {why}", .file.display())]
+    WrongValue {
+        /// recordings.json.
+        file: PathBuf,
+        /// The recording's name.
+        recording: String,
+        /// The key concerned.
+        key: &'static str,
+        /// What stands there.
+        value: String,
+        /// Why it can't be, and what to do.
+        why: &'static str,
+    },
+    /// recordings.json lists nothing.
+    #[error("{}: lists no recording. Add one entry per recording, e.g. \"r01\": {{\"manoeuvre\": \"launch\", \"sample_rate_Hz\": 100, \"theta_c0_degC\": 25, \"theta_b0_degC\": 25}}", .0.display())]
+    EmptyCampaign(PathBuf),
+    /// The channel map is at fault.
+    #[error("{file}: {what}. {remedy}")]
+    ChannelMap {
+        /// File of the map, or a word for where it came from.
+        file: String,
+        /// What is wrong.
+        what: String,
+        /// What to do.
+        remedy: String,
+    },
+    /// A file can't be used, where one file was asked for or nothing may be left out.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    /// Every recording was left out.
+    #[error("{}: no recording is usable. {}", .dir.display(), list(.left_out))]
+    NothingUsable {
+        /// The campaign's folder.
+        dir: PathBuf,
+        /// All of them, with reasons.
+        left_out: Vec<LeftOut>,
+    },
+}
+
+fn list(left_out: &[LeftOut]) -> String {
+    let shown: Vec<String> = left_out.iter().take(5).map(|l| l.reason.clone()).collect();
+    let more = left_out.len().saturating_sub(shown.len());
+    let tail = if more > 0 { format!("; and {more} more") } else { String::new() };
+    format!("{}{tail}", shown.join("; "))
+}
+
+/// Where in a file something is.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    /// File name, or the recording's name if there is no file.
+    pub file: String,
+    /// Channel as the file calls it, with our name where it differs.
+    pub channel: Option<String>,
+    /// Row, from 1, with the word that says what is counted: the line of a text file, the record of an MDF channel group.
+    pub row: Option<(&'static str, u64)>,
+}
+
+impl std::fmt::Display for Place {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.file)?;
+        if let Some(channel) = &self.channel {
+            write!(f, ", channel {channel}")?;
+        }
+        if let Some((word, row)) = self.row {
+            write!(f, ", {word} {row}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Why one recording can't be used.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[error("{place}: {defect}")]
+pub struct RecordingError {
+    /// Where.
+    pub place: Box<Place>,
+    /// What, and what to do.
+    pub defect: Box<Defect>,
+}
+
+/// A defect of one recording; the message says what is wrong and what to do.
+#[derive(Clone, Debug, Error, PartialEq)]
+#[allow(missing_docs, reason = "each variant's message says what it and its fields mean")]
+pub enum Defect {
+    #[error("recordings.json lists it, but there is no such file with the ending .csv, .mf4 or .parquet. Add the file or remove the entry")]
+    NoFile,
+    #[error("there are several files of that name: {0}. Keep one of them")]
+    SeveralFiles(String),
+    #[error(
+        "recordings.json does not list it. Add an entry with manoeuvre, sample_rate_Hz, theta_c0_degC and theta_b0_degC, or move the file away"
+    )]
+    NotListed,
+    #[error("holds the same bytes as {0}; counting one measurement twice would make the intervals too narrow. Remove one of the two")]
+    SameAs(String),
+    #[error("can't be read: {0}. Check the path and its permissions")]
+    Unreadable(String),
+    #[error("the file is empty. Export the recording again")]
+    Empty,
+    #[error("there is a header but no row of data. Export the recording again")]
+    NoRows,
+    #[error("the file is {found}, not {expected}. Give it the ending that fits, or export it again")]
+    WrongFormat { found: &'static str, expected: &'static str },
+    #[error(
+        "the MDF file was not finalised: the recorder stopped before it wrote the record counts, so times and values can't be trusted. Finalise it with the recorder's own tool, or open and save it with asammdf, then try again"
+    )]
+    Unfinalised,
+    #[error(
+        "the MDF file is unsorted: records of several channel groups are mixed in one data group. Sort it with the recorder's own tool, or open and save it with asammdf, then try again"
+    )]
+    Unsorted,
+    #[error("MDF version {0} is older than 4.10. Convert it, e.g. with asammdf: MDF(file).convert(\"4.10\").save(file)")]
+    OldMdf(String),
+    #[error("{0}, which is not read. Save the file as MDF 4.10 with plain or deflated data blocks")]
+    Unsupported(String),
+    #[error("the file is damaged or cut short: {0}. Copy it again from the recorder, or export it again")]
+    Damaged(String),
+    #[error(
+        "no channel for {column} ({unit}): `{wanted}` is not in the file, which has {there}. Export it too, or say in a channel map which channel it is"
+    )]
+    MissingChannel { column: &'static str, unit: &'static str, wanted: String, there: String },
+    #[error("the name occurs {count} times ({places}). Rename one, or give `group` in the channel map")]
+    DuplicateChannel { count: usize, places: String },
+    #[error("is already taken for {0}. Name another channel in the channel map")]
+    TakenTwice(&'static str),
+    #[error("the channel's group has no time channel. Save the file with a time master for each group")]
+    NoMaster,
+    #[error("\"{0}\" is not a number. Correct the cell, or leave it empty if the sample is missing")]
+    NotANumber(String),
+    #[error("the row has {found} cells where the header has {expected}. Correct the row or export the recording again")]
+    RaggedRow { found: usize, expected: usize },
+    #[error(
+        "the unit \"{unit}\" is not known for {quantity}. Use one of {known}, or give `unit`, or `scale` and `offset`, in a channel map"
+    )]
+    UnknownUnit { unit: String, quantity: &'static str, known: &'static str },
+    #[error(
+        "the unit \"{unit}\" can't be right: the channel is {quantity}. Use one of {known}, or check that the channel map names the right channel"
+    )]
+    WrongQuantity { unit: String, quantity: &'static str, known: &'static str },
+    #[error(
+        "{first} says the unit is {first_unit}, {second} says {second_unit}. Correct the one that is wrong; a channel map can state the unit together with `scale = 1` to overrule the file"
+    )]
+    UnitContradiction { first: &'static str, first_unit: String, second: &'static str, second_unit: String },
+    #[error("the unit can't be right: {what}. {remedy}")]
+    UnitCannotBeRight { what: String, remedy: String },
+    #[error("the clock runs back from {from} s to {to} s. Remove or re-sort the rows, or split the file there")]
+    ClockBack { from: f64, to: f64 },
+    #[error("the time {0} s occurs twice. Remove the repeated row")]
+    ClockRepeats(f64),
+    #[error("the time is missing or not a finite number. Correct it or remove the row")]
+    ClockInvalid,
+    #[error("the clock ticks at {rate_hz:.4} Hz where recordings.json says {stated_hz} Hz. Check the unit of the time channel{hint}")]
+    ClockUnit { rate_hz: f64, stated_hz: f64, hint: &'static str },
+    #[error("the samples come at {0:.3} Hz; below 20 Hz an engagement can't be followed. Record at 100 Hz or faster")]
+    TooSlow(f64),
+    #[error("{seconds:.3} s are too short; a recording needs 0.5 s or more. Record longer, or remove the entry")]
+    TooShort { seconds: f64 },
+    #[error(
+        "no usable sample before a gap of {seconds:.3} s; {kept:.3} s remain in front of it and 0.5 s are needed. Record again, or export the channel without the gap"
+    )]
+    Gap { seconds: f64, kept: f64 },
+    #[error(
+        "starts {seconds:.3} s after the other channels. Engine and actuator are known to be at rest only where a recording starts, so that part can't be dropped: export all channels from the same moment"
+    )]
+    LateStart { seconds: f64 },
+    #[error("not one valid sample. Check the sensor and the export")]
+    NothingValid,
+    #[error(
+        "{percent:.1} % of the samples are missing in many short gaps; 5 % may be. Export at the rate that the channel was recorded at"
+    )]
+    TooManyGaps { percent: f64 },
+    #[error("the value is {value} in every sample: the sensor was frozen or not connected. Check the sensor, or remove the recording")]
+    Frozen { value: f64 },
+    #[error(
+        "constant input: engine torque and commanded position never change, so the recording shows nothing. Remove it, or export the right channels"
+    )]
+    ConstantInput,
+    #[error(
+        "constant input: the commanded position is {value} mm throughout, which is no {manoeuvre}. Export the channel that the TCU commands, or correct the manoeuvre"
+    )]
+    ConstantCommand { value: f64, manoeuvre: String },
+}
+
+impl Defect {
+    /// The defect, placed in a file.
+    pub fn in_file(self, file: &str) -> RecordingError {
+        RecordingError { place: Box::new(Place { file: file.to_string(), channel: None, row: None }), defect: Box::new(self) }
+    }
+
+    /// The defect, placed at a channel of a file.
+    pub fn at(self, file: &str, channel: impl Into<String>, row: Option<(&'static str, u64)>) -> RecordingError {
+        RecordingError { place: Box::new(Place { file: file.to_string(), channel: Some(channel.into()), row }), defect: Box::new(self) }
+    }
+}

@@ -1,0 +1,177 @@
+//! The folder of a campaign: which file is which recording, what is left out, the fingerprint.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
+
+use super::assemble::assemble;
+use super::error::{CampaignError, Defect, RecordingError};
+use super::manifest::{self, Entry};
+use super::pick;
+use super::table::{self, Format};
+use super::{Campaign, ChannelMap, LeftOut, Note, ReadOptions, Recording};
+
+/// Reads a campaign's folder.
+pub fn read(dir: &Path, options: &ReadOptions) -> Result<Campaign, CampaignError> {
+    if !dir.is_dir() {
+        return Err(CampaignError::NoFolder(dir.to_path_buf()));
+    }
+    let (vehicle_path, manifest_path) = (dir.join("vehicle.json"), dir.join("recordings.json"));
+    let vehicle_text = text(&vehicle_path, "Add it: it holds the nominal vehicle that the recordings are compared with")?;
+    let manifest_text =
+        text(&manifest_path, "Add it: it names manoeuvre, sample_rate_Hz, theta_c0_degC and theta_b0_degC of each recording")?;
+    let vehicle_json = manifest::json(&vehicle_path, &vehicle_text)?;
+    if !vehicle_json.is_object() {
+        let remedy = "Write one object with the groups friction, actuator, cushion_spring, thermal and driveline".to_string();
+        return Err(CampaignError::Shape { file: vehicle_path, what: "is not an object".to_string(), remedy });
+    }
+    let entries = manifest::entries(&manifest_path, &manifest_text)?;
+    let files = files(dir)?;
+    let mut reading = Reading::new(options);
+    reading.hash("vehicle.json", vehicle_text.as_bytes());
+    reading.hash("recordings.json", manifest_text.as_bytes());
+    for entry in &entries {
+        let stem = files.get(&entry.name).map_or(&[][..], Vec::as_slice);
+        reading.recording(entry, stem)?;
+    }
+    for path in files.iter().filter(|(stem, _)| entries.iter().all(|e| &e.name != *stem)).flat_map(|(_, paths)| paths) {
+        let name = file_name(path);
+        reading.left_out.push(LeftOut { reason: Defect::NotListed.in_file(&name).to_string(), recording: name });
+    }
+    if reading.recordings.is_empty() {
+        return Err(CampaignError::NothingUsable { dir: dir.to_path_buf(), left_out: reading.left_out });
+    }
+    Ok(Campaign {
+        dir: dir.to_path_buf(),
+        vehicle_path,
+        vehicle_json,
+        fingerprint: reading.fingerprint(),
+        recordings: reading.recordings,
+        left_out: reading.left_out,
+        notes: reading.notes,
+    })
+}
+
+/// Reads one recording from a file of any of the formats; `like` gives name, manoeuvre, stated rate and temperatures.
+pub fn read_one(path: &Path, like: &Recording, map: &ChannelMap) -> Result<(Recording, Vec<Note>), CampaignError> {
+    let entry = Entry {
+        name: like.name.clone(),
+        manoeuvre: like.manoeuvre.clone(),
+        sample_rate_hz: like.sample_rate_hz,
+        theta_c0: like.theta_c0,
+        theta_b0: like.theta_b0,
+    };
+    let bytes = std::fs::read(path).map_err(|source| CampaignError::Io { file: path.to_path_buf(), source })?;
+    let (recording, notes) = from_bytes(path, bytes, &entry, map)?;
+    let notes = notes.into_iter().map(|text| Note { recording: entry.name.clone(), text }).collect();
+    Ok((recording, notes))
+}
+
+fn from_bytes(path: &Path, bytes: Vec<u8>, entry: &Entry, map: &ChannelMap) -> Result<(Recording, Vec<String>), RecordingError> {
+    let format = path.extension().and_then(|e| Format::from_ending(&e.to_string_lossy()));
+    let format = format.unwrap_or_else(|| Format::from_bytes(&bytes));
+    let measurement = table::read(&file_name(path), bytes, format, &|name| pick::wanted(map, name))?;
+    assemble(measurement, map, entry)
+}
+
+/// What has been read so far.
+struct Reading<'a> {
+    strict: bool,
+    map: std::borrow::Cow<'a, ChannelMap>,
+    recordings: Vec<Recording>,
+    left_out: Vec<LeftOut>,
+    notes: Vec<Note>,
+    /// Digest by file name; a map, so that the order of the directory does not count.
+    digests: BTreeMap<String, [u8; 32]>,
+}
+
+impl<'a> Reading<'a> {
+    fn new(options: &'a ReadOptions) -> Self {
+        let map = options.channel_map.as_ref().map(std::borrow::Cow::Borrowed).unwrap_or_default();
+        Reading { strict: options.strict, map, recordings: Vec::new(), left_out: Vec::new(), notes: Vec::new(), digests: BTreeMap::new() }
+    }
+
+    fn hash(&mut self, name: &str, bytes: &[u8]) {
+        self.digests.insert(name.to_string(), Sha256::digest(bytes).into());
+    }
+
+    /// Reads one recording, or leaves it out.
+    fn recording(&mut self, entry: &Entry, paths: &[PathBuf]) -> Result<(), RecordingError> {
+        match self.try_recording(entry, paths) {
+            Ok((recording, notes)) => {
+                self.notes.extend(notes.into_iter().map(|text| Note { recording: entry.name.clone(), text }));
+                self.recordings.push(recording);
+                Ok(())
+            }
+            Err(error) if self.strict => Err(error),
+            Err(error) => {
+                self.left_out.push(LeftOut { recording: entry.name.clone(), reason: error.to_string() });
+                Ok(())
+            }
+        }
+    }
+
+    fn try_recording(&mut self, entry: &Entry, paths: &[PathBuf]) -> Result<(Recording, Vec<String>), RecordingError> {
+        let [path] = paths else {
+            let names: Vec<String> = paths.iter().map(|p| file_name(p)).collect();
+            let defect = if names.is_empty() { Defect::NoFile } else { Defect::SeveralFiles(names.join(", ")) };
+            return Err(defect.in_file(&entry.name));
+        };
+        let name = file_name(path);
+        let bytes = std::fs::read(path).map_err(|e| Defect::Unreadable(e.to_string()).in_file(&name))?;
+        self.hash(&name, &bytes);
+        let same = self.digests.iter().find(|(other, digest)| **other != name && **digest == self.digests[&name]);
+        if let Some((other, _)) = same.filter(|_| !bytes.is_empty()) {
+            return Err(Defect::SameAs(other.clone()).in_file(&name));
+        }
+        from_bytes(path, bytes, entry, &self.map)
+    }
+
+    /// One digest over all.
+    fn fingerprint(&self) -> String {
+        let mut hasher = Sha256::new();
+        let map = Sha256::digest(self.map.text.as_bytes());
+        let map = (!self.map.text.is_empty()).then_some(("channel map", map.as_slice()));
+        for (name, digest) in self.digests.iter().map(|(n, d)| (n.as_str(), d.as_slice())).chain(map) {
+            hasher.update((name.len() as u64).to_le_bytes());
+            hasher.update(name.as_bytes());
+            hasher.update(digest);
+        }
+        hasher.finalize().iter().map(|b| format!("{b:02x}")).collect()
+    }
+}
+
+/// Measurement files by stem, each list sorted.
+fn files(dir: &Path) -> Result<BTreeMap<String, Vec<PathBuf>>, CampaignError> {
+    let io = |source| CampaignError::Io { file: dir.to_path_buf(), source };
+    let mut files: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
+    for item in std::fs::read_dir(dir).map_err(io)? {
+        let path = item.map_err(io)?.path();
+        let known = path.extension().is_some_and(|e| Format::from_ending(&e.to_string_lossy()).is_some());
+        if let Some(stem) = path.file_stem().filter(|_| known && path.is_file()) {
+            files.entry(stem.to_string_lossy().into_owned()).or_default().push(path);
+        }
+    }
+    files.values_mut().for_each(|paths| paths.sort());
+    Ok(files)
+}
+
+pub(super) fn file_name(path: &Path) -> String {
+    path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned())
+}
+
+fn text(path: &Path, remedy: &'static str) -> Result<String, CampaignError> {
+    let bytes = match std::fs::read(path) {
+        Ok(bytes) => bytes,
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+            return Err(CampaignError::NoFile { file: path.to_path_buf(), remedy });
+        }
+        Err(source) => return Err(CampaignError::Io { file: path.to_path_buf(), source }),
+    };
+    String::from_utf8(bytes).map_err(|_| CampaignError::Shape {
+        file: path.to_path_buf(),
+        what: "is not UTF-8 text".to_string(),
+        remedy: "Save it as UTF-8".to_string(),
+    })
+}

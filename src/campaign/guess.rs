@@ -1,0 +1,246 @@
+//! Guesses which of a user's channels is which of ours, by unit and by the words in its name.
+//!
+//! A unit of another quantity rules a channel out. Otherwise a name gains a point for a fitting unit and points for each word
+//! that speaks for the channel, and loses points for each word that speaks for a sister. A guess is a draft to be checked: the
+//! best one wins, ties are left open.
+
+use super::channels::{CHANNELS, Channel};
+use super::units;
+
+/// Our channel for each of the given names with units, as far as a guess can be made. No channel is given twice.
+pub(crate) fn guess(series: &[(&str, Option<&str>)]) -> Vec<Option<Channel>> {
+    let mut scored: Vec<(i32, usize, Channel)> = Vec::new();
+    for spec in &CHANNELS[1..] {
+        let scores: Vec<i32> = series.iter().map(|(name, unit)| score(spec.channel, name, *unit)).collect();
+        let Some(best) = scores.iter().copied().max().filter(|s| *s >= ENOUGH) else { continue };
+        if scores.iter().filter(|s| **s == best).count() == 1 {
+            scored.extend(scores.iter().position(|s| *s == best).map(|at| (best, at, spec.channel)));
+        }
+    }
+    scored.sort_by_key(|(score, _, _)| std::cmp::Reverse(*score));
+    let mut out = vec![None; series.len()];
+    for (_, at, channel) in scored {
+        out[at].get_or_insert(channel);
+    }
+    out
+}
+
+/// Whether a name is a clock's.
+pub(crate) fn is_time(name: &str, unit: Option<&str>) -> bool {
+    let other = unit.and_then(units::parse).is_some_and(|u| u.quantity != units::Quantity::Time);
+    !other && matches!(name.to_lowercase().as_str(), "time_s" | "time" | "t" | "timestamps" | "timestamp" | "zeit" | "times")
+}
+
+/// A unit alone is not enough, nor is a single weak word.
+const ENOUGH: i32 = 4;
+
+fn score(channel: Channel, name: &str, unit: Option<&str>) -> i32 {
+    let spec = channel.spec();
+    if name.eq_ignore_ascii_case(spec.column) {
+        return 100;
+    }
+    let unit_points = match unit.and_then(units::parse) {
+        Some(u) if u.quantity == spec.quantity => 2,
+        Some(_) => return 0,
+        None => 0,
+    };
+    if name.eq_ignore_ascii_case(spec.stem) {
+        return 50 + unit_points;
+    }
+    let words = words(name);
+    let points: i32 = VOCABULARY
+        .iter()
+        .filter(|(c, _, _)| *c == channel)
+        .map(|(_, word, points)| if words.iter().any(|w| fits(w, word)) { *points } else { 0 })
+        .sum();
+    if points <= 0 { 0 } else { points + unit_points }
+}
+
+/// Short words must stand alone; longer ones may be a part of a longer word (`engine` in `nengine`).
+fn fits(word: &str, known: &str) -> bool {
+    word == known || (known.len() >= 4 && word.contains(known))
+}
+
+/// Lower-case words of a name: split at signs and where a capital follows a small letter.
+fn words(name: &str) -> Vec<String> {
+    let mut words = vec![String::new()];
+    let mut small = false;
+    for c in name.chars() {
+        if !c.is_alphanumeric() || (small && c.is_uppercase()) {
+            words.push(String::new());
+        }
+        if c.is_alphanumeric() {
+            words.last_mut().expect("never empty").extend(c.to_lowercase());
+        }
+        small = c.is_lowercase();
+    }
+    words.retain(|w| !w.is_empty());
+    words
+}
+
+/// Channel, word, points for it.
+const VOCABULARY: &[(Channel, &str, i32)] = {
+    use Channel::{OmegaC, OmegaF, TE, TFc, ThetaC, ThetaH, XTo, XToCmd};
+    &[
+        (OmegaF, "engine", 3),
+        (OmegaF, "eng", 3),
+        (OmegaF, "neng", 4),
+        (OmegaF, "nmot", 4),
+        (OmegaF, "mot", 2),
+        (OmegaF, "motor", 2),
+        (OmegaF, "flywheel", 4),
+        (OmegaF, "crank", 3),
+        (OmegaF, "speed", 1),
+        (OmegaF, "rpm", 1),
+        (OmegaF, "n", 1),
+        (OmegaF, "torque", -6),
+        (OmegaF, "tq", -6),
+        (OmegaF, "temp", -6),
+        (OmegaF, "temperature", -6),
+        (OmegaF, "set", -3),
+        (OmegaC, "clutch", 3),
+        (OmegaC, "disc", 3),
+        (OmegaC, "disk", 3),
+        (OmegaC, "gearbox", 3),
+        (OmegaC, "gbx", 3),
+        (OmegaC, "transmission", 3),
+        (OmegaC, "trans", 2),
+        (OmegaC, "input", 2),
+        (OmegaC, "shaft", 1),
+        (OmegaC, "speed", 1),
+        (OmegaC, "n", 1),
+        (OmegaC, "output", -4),
+        (OmegaC, "torque", -6),
+        (OmegaC, "tq", -6),
+        (OmegaC, "temp", -6),
+        (OmegaC, "temperature", -6),
+        (OmegaC, "pos", -6),
+        (OmegaC, "position", -6),
+        (TE, "torque", 2),
+        (TE, "tq", 2),
+        (TE, "trq", 2),
+        (TE, "md", 2),
+        (TE, "engine", 2),
+        (TE, "eng", 2),
+        (TE, "mot", 2),
+        (TE, "crank", 2),
+        (TE, "clutch", -4),
+        (TE, "clu", -4),
+        (TE, "speed", -6),
+        (TE, "req", -1),
+        (XToCmd, "cmd", 3),
+        (XToCmd, "command", 3),
+        (XToCmd, "set", 3),
+        (XToCmd, "setpoint", 3),
+        (XToCmd, "target", 3),
+        (XToCmd, "desired", 3),
+        (XToCmd, "des", 3),
+        (XToCmd, "soll", 3),
+        (XToCmd, "ref", 2),
+        (XToCmd, "req", 2),
+        (XToCmd, "bearing", 2),
+        (XToCmd, "throwout", 2),
+        (XToCmd, "release", 2),
+        (XToCmd, "clutch", 1),
+        (XToCmd, "actuator", 1),
+        (XToCmd, "pos", 1),
+        (XToCmd, "position", 1),
+        (XToCmd, "torque", -6),
+        (XToCmd, "tq", -6),
+        (XToCmd, "speed", -6),
+        (ThetaH, "housing", 4),
+        (ThetaH, "bell", 3),
+        (ThetaH, "ambient", 3),
+        (ThetaH, "air", 2),
+        (ThetaH, "temp", 2),
+        (ThetaH, "temperature", 2),
+        (ThetaH, "disc", -4),
+        (ThetaH, "disk", -4),
+        (ThetaH, "water", -4),
+        (ThetaH, "coolant", -4),
+        (ThetaH, "oil", -4),
+        (XTo, "bearing", 3),
+        (XTo, "throwout", 3),
+        (XTo, "release", 2),
+        (XTo, "clutch", 1),
+        (XTo, "actuator", 1),
+        (XTo, "pos", 2),
+        (XTo, "position", 2),
+        (XTo, "act", 1),
+        (XTo, "ist", 1),
+        (XTo, "measured", 1),
+        (XTo, "cmd", -6),
+        (XTo, "command", -6),
+        (XTo, "set", -6),
+        (XTo, "setpoint", -6),
+        (XTo, "target", -6),
+        (XTo, "desired", -6),
+        (XTo, "des", -6),
+        (XTo, "soll", -6),
+        (XTo, "ref", -6),
+        (XTo, "req", -6),
+        (TFc, "clutch", 3),
+        (TFc, "transducer", 4),
+        (TFc, "shaft", 2),
+        (TFc, "torque", 1),
+        (TFc, "tq", 1),
+        (TFc, "trq", 1),
+        (TFc, "engine", -6),
+        (TFc, "eng", -6),
+        (TFc, "speed", -6),
+        (TFc, "temp", -6),
+        (TFc, "pos", -6),
+        (ThetaC, "clutch", 2),
+        (ThetaC, "disc", 3),
+        (ThetaC, "disk", 3),
+        (ThetaC, "facing", 3),
+        (ThetaC, "thermocouple", 3),
+        (ThetaC, "temp", 2),
+        (ThetaC, "temperature", 2),
+        (ThetaC, "housing", -6),
+        (ThetaC, "speed", -6),
+        (ThetaC, "torque", -6),
+    ]
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_of_usual_names() {
+        assert_eq!(words("nEngine"), ["n", "engine"]);
+        assert_eq!(words("Clutch_Pos.Set"), ["clutch", "pos", "set"]);
+        assert_eq!(words("TqEng"), ["tq", "eng"]);
+    }
+
+    #[test]
+    fn a_car_logger_is_understood() {
+        let series = [
+            ("nEngine", Some("rpm")),
+            ("nGbxInput", Some("rpm")),
+            ("TqEng", Some("Nm")),
+            ("BearingPosSet", Some("mm")),
+            ("BearingPos", Some("mm")),
+            ("TempBellHousing", Some("°C")),
+            ("TqClutch", Some("Nm")),
+            ("TempClutchDisc", Some("K")),
+            ("tOil", Some("°C")),
+            ("gear", None),
+            ("vVehicle", Some("km/h")),
+        ];
+        use Channel::{OmegaC, OmegaF, TE, TFc, ThetaC, ThetaH, XTo, XToCmd};
+        let expected = [Some(OmegaF), Some(OmegaC), Some(TE), Some(XToCmd), Some(XTo), Some(ThetaH), Some(TFc), Some(ThetaC)];
+        let got = guess(&series);
+        assert_eq!(got[..8], expected);
+        assert_eq!(got[8..], [None, None, None]);
+    }
+
+    #[test]
+    fn contract_columns_are_certain_and_strangers_unknown() {
+        let names: Vec<(&str, Option<&str>)> = CHANNELS.iter().map(|s| (s.column, None)).collect();
+        let expected: Vec<Option<Channel>> = CHANNELS.iter().map(|s| Some(s.channel).filter(|c| *c != Channel::Time)).collect();
+        assert_eq!(guess(&names), expected);
+        assert_eq!(guess(&[("foo", Some("rpm")), ("engine", Some("V"))])[0], None);
+    }
+}

@@ -1,0 +1,187 @@
+//! What is in a measurement file, and a draft of the channel map for it.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::CampaignError;
+use super::channels::{CHANNELS, Channel};
+use super::clock;
+use super::folder::file_name;
+use super::guess;
+use super::table::{self, Format, Group, Series};
+use super::units;
+
+/// What a file holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Inspection {
+    /// File name.
+    pub file: String,
+    /// "CSV", "MDF4" or "Parquet".
+    pub format: &'static str,
+    /// Every channel, in the order of the file.
+    pub channels: Vec<ChannelInfo>,
+    /// What the reader noticed.
+    pub notes: Vec<String>,
+}
+
+/// One channel of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChannelInfo {
+    /// Name in the file.
+    pub name: String,
+    /// Unit as the file states it.
+    pub unit: Option<String>,
+    /// Group by number, and by name where it has one.
+    pub group: (usize, String),
+    /// Samples per second where samples are, Hz.
+    pub rate_hz: Option<f64>,
+    /// Number of samples, invalid ones included.
+    pub count: usize,
+    /// Number of missing or invalid samples.
+    pub invalid: usize,
+    /// Least valid value.
+    pub min: Option<f64>,
+    /// Greatest valid value.
+    pub max: Option<f64>,
+    /// True if the channel holds text.
+    pub text: bool,
+    /// Which of ours it seems to be.
+    pub guess: Option<Channel>,
+}
+
+/// Looks into a measurement file.
+pub fn inspect(path: &Path) -> Result<Inspection, CampaignError> {
+    let bytes = std::fs::read(path).map_err(|source| CampaignError::Io { file: path.to_path_buf(), source })?;
+    let ending = path.extension().and_then(|e| Format::from_ending(&e.to_string_lossy()));
+    let format = ending.unwrap_or_else(|| Format::from_bytes(&bytes));
+    let measurement = table::read(&file_name(path), bytes, format, &|_| true)?;
+    let format = match format {
+        Format::Csv => "CSV",
+        Format::Mdf => "MDF4",
+        Format::Parquet => "Parquet",
+    };
+    let mut channels: Vec<ChannelInfo> = measurement.groups.iter().flat_map(channels_of).collect();
+    mark(&mut channels);
+    Ok(Inspection { file: measurement.file, format, channels, notes: measurement.notes })
+}
+
+impl Inspection {
+    /// The same as JSON.
+    pub fn to_json(&self) -> Value {
+        let channel = |c: &ChannelInfo| {
+            json!({
+                "name": c.name,
+                "unit": c.unit,
+                "group": c.group.0,
+                "group_name": c.group.1,
+                "rate_Hz": c.rate_hz,
+                "count": c.count,
+                "invalid": c.invalid,
+                "min": c.min,
+                "max": c.max,
+                "text": c.text,
+                "guess": c.guess.map(|g| g.spec().column),
+            })
+        };
+        json!({
+            "file": self.file,
+            "format": self.format,
+            "channels": self.channels.iter().map(channel).collect::<Vec<_>>(),
+            "notes": self.notes,
+        })
+    }
+}
+
+/// A channel map in TOML to start from. Each of our channels has an entry; one that was not found is commented out.
+pub fn draft_channel_map(inspection: &Inspection) -> String {
+    let mut out = format!(
+        "# Channel map for {}, drafted by name and unit: check every entry.\n\
+         # unit is what the file's values are in; value * scale + offset, where given, is in that unit.\n",
+        inspection.file
+    );
+    // Writing to a String can't fail.
+    for spec in &CHANNELS {
+        let bench = if spec.required { "" } else { ", bench only" };
+        let _ = write!(out, "\n# {} in {}{bench}\n", spec.column, spec.unit);
+        match inspection.channels.iter().find(|c| c.guess == Some(spec.channel)) {
+            Some(channel) => out.push_str(&entry(spec.column, channel, inspection)),
+            None => {
+                let candidates = candidates(spec.quantity, inspection);
+                let _ = write!(out, "# not found{candidates}\n# [{}]\n# name = \"\"\n# unit = \"{}\"\n", spec.column, spec.unit);
+            }
+        }
+    }
+    out
+}
+
+fn entry(column: &str, channel: &ChannelInfo, inspection: &Inspection) -> String {
+    let mut out = format!("[{column}]\nname = {}\n", toml_text(&channel.name));
+    match channel.unit.as_deref() {
+        Some(unit) if units::parse(unit).is_some() => {
+            let _ = writeln!(out, "unit = {}", toml_text(unit));
+        }
+        Some(unit) => {
+            let _ = writeln!(
+                out,
+                "# the file says {}, which is not known: give scale and offset\n# scale = 1.0\n# offset = 0.0",
+                toml_text(unit)
+            );
+        }
+        None => out.push_str("# the file states no unit\n# unit = \"\"\n"),
+    }
+    if inspection.channels.iter().filter(|c| c.name == channel.name && c.guess != Some(Channel::Time)).count() > 1 {
+        let _ = writeln!(out, "group = \"{}\"", channel.group.0);
+    }
+    out
+}
+
+/// A comment naming channels of the right quantity that were not given away.
+fn candidates(quantity: units::Quantity, inspection: &Inspection) -> String {
+    let fits = |c: &&ChannelInfo| c.guess.is_none() && c.unit.as_deref().and_then(units::parse).is_some_and(|u| u.quantity == quantity);
+    let names: Vec<&str> = inspection.channels.iter().filter(fits).map(|c| c.name.as_str()).take(8).collect();
+    if names.is_empty() { String::new() } else { format!("; of that kind: {}", names.join(", ").replace('\n', " ")) }
+}
+
+fn toml_text(text: &str) -> String {
+    toml::Value::String(text.to_string()).to_string()
+}
+
+fn channels_of(group: &Group) -> Vec<ChannelInfo> {
+    let is_clock = |s: &Series| guess::is_time(&s.name, s.unit.as_deref());
+    let at = group.master.or_else(|| group.series.iter().position(is_clock));
+    let time: Option<Vec<f64>> = at.map(|at| {
+        let series = &group.series[at];
+        let factor = series.unit.as_deref().and_then(units::parse).map_or(1.0, |u| u.factor);
+        series.values.iter().map(|t| t * factor).collect()
+    });
+    let time = time.filter(|t| clock::check(t).is_ok());
+    let one = |(i, series): (usize, &Series)| {
+        let valid = || series.values.iter().copied().filter(|v| !v.is_nan());
+        let spacing = time.as_deref().and_then(|t| clock::spacing(t, &series.values));
+        ChannelInfo {
+            name: series.name.clone(),
+            unit: series.unit.clone(),
+            group: (group.index, group.name.clone()),
+            rate_hz: spacing.filter(|s| s.step > 0.0).map(|s| 1.0 / s.step),
+            count: series.values.len(),
+            invalid: series.values.len() - valid().count(),
+            min: valid().reduce(f64::min),
+            max: valid().reduce(f64::max),
+            text: series.text.is_some(),
+            guess: (at == Some(i)).then_some(Channel::Time),
+        }
+    };
+    group.series.iter().enumerate().map(one).collect()
+}
+
+/// Adds the guesses for all channels but clocks and texts.
+fn mark(channels: &mut [ChannelInfo]) {
+    let open: Vec<usize> = (0..channels.len()).filter(|&i| channels[i].guess.is_none() && !channels[i].text).collect();
+    let names: Vec<(&str, Option<&str>)> = open.iter().map(|&i| (channels[i].name.as_str(), channels[i].unit.as_deref())).collect();
+    let guesses = guess::guess(&names);
+    for (i, guess) in open.into_iter().zip(guesses) {
+        channels[i].guess = guess;
+    }
+}

@@ -1,0 +1,142 @@
+//! recordings.json: manoeuvre, rate and starting temperatures of each recording.
+
+use std::path::Path;
+
+use serde_json::{Map, Value};
+
+use super::error::CampaignError;
+
+/// One entry of recordings.json.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Entry {
+    /// The recording's name.
+    pub name: String,
+    /// Manoeuvre in the engineer's words.
+    pub manoeuvre: String,
+    /// Stated rate, Hz.
+    pub sample_rate_hz: f64,
+    /// Disc at the start, °C.
+    pub theta_c0: f64,
+    /// Body at the start, °C.
+    pub theta_b0: f64,
+}
+
+/// Reads the entries, sorted by name.
+pub(crate) fn entries(file: &Path, text: &str) -> Result<Vec<Entry>, CampaignError> {
+    let value = json(file, text)?;
+    let Some(object) = value.as_object() else {
+        return Err(CampaignError::Shape {
+            file: file.to_path_buf(),
+            what: "is not an object of recordings".to_string(),
+            remedy: "Write {\"r01\": {\"manoeuvre\": …}, …}".to_string(),
+        });
+    };
+    if object.is_empty() {
+        return Err(CampaignError::EmptyCampaign(file.to_path_buf()));
+    }
+    let mut entries = object.iter().map(|(name, fields)| entry(file, name, fields)).collect::<Result<Vec<_>, _>>()?;
+    entries.sort_by(|a, b| a.name.cmp(&b.name));
+    Ok(entries)
+}
+
+/// Parses JSON with the line and column of a mistake.
+pub(crate) fn json(file: &Path, text: &str) -> Result<Value, CampaignError> {
+    serde_json::from_str(text.strip_prefix('\u{feff}').unwrap_or(text)).map_err(|e| CampaignError::Syntax {
+        file: file.to_path_buf(),
+        format: "JSON",
+        line: e.line(),
+        column: e.column(),
+        what: e.to_string(),
+    })
+}
+
+fn entry(file: &Path, name: &str, fields: &Value) -> Result<Entry, CampaignError> {
+    let wrong = |key, value: &Value, why| CampaignError::WrongValue {
+        file: file.to_path_buf(),
+        recording: name.to_string(),
+        key,
+        value: value.to_string(),
+        why,
+    };
+    if name.is_empty() || name.contains(['/', '\\']) || name.starts_with('.') {
+        let why = "can't be the name of a recording. Use the file's name without its ending, e.g. r01";
+        return Err(wrong("name", &Value::from(name), why));
+    }
+    let not_object = "is not an object. Give manoeuvre, sample_rate_Hz, theta_c0_degC and theta_b0_degC";
+    let fields = fields.as_object().ok_or_else(|| wrong("entry", fields, not_object))?;
+    let manoeuvre = field(file, name, fields, "manoeuvre", "\"launch\"")?;
+    let word = manoeuvre.as_str().filter(|m| !m.trim().is_empty());
+    let word = word.ok_or_else(|| wrong("manoeuvre", manoeuvre, "is not a word. Name the manoeuvre, e.g. \"launch\""))?;
+    let number = |key, example, range: std::ops::RangeInclusive<f64>, why| {
+        let value = field(file, name, fields, key, example)?;
+        value.as_f64().filter(|v| range.contains(v)).ok_or_else(|| wrong(key, value, why))
+    };
+    let not_rate = "is not a rate from 20 to 100000. Give samples per second, e.g. 100 or 1000";
+    let not_disc = "is not the temperature of a clutch disc, -60 to 600 °C. Give it as it was at the start";
+    let not_body = "is not the temperature of a clutch body, -60 to 250 °C. Give it in °C, as it was at the start";
+    Ok(Entry {
+        name: name.to_string(),
+        manoeuvre: word.to_string(),
+        sample_rate_hz: number("sample_rate_Hz", "100", 20.0..=1e5, not_rate)?,
+        theta_c0: number("theta_c0_degC", "25.0", -60.0..=600.0, not_disc)?,
+        theta_b0: number("theta_b0_degC", "25.0", -60.0..=250.0, not_body)?,
+    })
+}
+
+fn field<'a>(
+    file: &Path,
+    recording: &str,
+    fields: &'a Map<String, Value>,
+    key: &'static str,
+    example: &'static str,
+) -> Result<&'a Value, CampaignError> {
+    fields.get(key).filter(|v| !v.is_null()).ok_or_else(|| CampaignError::MissingKey {
+        file: file.to_path_buf(),
+        recording: recording.to_string(),
+        key,
+        example,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fault(text: &str) -> String {
+        entries(Path::new("recordings.json"), text).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_missing_key_is_named() {
+        let message = fault(r#"{"r01": {"manoeuvre": "launch", "sample_rate_Hz": 100, "theta_c0_degC": 20}}"#);
+        assert!(message.contains("`r01` has no key `theta_b0_degC`"), "{message}");
+    }
+
+    #[test]
+    fn impossible_values_are_named() {
+        let with = |key: &str, value: &str| {
+            let mut fields: Map<String, Value> =
+                serde_json::from_str(r#"{"manoeuvre": "launch", "sample_rate_Hz": 100, "theta_c0_degC": 20, "theta_b0_degC": 20}"#)
+                    .unwrap();
+            fields.insert(key.into(), serde_json::from_str(value).unwrap());
+            serde_json::json!({ "r01": fields }).to_string()
+        };
+        for (key, value) in [
+            ("sample_rate_Hz", "0"),
+            ("sample_rate_Hz", "\"100\""),
+            ("theta_c0_degC", "1000"),
+            ("theta_b0_degC", "298.15"),
+            ("manoeuvre", "3"),
+        ] {
+            let message = fault(&with(key, value));
+            assert!(message.contains(&format!("key `{key}`: {value}")), "{message}");
+        }
+    }
+
+    #[test]
+    fn broken_json_gives_line_and_column() {
+        assert!(fault("{\n\"r01\": }").contains("line 2, column 8"));
+        assert!(fault("{}").contains("lists no recording"));
+        assert!(fault("[]").contains("is not an object"));
+    }
+}

@@ -1,0 +1,233 @@
+//! Finds each of our channels in a file and converts it to our unit.
+//!
+//! Without a map entry a channel is found by the contract's column (`omega_f_rad_s`), or by that name without its unit
+//! (`omega_f`) if the file states one. Which unit counts:
+//!
+//! 1. `scale` or `offset` in the map: value · scale + offset is in the map's `unit`, or in ours; the file's unit is overruled.
+//! 2. `unit` in the map; a file that states another is a contradiction.
+//! 3. the unit that the file states; a column whose name says otherwise is a contradiction.
+//! 4. ours.
+
+use std::rc::Rc;
+
+use super::channel_map::{ChannelMap, Mapped};
+use super::channels::{CHANNELS, Channel, Spec};
+use super::error::{Defect, RecordingError};
+use super::table::{Group, Measurement, Series};
+use super::units::{self, Unit};
+
+/// One of our channels as found in a file, in our unit, with its clock.
+#[derive(Clone, Debug)]
+pub(crate) struct Signal {
+    /// Which channel.
+    pub channel: Channel,
+    /// What messages call it.
+    pub label: String,
+    /// Time of each sample, s.
+    pub time: Rc<Vec<f64>>,
+    /// Samples, NaN where missing.
+    pub values: Vec<f64>,
+}
+
+/// All channels that the file holds, required ones complete, and notes on what was converted.
+pub(crate) struct Picked {
+    pub signals: Vec<Signal>,
+    pub notes: Vec<String>,
+}
+
+/// Whether a reader has to decode a series of this name.
+pub(crate) fn wanted(map: &ChannelMap, name: &str) -> bool {
+    CHANNELS.iter().any(|spec| candidate(spec, map.get(spec.channel), name))
+}
+
+/// Picks every channel; a required one that is missing is a defect.
+pub(crate) fn pick(m: &mut Measurement, map: &ChannelMap) -> Result<Picked, RecordingError> {
+    let mut found = Vec::new();
+    for spec in &CHANNELS[1..] {
+        match find(m, spec, map)? {
+            Some(place) => found.push((spec, place)),
+            None if spec.required => return Err(missing(m, spec, map)),
+            None => {}
+        }
+    }
+    for (i, (spec, place)) in found.iter().enumerate() {
+        if let Some((other, _)) = found[..i].iter().find(|(_, p)| p == place) {
+            let label = label(&m.groups[place.0].series[place.1], spec);
+            return Err(m.defect_at(Defect::TakenTwice(other.column), &label, None));
+        }
+    }
+    let mut notes = Vec::new();
+    let mut clocks: Vec<Option<Rc<Vec<f64>>>> = vec![None; m.groups.len()];
+    for &(_, (group, _)) in &found {
+        if clocks[group].is_none() {
+            clocks[group] = Some(Rc::new(clock(m, group, map, &mut notes)?));
+        }
+    }
+    let mut signals = Vec::new();
+    for (spec, (group, at)) in found {
+        let time = clocks[group].clone().expect("every group that is used got its clock");
+        let label = label(&m.groups[group].series[at], spec);
+        let values = convert(m, group, at, spec, map, &mut notes)?;
+        signals.push(Signal { channel: spec.channel, label, time, values });
+    }
+    Ok(Picked { signals, notes })
+}
+
+/// Group and position of the one series for a channel.
+fn find(m: &Measurement, spec: &Spec, map: &ChannelMap) -> Result<Option<(usize, usize)>, RecordingError> {
+    let entry = map.get(spec.channel);
+    let all = m
+        .groups
+        .iter()
+        .enumerate()
+        .filter(|(_, g)| in_group(g, entry))
+        .flat_map(|(i, g)| g.series.iter().enumerate().filter(|(at, _)| g.master != Some(*at)).map(move |(at, s)| ((i, at), s)));
+    let all: Vec<((usize, usize), &Series)> = all.filter(|(_, s)| candidate(spec, entry, &s.name)).collect();
+    // The full column name goes before the name without a unit.
+    let exact: Vec<_> = all.iter().filter(|(_, s)| s.name == wanted_name(spec, entry)).collect();
+    let named_alone = |s: &Series| entry.is_some() || s.unit.is_some() || s.name.eq_ignore_ascii_case(spec.column);
+    let chosen: Vec<_> = if exact.is_empty() { all.iter().filter(|(_, s)| named_alone(s)).collect() } else { exact };
+    match chosen.as_slice() {
+        [] => Ok(None),
+        [(place, _)] => Ok(Some(*place)),
+        several => {
+            let places: Vec<String> = several.iter().map(|((g, at), s)| m.place(*g, *at, s)).collect();
+            let defect = Defect::DuplicateChannel { count: several.len(), places: places.join(", ") };
+            Err(m.defect_at(defect, &label(several[0].1, spec), None))
+        }
+    }
+}
+
+fn in_group(group: &Group, entry: Option<&Mapped>) -> bool {
+    let Some(wanted) = entry.and_then(|e| e.group.as_deref()) else { return true };
+    group.name == wanted || wanted.parse() == Ok(group.index)
+}
+
+/// The name that is looked for, as a message gives it.
+fn wanted_name<'a>(spec: &'a Spec, entry: Option<&'a Mapped>) -> &'a str {
+    entry.and_then(|e| e.name.as_deref()).unwrap_or(spec.column)
+}
+
+fn candidate(spec: &Spec, entry: Option<&Mapped>, name: &str) -> bool {
+    match entry.and_then(|e| e.name.as_deref()) {
+        Some(wanted) => wanted == name || units::split_header(wanted).0 == name,
+        None => name.eq_ignore_ascii_case(spec.column) || name.eq_ignore_ascii_case(spec.stem),
+    }
+}
+
+fn missing(m: &Measurement, spec: &Spec, map: &ChannelMap) -> RecordingError {
+    let names: Vec<String> = m.names.iter().take(20).cloned().collect();
+    let more = if m.names.len() > 20 { format!(" and {} more", m.names.len() - 20) } else { String::new() };
+    let there = if names.is_empty() { "no channel".to_string() } else { format!("{}{more}", names.join(", ")) };
+    let wanted = wanted_name(spec, map.get(spec.channel)).to_string();
+    m.defect_at(Defect::MissingChannel { column: spec.column, unit: spec.unit, wanted, there }, spec.column, None)
+}
+
+/// The clock of a group: the master of an MDF group, the time column of a table. Checked and in seconds.
+fn clock(m: &mut Measurement, group: usize, map: &ChannelMap, notes: &mut Vec<String>) -> Result<Vec<f64>, RecordingError> {
+    let spec = Channel::Time.spec();
+    let at = match m.groups[group].master {
+        Some(at) => at,
+        None => match find_in(m, group, spec, map) {
+            Some(at) => at,
+            None if m.groups.len() > 1 => {
+                let name = m.groups[group].name.clone();
+                return Err(m.defect_at(Defect::NoMaster, &format!("group `{name}`"), None));
+            }
+            None => return Err(missing(m, spec, map)),
+        },
+    };
+    let label = label(&m.groups[group].series[at], spec);
+    let time = convert(m, group, at, spec, map, notes)?;
+    super::clock::check(&time).map_err(|(defect, sample)| m.defect_at(defect, &label, Some(sample)))?;
+    Ok(time)
+}
+
+fn find_in(m: &Measurement, group: usize, spec: &Spec, map: &ChannelMap) -> Option<usize> {
+    let entry = map.get(spec.channel);
+    let series = &m.groups[group].series;
+    series.iter().position(|s| s.name == wanted_name(spec, entry)).or_else(|| {
+        let fits = |s: &Series| {
+            candidate(spec, entry, &s.name) && (entry.is_some() || s.unit.is_some() || s.name.eq_ignore_ascii_case(spec.column))
+        };
+        series.iter().position(fits)
+    })
+}
+
+/// Takes a series out of the file and brings it to our unit.
+fn convert(
+    m: &mut Measurement,
+    group: usize,
+    at: usize,
+    spec: &Spec,
+    map: &ChannelMap,
+    notes: &mut Vec<String>,
+) -> Result<Vec<f64>, RecordingError> {
+    let series = std::mem::take(&mut m.groups[group].series[at].values);
+    let about = &m.groups[group].series[at];
+    let label = label(about, spec);
+    if let Some((sample, text)) = &about.text {
+        return Err(m.defect_at(Defect::NotANumber(text.clone()), &label, Some(*sample)));
+    }
+    let (scale, offset, said) = factors(about, spec, map.get(spec.channel)).map_err(|d| m.defect_at(d, &label, None))?;
+    if scale == 1.0 && offset == 0.0 {
+        return Ok(series);
+    }
+    notes.push(format!("{label}: {said} converted to {}", spec.unit));
+    Ok(series.into_iter().map(|v| v * scale + offset).collect())
+}
+
+/// Factor and offset to our unit, and what they come from.
+fn factors(series: &Series, spec: &Spec, entry: Option<&Mapped>) -> Result<(f64, f64, String), Defect> {
+    let scaled = entry.filter(|e| e.scale.is_some() || e.offset.is_some());
+    let stated = entry.and_then(|e| e.unit.as_deref());
+    if let Some(entry) = scaled {
+        let (scale, offset) = (entry.scale.unwrap_or(1.0), entry.offset.unwrap_or(0.0));
+        let unit = stated.map_or(Ok(OURS), |u| understood(u, spec))?;
+        let said = format!("value · {scale} + {offset} {}", stated.unwrap_or(""));
+        return Ok((scale * unit.factor, offset * unit.factor + unit.offset, said.trim_end().to_string()));
+    }
+    let in_file = series.unit.as_deref();
+    let unit = match (stated, in_file) {
+        (Some(stated), in_file) => {
+            let unit = understood(stated, spec)?;
+            if let Some(text) = in_file.filter(|t| units::parse(t).is_some_and(|u| !same(u, unit))) {
+                return Err(contradiction(("the channel map", stated), ("the file", text)));
+            }
+            unit
+        }
+        (None, Some(text)) => {
+            let unit = understood(text, spec)?;
+            if series.name.eq_ignore_ascii_case(spec.column) && !same(unit, OURS) {
+                return Err(contradiction(("the channel's name", spec.unit), ("the file", text)));
+            }
+            unit
+        }
+        (None, None) => OURS,
+    };
+    Ok((unit.factor, unit.offset, stated.or(in_file).unwrap_or("").to_string()))
+}
+
+/// The identity; the quantity is not looked at.
+const OURS: Unit = Unit { quantity: units::Quantity::Time, factor: 1.0, offset: 0.0 };
+
+fn same(a: Unit, b: Unit) -> bool {
+    a.factor == b.factor && a.offset == b.offset
+}
+
+fn contradiction(first: (&'static str, &str), second: (&'static str, &str)) -> Defect {
+    Defect::UnitContradiction { first: first.0, first_unit: first.1.to_string(), second: second.0, second_unit: second.1.to_string() }
+}
+
+fn understood(text: &str, spec: &Spec) -> Result<Unit, Defect> {
+    let (quantity, known) = (units::quantity_name(spec.quantity), units::examples(spec.quantity));
+    match units::parse(text) {
+        None => Err(Defect::UnknownUnit { unit: text.to_string(), quantity, known }),
+        Some(unit) if unit.quantity != spec.quantity => Err(Defect::WrongQuantity { unit: text.to_string(), quantity, known }),
+        Some(unit) => Ok(unit),
+    }
+}
+
+fn label(series: &Series, spec: &Spec) -> String {
+    if series.name == spec.column { spec.column.to_string() } else { format!("{} ({})", series.name, spec.column) }
+}

@@ -1,0 +1,149 @@
+//! A measurement file as read, before anything is believed about it: groups of series that share a clock.
+
+use super::error::{Defect, RecordingError};
+
+/// What a file holds. A text or Parquet file has one group; an MDF file has one per rate.
+#[derive(Debug, Default)]
+pub(crate) struct Measurement {
+    /// File name, for messages.
+    pub file: String,
+    /// Groups in the order of the file.
+    pub groups: Vec<Group>,
+    /// Every channel's name, also of those that were not decoded.
+    pub names: Vec<String>,
+    /// How a row is counted.
+    pub rows: Rows,
+    /// What the reader did that the user should know.
+    pub notes: Vec<String>,
+}
+
+/// Series with one clock.
+#[derive(Debug, Default)]
+pub(crate) struct Group {
+    /// Name, may be empty.
+    pub name: String,
+    /// Index in the file.
+    pub index: usize,
+    /// Position of the clock in `series`, where the format tells.
+    pub master: Option<usize>,
+    /// Its channels.
+    pub series: Vec<Series>,
+}
+
+/// One channel; a missing or invalid sample is NaN.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Series {
+    /// Name without a unit in brackets.
+    pub name: String,
+    /// Unit as the file states it.
+    pub unit: Option<String>,
+    /// Samples.
+    pub values: Vec<f64>,
+    /// First cell that holds text: sample and text.
+    pub text: Option<(usize, String)>,
+}
+
+/// How to name the row of a sample.
+#[derive(Debug, Default)]
+pub(crate) enum Rows {
+    /// Lines of a text file, one per sample.
+    Lines(Vec<u32>),
+    /// Records of an MDF group, from 1.
+    Records,
+    /// Rows of a table, from 1.
+    #[default]
+    Table,
+}
+
+/// Which series a reader must decode: all of them, or those that the predicate wants by name.
+pub(crate) type Wanted<'a> = &'a dyn Fn(&str) -> bool;
+
+impl Measurement {
+    /// The row of a sample, for messages.
+    pub fn row(&self, sample: usize) -> Option<(&'static str, u64)> {
+        match &self.rows {
+            Rows::Lines(lines) => lines.get(sample).map(|&line| ("line", u64::from(line))),
+            Rows::Records => Some(("record", sample as u64 + 1)),
+            Rows::Table => Some(("row", sample as u64 + 1)),
+        }
+    }
+
+    /// The row of a sample as a text.
+    pub fn row_text(&self, sample: usize) -> String {
+        self.row(sample).map_or_else(String::new, |(word, row)| format!("{word} {row}"))
+    }
+
+    /// Where a series is, for messages.
+    pub fn place(&self, group: usize, at: usize, series: &Series) -> String {
+        match (self.groups.len(), self.groups[group].name.as_str()) {
+            (1, _) => format!("`{}` at position {}", series.name, at + 1),
+            (_, "") => format!("`{}` in group {}", series.name, self.groups[group].index),
+            (_, name) => format!("`{}` in group {} \"{name}\"", series.name, self.groups[group].index),
+        }
+    }
+
+    /// A defect of the file.
+    pub fn defect(&self, defect: Defect) -> RecordingError {
+        defect.in_file(&self.file)
+    }
+
+    /// A defect at a channel and, where it applies, a sample.
+    pub fn defect_at(&self, defect: Defect, channel: &str, sample: Option<usize>) -> RecordingError {
+        defect.at(&self.file, channel, sample.and_then(|i| self.row(i)))
+    }
+}
+
+/// Which of the three formats bytes are in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Format {
+    Csv,
+    Mdf,
+    Parquet,
+}
+
+impl Format {
+    /// File endings that are read.
+    pub const ENDINGS: [(&'static str, Format); 4] =
+        [("csv", Format::Csv), ("mf4", Format::Mdf), ("parquet", Format::Parquet), ("pq", Format::Parquet)];
+
+    /// By the file's ending.
+    pub fn from_ending(ending: &str) -> Option<Format> {
+        let lower = ending.to_ascii_lowercase();
+        Self::ENDINGS.iter().find(|(e, _)| *e == lower).map(|(_, f)| *f)
+    }
+
+    /// By the file's first bytes; text has no signature.
+    pub fn from_bytes(bytes: &[u8]) -> Format {
+        match bytes {
+            [b'M', b'D', b'F', b' ', ..] | [b'U', b'n', b'F', b'i', b'n', b'M', b'F', ..] => Format::Mdf,
+            [b'P', b'A', b'R', b'1', ..] => Format::Parquet,
+            _ => Format::Csv,
+        }
+    }
+
+    /// The format in words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Format::Csv => "a text file",
+            Format::Mdf => "an MDF file",
+            Format::Parquet => "a Parquet file",
+        }
+    }
+}
+
+/// Reads the bytes of a file with the reader for its format.
+pub(crate) fn read(file: &str, bytes: Vec<u8>, format: Format, wanted: Wanted<'_>) -> Result<Measurement, RecordingError> {
+    if bytes.is_empty() {
+        return Err(Defect::Empty.in_file(file));
+    }
+    let found = Format::from_bytes(&bytes);
+    if found != format {
+        let found = if found == Format::Csv { "text or of an unknown kind" } else { found.name() };
+        return Err(Defect::WrongFormat { found, expected: format.name() }.in_file(file));
+    }
+    match format {
+        Format::Csv => super::csv::read(file, &bytes, wanted),
+        Format::Mdf => super::mdf::read(file, bytes, wanted),
+        Format::Parquet => super::parquet::read(file, bytes, wanted),
+    }
+}

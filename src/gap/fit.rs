@@ -1,0 +1,335 @@
+//! Least squares over short-horizon predictions, with tolerances and start temperatures as priors.
+//!
+//! The cost of a hypothesis is Σ ρ((y − ŷ)/σ) over channels and samples, plus the squares of the nuisances in units of
+//! their tolerance. ρ is Huber's: square up to [`HUBER`] standard deviations, linear beyond, so that a lock-up a few samples early does
+//! not outvote a whole recording. Levenberg–Marquardt; derivatives are finite differences of whole replays.
+
+use super::nuisance::{self, Nuisance};
+use super::predict::{Follow, HORIZON_S, predict};
+use super::series::Series;
+use crate::effects::{self, PARAMETERS, Parameters, REGISTRY};
+use crate::vehicle::Vehicle;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Where Huber's loss turns linear, in standard deviations.
+pub const HUBER: f64 = 5.0;
+
+/// Standard deviation of the temperatures at the start of a recording, K; from the contract of the recordings.
+pub const THETA_0_SIGMA_K: f64 = 1.0;
+
+/// What is fitted: the recordings of one car, and what is believed of it.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    /// Recordings.
+    pub series: Vec<Series>,
+    /// Vehicle as its file gives it.
+    pub vehicle: Vehicle,
+    /// Tolerances.
+    pub nuisances: Vec<Nuisance>,
+}
+
+/// A point in the space of nuisances, start temperatures and effect parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Point {
+    /// Nuisances, in standard deviations.
+    pub z: Vec<f64>,
+    /// Shifts of the start temperatures of disc and body per recording, K.
+    pub theta_shift: Vec<[f64; 2]>,
+    /// Effect parameters.
+    pub effects: Parameters,
+}
+
+/// Weighted residuals of one recording, channel after channel.
+pub type Residuals = Vec<f64>;
+
+impl Problem {
+    /// The nominal car.
+    pub fn nominal(&self) -> Point {
+        Point { z: vec![0.0; self.nuisances.len()], theta_shift: vec![[0.0; 2]; self.series.len()], effects: effects::null() }
+    }
+
+    /// Vehicle and effects at a point.
+    pub fn plant_at(&self, point: &Point) -> (Vehicle, Parameters) {
+        let (mut vehicle, mut effects) = (self.vehicle, point.effects);
+        nuisance::apply(&self.nuisances, &point.z, &mut vehicle, &mut effects);
+        (vehicle, effects)
+    }
+
+    /// Residuals of recording `k`, in standard deviations of each channel's noise.
+    pub fn residuals(&self, k: usize, point: &Point) -> Residuals {
+        self.residuals_following(k, point, Follow::Horizon(HORIZON_S))
+    }
+
+    /// As [`Problem::residuals`], with the replay following as told.
+    pub fn residuals_following(&self, k: usize, point: &Point, follow: Follow) -> Residuals {
+        let (vehicle, effects) = self.plant_at(point);
+        let series = &self.series[k];
+        let predicted = predict(series, &vehicle, &effects, point.theta_shift[k], follow);
+        let mut all = Vec::with_capacity(5 * series.len());
+        for c in 0..5 {
+            let errors = series.measured[c].iter().zip(&predicted.value[c]).map(|(y, p)| (y - p) / series.noise[c]);
+            push_blocks(&mut all, errors, series.block);
+        }
+        all
+    }
+
+    /// Residuals of all recordings.
+    pub fn all_residuals(&self, point: &Point) -> Vec<Residuals> {
+        (0..self.series.len()).into_par_iter().map(|k| self.residuals(k, point)).collect()
+    }
+
+    /// Cost of residuals and priors.
+    pub fn cost(&self, point: &Point, residuals: &[Residuals]) -> f64 {
+        residuals.iter().flatten().map(|r| huber(*r)).sum::<f64>() + prior(point)
+    }
+}
+
+/// Appends block sums divided by the root of the block's length, so that white noise keeps its variance.
+fn push_blocks(all: &mut Vec<f64>, errors: impl Iterator<Item = f64>, block: usize) {
+    let (mut sum, mut count) = (0.0, 0);
+    for error in errors {
+        sum += error;
+        count += 1;
+        if count == block {
+            all.push(sum / (block as f64).sqrt());
+            (sum, count) = (0.0, 0);
+        }
+    }
+}
+
+/// Cost of the nuisances and start temperatures.
+pub fn prior(point: &Point) -> f64 {
+    let temperatures = point.theta_shift.iter().flatten().map(|t| t / THETA_0_SIGMA_K);
+    point.z.iter().copied().chain(temperatures).map(|x| x * x).sum()
+}
+
+/// Huber's loss; r² near zero.
+#[inline]
+pub fn huber(r: f64) -> f64 {
+    let a = r.abs();
+    if a <= HUBER { r * r } else { HUBER * (2.0 * a - HUBER) }
+}
+
+/// Weight of a residual in the iteration that minimises [`huber`].
+#[inline]
+pub fn weight(r: f64) -> f64 {
+    let a = r.abs();
+    if a <= HUBER { 1.0 } else { HUBER / a }
+}
+
+/// One free coordinate of a fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Coordinate {
+    /// Nuisance k.
+    Nuisance(usize),
+    /// Start temperature of a recording: of the disc (0) or the body (1).
+    Theta(usize, usize),
+    /// Effect parameter k.
+    Effect(usize),
+}
+
+impl Coordinate {
+    /// Step of a finite difference, in the coordinate's unit.
+    pub fn step(self) -> f64 {
+        match self {
+            Self::Nuisance(_) => 0.1,
+            Self::Theta(..) => 0.1,
+            Self::Effect(k) => 0.01 * effects::owner(k).scale(k),
+        }
+    }
+    fn slot(self, point: &mut Point) -> &mut f64 {
+        match self {
+            Self::Nuisance(k) => &mut point.z[k],
+            Self::Theta(k, node) => &mut point.theta_shift[k][node],
+            Self::Effect(k) => &mut point.effects[k],
+        }
+    }
+    /// Value at a point.
+    pub fn get(self, point: &Point) -> f64 {
+        match self {
+            Self::Nuisance(k) => point.z[k],
+            Self::Theta(k, node) => point.theta_shift[k][node],
+            Self::Effect(k) => point.effects[k],
+        }
+    }
+    /// Moves a point, within the bounds of effect parameters.
+    pub fn moved(self, point: &Point, by: f64) -> Point {
+        let mut moved = point.clone();
+        let slot = self.slot(&mut moved);
+        *slot += by;
+        if let Self::Effect(k) = self {
+            *slot = slot.clamp(PARAMETERS[k].min, PARAMETERS[k].max);
+        }
+        moved
+    }
+    /// Precision that the prior gives, 1/variance.
+    fn precision(self) -> f64 {
+        match self {
+            Self::Nuisance(_) => 1.0,
+            Self::Theta(..) => 1.0 / (THETA_0_SIGMA_K * THETA_0_SIGMA_K),
+            // Wide: an effect may be ten times its nominal size; this keeps shapes that do nothing where they are.
+            Self::Effect(k) => 1.0 / (10.0 * effects::owner(k).scale(k)).powi(2),
+        }
+    }
+    /// Curvature of one unit step: a tolerance, or the size of a noticeable effect.
+    fn unit(self) -> f64 {
+        if let Self::Effect(_) = self { 100.0 * self.precision() } else { self.precision() }
+    }
+    fn touches(self, recording: usize) -> bool {
+        !matches!(self, Self::Theta(k, _) if k != recording)
+    }
+}
+
+/// Free coordinates of a hypothesis that holds the effects (indices in the registry).
+pub fn coordinates(problem: &Problem, effects: &[usize]) -> Vec<Coordinate> {
+    let nuisances = (0..problem.nuisances.len()).map(Coordinate::Nuisance);
+    let thetas = (0..problem.series.len()).flat_map(|k| [Coordinate::Theta(k, 0), Coordinate::Theta(k, 1)]);
+    let of_effects = effects.iter().flat_map(|&e| REGISTRY[e].parameters.clone()).map(Coordinate::Effect);
+    nuisances.chain(thetas).chain(of_effects).collect()
+}
+
+/// Derivatives of every recording's residuals: per recording a list of (coordinate's place, column).
+pub type Columns = Vec<Vec<(usize, Vec<f64>)>>;
+
+/// Finite differences of all residuals along `coordinates`.
+pub fn derivatives(problem: &Problem, point: &Point, residuals: &[Residuals], coordinates: &[Coordinate]) -> Columns {
+    let tasks: Vec<(usize, usize)> = (0..problem.series.len())
+        .flat_map(|r| (0..coordinates.len()).map(move |c| (r, c)))
+        .filter(|&(r, c)| coordinates[c].touches(r))
+        .collect();
+    let columns: Vec<(usize, usize, Vec<f64>)> = tasks
+        .into_par_iter()
+        .map(|(r, c)| {
+            let coordinate = coordinates[c];
+            let mut moved = coordinate.moved(point, coordinate.step());
+            let mut step = coordinate.get(&moved) - coordinate.get(point);
+            if step.abs() < 0.5 * coordinate.step() {
+                moved = coordinate.moved(point, -coordinate.step());
+                step = coordinate.get(&moved) - coordinate.get(point);
+            }
+            let there = problem.residuals(r, &moved);
+            (r, c, there.iter().zip(&residuals[r]).map(|(a, b)| (a - b) / step).collect())
+        })
+        .collect();
+    let mut all: Columns = vec![Vec::new(); problem.series.len()];
+    for (r, c, column) in columns {
+        all[r].push((c, column));
+    }
+    all
+}
+
+/// Normal equations of one linearised step: curvature and gradient of half the cost.
+pub fn normal_equations(point: &Point, residuals: &[Residuals], columns: &Columns, coordinates: &[Coordinate]) -> (DMatrix<f64>, DVector<f64>) {
+    let n = coordinates.len();
+    let mut curvature = DMatrix::zeros(n, n);
+    let mut gradient = DVector::zeros(n);
+    for (own, r) in columns.iter().zip(residuals) {
+        let weights: Vec<f64> = r.iter().map(|r| weight(*r)).collect();
+        let weighted: Vec<(usize, Vec<f64>)> =
+            own.iter().map(|(c, col)| (*c, col.iter().zip(&weights).map(|(a, w)| a * w).collect())).collect();
+        for (i, (ci, wi)) in weighted.iter().enumerate() {
+            gradient[*ci] += dot(wi, r);
+            for (cj, col) in &own[..=i] {
+                let h = dot(wi, col);
+                curvature[(*ci, *cj)] += h;
+                if ci != cj {
+                    curvature[(*cj, *ci)] += h;
+                }
+            }
+        }
+    }
+    add_prior(point, coordinates, &mut curvature, &mut gradient);
+    (curvature, gradient)
+}
+
+/// Adds the priors' curvature and gradient.
+pub fn add_prior(point: &Point, coordinates: &[Coordinate], curvature: &mut DMatrix<f64>, gradient: &mut DVector<f64>) {
+    for (k, c) in coordinates.iter().enumerate() {
+        let centre = if let Coordinate::Effect(p) = c { PARAMETERS[*p].null } else { 0.0 };
+        curvature[(k, k)] += c.precision();
+        gradient[k] += c.precision() * (c.get(point) - centre);
+    }
+}
+
+/// Inner product.
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Outcome of a fit.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// Where the cost is least.
+    pub point: Point,
+    /// Cost there.
+    pub cost: f64,
+    /// Residuals there.
+    pub residuals: Vec<Residuals>,
+    /// Free coordinates.
+    pub coordinates: Vec<Coordinate>,
+    /// Curvature of half the cost there.
+    pub curvature: DMatrix<f64>,
+}
+
+/// Iterations between two differentiations along the nuisances.
+const KEEP_NUISANCE_COLUMNS: usize = 1;
+
+/// Differentiates anew along all coordinates but the first `kept`.
+fn refresh(problem: &Problem, point: &Point, residuals: &[Residuals], coordinates: &[Coordinate], kept: usize, columns: &mut Columns) {
+    let fresh = derivatives(problem, point, residuals, &coordinates[kept..]);
+    columns.resize(problem.series.len(), Vec::new());
+    for (own, fresh) in columns.iter_mut().zip(fresh) {
+        own.retain(|(c, _)| *c < kept);
+        own.extend(fresh.into_iter().map(|(c, column)| (c + kept, column)));
+    }
+}
+
+/// Minimises the cost over nuisances, start temperatures and the parameters of `effects`, from `start`.
+pub fn fit(problem: &Problem, effects: &[usize], start: &Point, iterations: usize) -> Fit {
+    let coordinates = coordinates(problem, effects);
+    let mut point = start.clone();
+    let mut residuals = problem.all_residuals(&point);
+    let mut cost = problem.cost(&point, &residuals);
+    let of_effects = coordinates.iter().filter(|c| matches!(c, Coordinate::Effect(_))).count();
+    // Damping is in units of tolerances: an effect and the tolerance that it resembles share a valley, flat but for the
+    // prior, along which damping in proportion to the curvature would hardly move.
+    let mut damping = 0.0_f64;
+    let mut curvature = DMatrix::identity(coordinates.len(), coordinates.len());
+    let mut columns = Columns::new();
+    for iteration in 0..iterations {
+        // The nuisances' derivatives change slowly and cost most: they are kept for a few steps.
+        let kept = if iteration % KEEP_NUISANCE_COLUMNS == 0 { 0 } else { coordinates.len() - of_effects };
+        refresh(problem, &point, &residuals, &coordinates, kept, &mut columns);
+        let (h, g) = normal_equations(&point, &residuals, &columns, &coordinates);
+        let before = cost;
+        for _ in 0..5 {
+            let mut damped = h.clone();
+            for (k, c) in coordinates.iter().enumerate() {
+                damped[(k, k)] += damping * c.unit();
+            }
+            let Some(step) = damped.cholesky().map(|c| c.solve(&g)) else {
+                damping = (damping * 10.0).max(1.0);
+                continue;
+            };
+            let mut trial = point.clone();
+            for (c, s) in coordinates.iter().zip(step.iter()) {
+                trial = c.moved(&trial, -s);
+            }
+            let there = problem.all_residuals(&trial);
+            let cost_there = problem.cost(&trial, &there);
+            if cost_there < cost {
+                (point, residuals, cost) = (trial, there, cost_there);
+                damping = if damping < 0.1 { 0.0 } else { damping * 0.1 };
+                break;
+            }
+            damping = (damping * 10.0).max(1.0);
+        }
+        curvature = h;
+        if std::env::var("LAB").is_ok() { eprintln!("it {iteration} cost {cost:.1} prior {:.1} damping {damping:.1e}", prior(&point)); }
+        if before - cost < 0.5 {
+            break;
+        }
+    }
+    Fit { point, cost, residuals, coordinates, curvature }
+}

@@ -1,0 +1,308 @@
+//! Bad input: every defect is met with file, channel, row and remedy, and a sound recording beside it is still read.
+//!
+//! Each case changes the sound recording `seed/r01.csv` in one way.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use kisspoint::campaign::{self, Campaign, CampaignError, ChannelMap, ReadOptions};
+
+const ENTRY: &str = r#"{"manoeuvre": "launch", "sample_rate_Hz": 100, "theta_c0_degC": 36.0, "theta_b0_degC": 30.0}"#;
+
+/// A campaign's folder that is removed at the end.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new() -> Folder {
+        static NEXT: AtomicU32 = AtomicU32::new(0);
+        let number = NEXT.fetch_add(1, Ordering::Relaxed);
+        let dir = std::env::temp_dir().join(format!("kisspoint-defects-{}-{number}", std::process::id()));
+        std::fs::create_dir_all(&dir).unwrap();
+        let folder = Folder(dir);
+        folder.file("vehicle.json", "{}");
+        folder
+    }
+
+    /// The sound recording as r01 and another as r02.
+    fn with(second: &str) -> Folder {
+        let folder = Folder::new();
+        folder.file("recordings.json", &format!(r#"{{"r02": {ENTRY}, "r01": {ENTRY}}}"#));
+        folder.file("r01.csv", &seed());
+        folder.file("r02.csv", second);
+        folder
+    }
+
+    fn file(&self, name: &str, text: &str) {
+        std::fs::write(self.0.join(name), text).unwrap();
+    }
+
+    fn read(&self) -> Result<Campaign, CampaignError> {
+        campaign::read(&self.0, &ReadOptions::default())
+    }
+
+    fn fault(&self) -> String {
+        self.read().unwrap_err().to_string()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+fn seed() -> String {
+    std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/campaign/seed/r01.csv")).unwrap()
+}
+
+/// The seed with every cell of some columns changed; column 0 is time, and rows count from 0.
+fn changed(change: impl Fn(usize, usize, f64) -> String) -> String {
+    let seed = seed();
+    let mut lines = seed.lines();
+    let mut out = lines.next().unwrap().to_string();
+    for (row, line) in lines.enumerate() {
+        let cells = line.split(',').enumerate().map(|(column, cell)| change(row, column, cell.parse().unwrap()));
+        out.push('\n');
+        out.push_str(&cells.collect::<Vec<_>>().join(","));
+    }
+    out.push('\n');
+    out
+}
+
+fn column(at: usize, change: impl Fn(usize, f64) -> String) -> String {
+    changed(|row, column, value| if column == at { change(row, value) } else { value.to_string() })
+}
+
+/// Reads the sound recording and the changed one, which must be left out for a reason that holds all of these.
+fn left_out(second: &str, expected: &[&str]) {
+    let campaign = Folder::with(second).read().unwrap();
+    assert_eq!(campaign.recordings.len(), 1);
+    assert_eq!(campaign.recordings[0].name, "r01");
+    let [left_out] = campaign.left_out.as_slice() else { panic!("{:?}", campaign.left_out) };
+    assert_eq!(left_out.recording, "r02");
+    for text in expected {
+        assert!(left_out.reason.contains(text), "`{text}` is not in: {}", left_out.reason);
+    }
+}
+
+/// Reads the changed recording, which must be used with a note that holds all of these.
+fn noted(second: &str, expected: &[&str]) -> Campaign {
+    let campaign = Folder::with(second).read().unwrap();
+    assert_eq!(campaign.left_out, []);
+    let notes: Vec<&str> = campaign.notes.iter().filter(|n| n.recording == "r02").map(|n| n.text.as_str()).collect();
+    for text in expected {
+        assert!(notes.iter().any(|n| n.contains(text)), "`{text}` is not in {notes:?}");
+    }
+    campaign
+}
+
+#[test]
+fn a_sound_campaign_is_sorted_and_has_nothing_to_say() {
+    let campaign = Folder::with(&column(1, |_, v| format!("{}", v + 0.025))).read().unwrap();
+    let names: Vec<&str> = campaign.recordings.iter().map(|r| r.name.as_str()).collect();
+    assert_eq!(names, ["r01", "r02"]);
+    assert!(campaign.left_out.is_empty() && campaign.notes.is_empty());
+    assert_eq!(campaign.recordings[0].omega_f[0].to_string(), seed().lines().nth(1).unwrap().split(',').nth(1).unwrap());
+    assert_eq!(campaign.fingerprint.len(), 64);
+}
+
+#[test]
+fn missing_channel() {
+    let text = seed().replace("omega_c_rad_s", "n_disc");
+    left_out(&text, &["r02.csv, channel omega_c_rad_s", "is not in the file, which has time_s, omega_f_rad_s, n_disc", "channel map"]);
+    left_out(&seed().replace("time_s", "clock"), &["r02.csv, channel time_s"]);
+}
+
+#[test]
+fn missing_and_wrong_cells() {
+    let long = column(1, |row, v| if (60..70).contains(&row) { "NaN".into() } else { v.to_string() });
+    noted(&long, &["omega_f_rad_s, line 62: a gap of 0.100 s; the recording is cut in front of it, 0.590 s remain"]);
+    let early = column(1, |row, v| if (20..30).contains(&row) { String::new() } else { v.to_string() });
+    left_out(&early, &["r02.csv, channel omega_f_rad_s, line 22", "0.190 s remain", "Record again"]);
+    let short = column(2, |row, v| if (60..64).contains(&row) { "nan".into() } else { v.to_string() });
+    noted(&short, &["omega_c_rad_s: 1 gap (4 samples, the longest 40 ms, the first at line 62) bridged"]);
+    let input = column(4, |row, v| if row == 100 { String::new() } else { v.to_string() });
+    let cut = noted(&input, &["x_to_cmd_mm, line 102: a gap of 0.010 s; the recording is cut"]);
+    assert_eq!(cut.recordings[1].omega_f.len(), 100);
+    let sprinkled = column(1, |row, v| if row % 9 == 5 { String::new() } else { v.to_string() });
+    left_out(&sprinkled, &["r02.csv, channel omega_f_rad_s, line 7", "many short gaps"]);
+    let text = column(3, |row, v| if row == 7 { "open".into() } else { v.to_string() });
+    left_out(&text, &["r02.csv, channel T_e_Nm, line 9", "\"open\" is not a number"]);
+    left_out(&column(2, |_, _| "NaN".into()), &["r02.csv, channel omega_c_rad_s", "not one valid sample"]);
+    let late = column(1, |row, v| if row < 15 { "NaN".into() } else { v.to_string() });
+    left_out(&late, &["r02.csv, channel omega_f_rad_s, line 17", "starts 0.150 s after"]);
+}
+
+#[test]
+fn clocks() {
+    let back = column(0, |row, v| if row == 50 { "0.3".into() } else { v.to_string() });
+    left_out(&back, &["r02.csv, channel time_s, line 52", "runs back from 0.49 s to 0.3 s"]);
+    let twice = column(0, |row, v| if row == 50 { "0.49".into() } else { v.to_string() });
+    left_out(&twice, &["r02.csv, channel time_s, line 52", "occurs twice"]);
+    let hole = column(0, |row, v| if row == 50 { String::new() } else { v.to_string() });
+    left_out(&hole, &["r02.csv, channel time_s, line 52", "the time is missing"]);
+    left_out(&column(0, |_, v| (v * 1000.0).to_string()), &["r02.csv", "ticks at 0.1000 Hz", "it looks like ms"]);
+    left_out(&column(0, |_, v| (v * 10.0).to_string()), &["r02.csv", "10.000 Hz"]);
+    noted(&column(0, |_, v| (v + 12.5).to_string()), &["the clock starts at 12.5 s"]);
+    noted(&column(0, |_, v| (v / 2.0).to_string()), &["recordings.json says 100 Hz, the speeds come at 200 Hz"]);
+    let odd = noted(
+        &column(0, |_, v| (v * 100.0 / 97.0).to_string()),
+        &["omega_f_rad_s: brought from 97 Hz to the 100 Hz grid, along straight lines"],
+    );
+    assert_eq!(odd.recordings[1].sample_rate_hz, 100.0);
+    assert_eq!(odd.recordings[1].omega_f.len(), 155);
+    let lost: String = seed().lines().enumerate().filter(|(i, _)| !(81..100).contains(i)).map(|(_, l)| format!("{l}\n")).collect();
+    noted(&lost, &["line 82: a gap of 0.190 s; the recording is cut in front of it"]);
+}
+
+#[test]
+fn units_that_cannot_be_right() {
+    let rpm = 30.0 / std::f64::consts::PI;
+    let cases: [(usize, f64, f64, &str, &str); 9] = [
+        (1, rpm, 0.0, "omega_f_rad_s", "It looks like rpm"),
+        (1, 0.5 / std::f64::consts::PI, 0.0, "omega_f_rad_s", "It looks like Hz"),
+        (1, -1.0, 0.0, "omega_f_rad_s", "turn backwards"),
+        (3, 1e-3, 0.0, "T_e_Nm", "It looks like kN·m"),
+        (3, 1e3, 0.0, "T_e_Nm", "It looks like N·mm"),
+        (4, 1e-3, 0.0, "x_to_cmd_mm", "It looks like m:"),
+        (4, 1e3, 0.0, "x_to_cmd_mm", "It looks like um"),
+        (5, 1.0, 273.15, "theta_h_degC", "It looks like K"),
+        (8, 1.0, 273.15, "theta_c_degC", "It looks like K"),
+    ];
+    for (at, scale, offset, name, looks) in cases {
+        let text = column(at, |_, v| (v * scale + offset).to_string());
+        left_out(&text, &["r02.csv, channel ", name, ", line ", "the unit can't be right", looks]);
+    }
+}
+
+#[test]
+fn stated_units() {
+    let rpm = column(1, |_, v| (v * 30.0 / std::f64::consts::PI).to_string());
+    let converted = noted(&rpm.replace("omega_f_rad_s", "omega_f [rpm]"), &["omega_f (omega_f_rad_s): rpm converted to rad/s"]);
+    let (got, expected) = (&converted.recordings[1].omega_f, &converted.recordings[0].omega_f);
+    assert!(got.iter().zip(expected).all(|(g, e)| (g - e).abs() < 1e-9));
+    left_out(
+        &rpm.replace("omega_f_rad_s", "omega_f_rad_s [rpm]"),
+        &["omega_f_rad_s", "the channel's name says the unit is rad/s, the file says rpm"],
+    );
+    left_out(
+        &seed().replace("omega_f_rad_s", "omega_f [1/s]"),
+        &["the unit \"1/s\" is not known for a rotational speed", "rad/s, rpm, Hz"],
+    );
+    left_out(&seed().replace("T_e_Nm", "T_e [mm]"), &["the unit \"mm\" can't be right: the channel is a torque"]);
+}
+
+#[test]
+fn files() {
+    left_out("", &["r02.csv: the file is empty"]);
+    left_out("time_s,omega_f_rad_s\n", &["r02.csv: there is a header but no row"]);
+    let some = |n: usize| seed().lines().take(n).map(|l| format!("{l}\n")).collect::<String>();
+    left_out(&some(31), &["r02.csv: 0.290 s are too short"]);
+    left_out(&some(2), &["r02.csv", "too short"]);
+    noted(&format!("{}0.8,120", some(81)), &["line 82 (the last) has 2 of 9 cells: cut off while writing, dropped"]);
+    left_out(&format!("{}0.8,120\n{}", some(81), "0.81,1,1,1,1,1,1,1,1\n"), &["r02.csv, line 82", "2 cells where the header has 9"]);
+    left_out(
+        &seed().replace("theta_h_degC", "T_e_Nm"),
+        &["channel T_e_Nm", "occurs 2 times (`T_e_Nm` at position 4, `T_e_Nm` at position 6)"],
+    );
+    left_out(&seed(), &["r02.csv: holds the same bytes as r01.csv"]);
+    left_out("PAR1abc", &["r02.csv: the file is a Parquet file, not a text file"]);
+}
+
+#[test]
+fn channels_that_say_nothing() {
+    left_out(&column(1, |_, _| "105".into()), &["r02.csv, channel omega_f_rad_s", "105 in every sample"]);
+    left_out(&column(2, |_, _| "0".into()), &["r02.csv, channel omega_c_rad_s", "0 in every sample"]);
+    left_out(&column(4, |_, _| "3.5".into()), &["r02.csv, channel x_to_cmd_mm", "3.5 mm throughout, which is no launch"]);
+    let both = changed(|_, c, v| if c == 3 || c == 4 { "5".into() } else { v.to_string() });
+    left_out(&both, &["r02.csv: constant input"]);
+    let frozen = noted(&column(6, |_, _| "3.5".into()), &["x_to_mm: the value is 3.5 in every sample; the channel is not used"]);
+    assert_eq!(frozen.recordings[1].x_to, None);
+    noted(&column(3, |_, _| "50".into()), &[]);
+}
+
+#[test]
+fn a_car_at_rest_may_read_no_disc_speed_with_the_clutch_open() {
+    let folder = Folder::with(&column(2, |_, _| "0".into()));
+    folder.file("recordings.json", &format!(r#"{{"r01": {ENTRY}, "r02": {}}}"#, ENTRY.replace("launch", "open_rev")));
+    assert_eq!(folder.read().unwrap().left_out, []);
+}
+
+#[test]
+fn the_folder() {
+    let folder = Folder::new();
+    assert!(folder.fault().contains("recordings.json: file not found"));
+    folder.file("recordings.json", "{}");
+    assert!(folder.fault().contains("lists no recording"));
+    folder.file("recordings.json", &format!(r#"{{"r01": {ENTRY}, "r03": {ENTRY}, "r04": {ENTRY}}}"#));
+    let fault = folder.fault();
+    assert!(fault.contains("no recording is usable. r01: recordings.json lists it, but there is no such file"), "{fault}");
+    folder.file("r01.csv", &seed());
+    folder.file("r02.csv", &seed());
+    folder.file("r04.csv", &seed());
+    folder.file("r04.mf4", "x");
+    folder.file("notes.txt", "ignored");
+    let campaign = folder.read().unwrap();
+    let reasons: Vec<&str> = campaign.left_out.iter().map(|l| l.reason.as_str()).collect();
+    assert_eq!(reasons.len(), 3, "{reasons:?}");
+    assert!(reasons[0].starts_with("r03: recordings.json lists it"), "{reasons:?}");
+    assert!(reasons[1].starts_with("r04: there are several files of that name: r04.csv, r04.mf4"), "{reasons:?}");
+    assert!(reasons[2].starts_with("r02.csv: recordings.json does not list it"), "{reasons:?}");
+    let strict = campaign::read(&folder.0, &ReadOptions { strict: true, channel_map: None }).unwrap_err();
+    assert!(strict.to_string().starts_with("r03: "), "{strict}");
+    folder.file("vehicle.json", "{\"friction\": }");
+    assert!(folder.fault().contains("vehicle.json, line 1, column 14"));
+    folder.file("vehicle.json", "[]");
+    assert!(folder.fault().contains("vehicle.json: is not an object"));
+    std::fs::remove_file(folder.0.join("vehicle.json")).unwrap();
+    assert!(folder.fault().contains("vehicle.json: file not found"));
+    let missing = campaign::read(&folder.0.join("nowhere"), &ReadOptions::default()).unwrap_err();
+    assert!(missing.to_string().contains("nowhere: no such folder"));
+}
+
+#[test]
+fn the_fingerprint_is_of_the_contents() {
+    let other = column(1, |_, v| format!("{}", v + 0.025));
+    let (a, b) = (Folder::with(&other), Folder::with(&other));
+    assert_eq!(a.read().unwrap().fingerprint, b.read().unwrap().fingerprint);
+    let first = a.read().unwrap().fingerprint;
+    a.file("vehicle.json", "{ }");
+    assert_ne!(a.read().unwrap().fingerprint, first);
+    let map = ChannelMap::from_toml("map", "T_e_Nm = { scale = 1.0 }").unwrap();
+    let mapped = campaign::read(&b.0, &ReadOptions { strict: false, channel_map: Some(map) }).unwrap();
+    assert_ne!(mapped.fingerprint, first);
+}
+
+#[test]
+fn the_channel_map_scales_and_overrules() {
+    let folder = Folder::with(&seed().replace("T_e_Nm", "TqEng [Nm]").replace("x_to_cmd_mm", "counts"));
+    let read = |map: &str| {
+        let map = ChannelMap::from_toml("map", map).unwrap();
+        campaign::read(&folder.0, &ReadOptions { strict: false, channel_map: Some(map) })
+    };
+    let only_second = read("T_e_Nm = \"TqEng\"\nx_to_cmd_mm = { name = \"counts\", scale = 2.0, offset = -3.0 }").unwrap();
+    assert_eq!(only_second.recordings[0].name, "r02");
+    assert!(only_second.left_out[0].reason.contains("r01.csv, channel T_e_Nm: no channel for T_e_Nm"));
+    let plain = Folder::with(&column(1, |_, v| format!("{}", v + 0.025))).read().unwrap();
+    for (got, raw) in only_second.recordings[0].x_to_cmd.iter().zip(&plain.recordings[0].x_to_cmd) {
+        assert!((got - (2.0 * raw - 3.0)).abs() < 1e-12);
+    }
+    let fault = read("T_e_Nm = { name = \"TqEng\", unit = \"kNm\" }\nx_to_cmd_mm = \"counts\"").unwrap_err().to_string();
+    assert!(fault.contains("the channel map says the unit is kNm, the file says Nm"), "{fault}");
+    let fault = read("T_e_Nm = \"TqEng\"\nx_to_cmd_mm = \"counts\"\nx_to_mm = \"counts\"").unwrap_err().to_string();
+    assert!(fault.contains("is already taken for x_to_cmd_mm"), "{fault}");
+}
+
+#[test]
+fn what_is_written_is_read_back() {
+    let folder = Folder::with(&column(1, |_, v| format!("{}", v + 0.025)));
+    let campaign = folder.read().unwrap();
+    let copy = Folder::new();
+    campaign::write_recordings_json(&campaign.recordings, &copy.0.join("recordings.json")).unwrap();
+    for recording in &campaign.recordings {
+        campaign::write_csv(recording, &copy.0.join(format!("{}.csv", recording.name))).unwrap();
+    }
+    let again = copy.read().unwrap();
+    assert_eq!(again.recordings, campaign.recordings);
+    assert!(again.notes.is_empty() && again.left_out.is_empty());
+}

@@ -1,0 +1,178 @@
+"""Makes the measurement files of tests/data/campaign/measurements with asammdf and pyarrow.
+
+    python -m venv venv && venv/bin/pip install asammdf==8.8.28 pyarrow==26.0.1
+    venv/bin/python tests/python/make_measurements.py
+
+The Rust tests read the committed files, so that they need neither Python nor a network. What the files must contain is
+the seed recording, tests/data/campaign/seed/r01.csv, which this script makes too: a made-up launch of 1.5 s at 100 Hz.
+expected.json holds what asammdf and pyarrow read from them, as sums per channel.
+"""
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from asammdf import MDF, Signal
+
+DATA = Path(__file__).resolve().parent.parent / "data" / "campaign"
+OUT = DATA / "measurements"
+UNITS = {"omega_f_rad_s": "rad/s", "omega_c_rad_s": "rad/s", "T_e_Nm": "Nm", "x_to_cmd_mm": "mm", "theta_h_degC": "°C",
+         "x_to_mm": "mm", "T_fc_Nm": "Nm", "theta_c_degC": "degC"}  # fmt: skip
+
+
+def seed():
+    """Columns of the seed recording, rounded as a logger would."""
+    rng = np.random.default_rng(20261)
+    t = np.arange(151) / 100
+    rise = 1 / (1 + np.exp(-(t - 0.7) * 8))
+    x = 3.0 + 2.2 * np.minimum(t / 1.2, 1)
+    return {
+        "time_s": np.round(t, 4),
+        "omega_f_rad_s": np.round(105 + 60 * t - 45 * rise + rng.normal(0, 0.3, t.size), 3),
+        "omega_c_rad_s": np.round((105 + 60 * t - 45 * rise) * rise + rng.normal(0, 0.3, t.size), 3),
+        "T_e_Nm": np.round(90 * np.minimum(t / 0.4, 1) + rng.normal(0, 0.2, t.size), 1),
+        "x_to_cmd_mm": np.round(x, 3),
+        "theta_h_degC": np.full(t.size, 25.0),
+        "x_to_mm": np.round(x + rng.normal(0, 0.01, t.size), 3),
+        "T_fc_Nm": np.round(80 * rise + rng.normal(0, 0.5, t.size), 2),
+        "theta_c_degC": np.round(36 + 20 * rise + rng.normal(0, 0.3, t.size), 1),
+    }
+
+
+def write_seed(columns):
+    (DATA / "seed").mkdir(parents=True, exist_ok=True)
+    with open(DATA / "seed" / "r01.csv", "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(zip(*(c.tolist() for c in columns.values())))
+
+
+def contract_signals(columns):
+    t = columns["time_s"]
+    return [Signal(columns[n].copy(), t, name=n, unit=u) for n, u in UNITS.items()]
+
+
+def save(name, version="4.10", compression=0, groups=(), fragment=None):
+    mdf = MDF(version=version)
+    if fragment:
+        mdf.configure(write_fragment_size=fragment)
+    for signals, comment in groups:
+        mdf.append(signals, comment=comment, acq_name=comment, common_timebase=True) if comment else mdf.append(
+            signals, common_timebase=True
+        )
+    path = OUT / f"{name}.mf4"
+    mdf.save(path, overwrite=True, compression=compression)
+    mdf.close()
+    return path
+
+
+def rates(columns):
+    """A logger's names and units, three rates: inputs at 50 Hz, speeds as scaled integers at 100 Hz, air at 10 Hz."""
+    t = columns["time_s"]
+    rpm = 30 / math.pi
+    to_rpm = {"a": 0.25, "b": 0.0}
+
+    def scaled(name, column):
+        raw = np.round(columns[column] * rpm / 0.25).astype("<i2")
+        return Signal(raw, t, name=name, unit="rpm", conversion=to_rpm)
+
+    def every(n, name, values, unit):
+        return Signal(values[::n].copy(), t[::n].copy(), name=name, unit=unit)
+
+    return [
+        ([scaled("nEngine", "omega_f_rad_s"), scaled("nGbxInput", "omega_c_rad_s")], "CAN 10ms"),
+        ([every(2, "TqEng", columns["T_e_Nm"], "Nm"), every(2, "BearingPosSet", columns["x_to_cmd_mm"] / 1000, "m")], "CAN 20ms"),
+        ([every(10, "TempBellHousing", columns["theta_h_degC"] + 273.15, "K")], "CAN 100ms"),
+    ]  # fmt: skip
+
+
+def invalid(columns):
+    """Three invalid samples in the disc speed (bridged) and a long gap in the transducer (channel dropped)."""
+    signals = contract_signals(columns)
+    for signal in signals:
+        bad = np.zeros(signal.samples.size, dtype=bool)
+        if signal.name == "omega_c_rad_s":
+            bad[40:43] = True
+        if signal.name == "T_fc_Nm":
+            bad[60:90] = True
+        signal.invalidation_bits = bad
+        signal.samples = np.where(bad, -999.0, signal.samples)
+    return signals
+
+
+def tables(columns):
+    """Parquet files: plain, packed with nulls, and a logger's own with a time stamp and units in the metadata."""
+    table = pa.table({n: pa.array(c) for n, c in columns.items()})
+    pq.write_table(table, OUT / "plain.parquet", compression="snappy")
+    gaps = dict(columns)
+    holes = pa.array(columns["omega_c_rad_s"], mask=np.isin(np.arange(151), [40, 41, 42]))
+    small = {n: pa.array(c.astype("float32")) for n, c in gaps.items() if n not in ("time_s", "omega_c_rad_s")}
+    packed = pa.table({"time_s": pa.array(columns["time_s"]), "omega_c_rad_s": holes, **small})
+    pq.write_table(packed, OUT / "zstd.parquet", compression="zstd", row_group_size=64)
+    stamp = 1_790_000_000_000_000_000 + np.round(columns["time_s"] * 1e9).astype("int64")
+    logger = pa.table({
+        "time": pa.array(stamp, type=pa.timestamp("ns")),
+        "nEngine": pa.array(columns["omega_f_rad_s"] * 30 / math.pi),
+        "nGbxInput [rpm]": pa.array(columns["omega_c_rad_s"] * 30 / math.pi),
+        "TqEng": pa.array(columns["T_e_Nm"]),
+        "BearingPosSet": pa.array(np.round(columns["x_to_cmd_mm"] * 1000).astype("int32")),
+        "TempBellHousing": pa.array(columns["theta_h_degC"] * 1.8 + 32),
+        "gear": pa.array(["D"] * 151),
+    })  # fmt: skip
+    units = {"nEngine": "rpm", "TqEng": "Nm", "BearingPosSet": "um", "TempBellHousing": "°F"}
+    logger = logger.replace_schema_metadata({"units": json.dumps(units)})
+    pq.write_table(logger, OUT / "logger.parquet", compression="gzip")
+
+
+def expected():
+    """Sums and counts per channel, as asammdf reads them back; invalid samples left out."""
+    out = {}
+    for path in sorted(OUT.glob("*.mf4")):
+        if path.stem in ("unfinalised", "unsorted"):
+            continue
+        with MDF(path) as mdf:
+            signals = [mdf.get(name, group=g, index=i, ignore_invalidation_bits=False)
+                       for name, places in mdf.channels_db.items() for g, i in places if name not in ("time", "t")]  # fmt: skip
+            out[path.name] = {s.name: {"count": int(s.samples.size), "sum": float(np.sum(s.samples)), "unit": s.unit} for s in signals}
+    return out
+
+
+def main():
+    OUT.mkdir(parents=True, exist_ok=True)
+    columns = seed()
+    write_seed(columns)
+    contract = [(contract_signals(columns), "")]
+    plain = save("plain", groups=contract)
+    save("deflate", compression=1, groups=contract)
+    save("transposed", version="4.20", compression=2, groups=contract)
+    save("v430", version="4.30", groups=contract)
+    save("fragments", groups=contract, compression=2, fragment=2048)
+    save("rates", groups=rates(columns), compression=1)
+    two = save("two_groups", groups=rates(columns))
+    save("invalid", version="4.11", groups=[(invalid(columns), "")])
+    unfinalised = bytearray(plain.read_bytes())
+    unfinalised[0:8] = b"UnFinMF "
+    unfinalised[60:62] = (1).to_bytes(2, "little")
+    (OUT / "unfinalised.mf4").write_bytes(unfinalised)
+    unsorted(two)
+    tables(columns)
+    (OUT / "expected.json").write_text(json.dumps(expected(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def unsorted(path):
+    """Chains the second channel group behind the first in one data group, as an unsorted file has them."""
+    data = bytearray(path.read_bytes())
+    path.unlink()
+    word = lambda at: int.from_bytes(data[at : at + 8], "little")  # noqa: E731
+    first = word(64 + 24)
+    second = word(first + 24)
+    data[word(first + 32) + 24 : word(first + 32) + 32] = word(second + 32).to_bytes(8, "little")
+    (OUT / "unsorted.mf4").write_bytes(data)
+
+
+if __name__ == "__main__":
+    main()
