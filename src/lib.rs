@@ -4,9 +4,16 @@
 
 #[cfg(feature = "cli")]
 pub mod campaign;
+#[cfg(feature = "cli")]
+pub mod cli;
+pub mod control;
 pub mod effects;
 #[cfg(feature = "cli")]
 pub mod gap;
+#[cfg(feature = "cli")]
+pub mod launch;
 pub mod physics;
 pub mod plant;
+#[cfg(feature = "cli")]
+pub mod plots;
 pub mod vehicle;

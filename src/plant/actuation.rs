@@ -43,6 +43,13 @@ impl Chain {
     }
 }
 
+/// Whether engine and bearing follow their commands at once: a held command then gives one and the same drive throughout a substep.
+#[inline]
+pub fn immediate(config: &Config) -> bool {
+    let c = &config.constants;
+    c.engine_lag.time_constant <= 0.0 && c.actuator_lag.time_constant <= 0.0 && c.inverse_speed <= 0.0
+}
+
 /// Torque on the crankshaft that the report asks for, N·m.
 #[inline]
 fn engine_target(config: &Config, report: f64) -> f64 {

@@ -183,6 +183,9 @@ fn substep(plant: &mut Plant, until: f64, delayed: bool) {
 
 /// Shortens `h` to the moment at which a moving bearing makes or breaks contact.
 fn until_contact(config: &Config, state: &State, x_cmd: f64, h: f64) -> f64 {
+    if actuation::immediate(config) {
+        return h;
+    }
     let theta = state.y[index::THETA_C];
     let end = actuation::advance(config, state, x_cmd, h).drive().x;
     let begin = actuation::advance(config, state, x_cmd, 0.0).drive().x;
@@ -216,6 +219,9 @@ fn setting(config: &Config, state: &State, x_cmd: f64, h: f64) -> Setting {
 
 fn integrate(config: &Config, state: &State, setting: &Setting, x_cmd: f64, h: f64) -> (Motion, Chain) {
     let chain = actuation::advance(config, state, x_cmd, h);
+    if actuation::immediate(config) {
+        return (motion::runge_kutta(config, setting, &state.y, [chain.drive(); 3], h), chain);
+    }
     let begin = actuation::advance(config, state, x_cmd, 0.0).drive();
     let middle = actuation::advance(config, state, x_cmd, 0.5 * h).drive();
     (motion::runge_kutta(config, setting, &state.y, [begin, middle, chain.drive()], h), chain)

@@ -88,7 +88,7 @@ pub fn sticking_torque(config: &Config, y: &Motion, t_e: f64, t_load: f64) -> f6
 }
 
 /// Rates of all states.
-#[inline]
+#[inline(always)]
 fn rates(config: &Config, set: &Setting, y: &Motion, drive: Drive) -> Motion {
     let c = &config.constants;
     let d = &c.driveline;
