@@ -23,6 +23,8 @@ fn main() {
         if model == "DrivelinePlant" {
             fs::write(Path::new(&out).join("vehicle.rs"), vehicle_table(&variables)).expect("OUT_DIR can be written");
             fs::write(Path::new(&out).join("effects.rs"), effect_registry(&variables, &root)).expect("OUT_DIR can be written");
+        } else {
+            fs::write(Path::new(&out).join("settings.rs"), settings_table(&variables)).expect("OUT_DIR can be written");
         }
     }
 }
@@ -121,6 +123,26 @@ fn vehicle_table(variables: &[Variable]) -> String {
             "    Number {{ name: {:?}, unit: {:?}, meaning: {:?}, default: {}, min: {}, max: {}, value_reference: {}, get: |v| v.{}, get_mut: |v| &mut v.{} }},",
             v.name, v.get("unit"), v.get("description"), v.real("start", "0.0"), v.real("min", "-inf"), v.real("max", "inf"),
             v.get("valueReference"), v.name, v.name
+        )
+        .unwrap();
+    }
+    text.push_str("];\n");
+    text
+}
+
+/// The controller's settings are its start values and the parameters `controller.<field>`.
+fn settings_table(variables: &[Variable]) -> String {
+    let parameters = variables.iter().filter(|v| v.get("causality") == "parameter");
+    let fields: Vec<(&str, &Variable)> = parameters
+        .filter_map(|v| v.name.strip_prefix("controller.").or((!v.name.contains('.')).then_some(&v.name)).map(|field| (field, v)))
+        .collect();
+    let mut text = format!("/// The controller's settings under their flat names.\npub static SETTINGS: [Setting; {}] = [\n", fields.len());
+    for (field, v) in fields {
+        writeln!(
+            text,
+            "    Setting {{ name: {:?}, unit: {:?}, meaning: {:?}, default: {}, min: {}, max: {}, value_reference: {}, get: |s| s.{field}, get_mut: |s| &mut s.{field} }},",
+            v.name, v.get("unit"), v.get("description"), v.real("start", "0.0"), v.real("min", "-inf"), v.real("max", "inf"),
+            v.get("valueReference")
         )
         .unwrap();
     }

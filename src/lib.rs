@@ -4,6 +4,7 @@
 
 #[cfg(feature = "cli")]
 pub mod campaign;
+pub mod control;
 pub mod effects;
 #[cfg(feature = "cli")]
 pub mod gap;

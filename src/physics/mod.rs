@@ -7,4 +7,5 @@ pub mod driveline;
 pub mod friction;
 pub mod lag;
 pub mod map;
+pub mod phase;
 pub mod thermal;

@@ -20,6 +20,7 @@ pub mod motion;
 
 use crate::effects::Parameters;
 use crate::physics::lag::LagState;
+pub use crate::physics::phase::Phase;
 use crate::vehicle::Vehicle;
 use config::Config;
 use history::History;
@@ -27,18 +28,6 @@ use motion::{Motion, index};
 
 /// Substep of the plant unless set otherwise, s.
 pub const MAX_SUBSTEP: f64 = 1e-3;
-
-/// Phase of the clutch, numbered as the FMU's enumeration.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum Phase {
-    /// No contact.
-    #[default]
-    Open = 1,
-    /// Contact with slip.
-    Slipping = 2,
-    /// Contact without slip.
-    Locked = 3,
-}
 
 /// Inputs, held over a step.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]

@@ -1,0 +1,137 @@
+//! What the controller believes of its inputs: implausible ones never reach its states.
+//!
+//! | fault | what is seen | what the controller does |
+//! |---|---|---|
+//! | invalid | an input is not finite, or beyond ±10⁴ | bridges `fault_hold` with the last good values, then opens |
+//! | jump | a speed moves by more than `speed_jump` + `acceleration_max` · h | the same |
+//! | frozen | both speeds keep every bit for `freeze_time` while the clutch slips | opens |
+//! | stall | the engine is below `stall_speed` | asks for no torque and opens (see the controller) |
+//!
+//! A clutch that is closed stays closed while its inputs are implausible: opening a driving car without need is the greater
+//! risk. An implausible `theta_h` is replaced by its last good value without further action. A fault that was bridged is over
+//! at once; after an opening, inputs have to be plausible for `fault_recover`, then an engagement may begin anew. A jump whose
+//! new level stays for as long is believed.
+
+use super::settings::Settings;
+
+/// Inputs of the controller, held over a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inputs {
+    /// Flywheel speed, rad/s.
+    pub omega_f: f64,
+    /// Disc speed, rad/s.
+    pub omega_c: f64,
+    /// Engine torque as reported, N·m.
+    pub t_e: f64,
+    /// Housing air, °C.
+    pub theta_h: f64,
+    /// Engage the clutch; false opens it.
+    pub engage: bool,
+}
+
+/// What is wrong, numbered as the FMU's enumeration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Fault {
+    /// Nothing.
+    #[default]
+    None = 1,
+    /// An input is not finite or absurd.
+    Invalid = 2,
+    /// A speed jumped.
+    Jump = 3,
+    /// Both speeds stand still to the last bit.
+    Frozen = 4,
+    /// The engine is about to stall.
+    Stall = 5,
+}
+
+/// A speed or torque beyond this is no measurement, in rad/s or N·m.
+const ABSURD: f64 = 1e4;
+
+/// Air at a temperature beyond this is no measurement, °C.
+const ABSURD_TEMPERATURE: f64 = 1e3;
+
+/// Memory of the guard.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Guard {
+    /// Last inputs that were believed.
+    pub good: Inputs,
+    /// Last speeds that came in, believed or not, rad/s.
+    pub last: [f64; 2],
+    /// Some inputs have been believed.
+    pub started: bool,
+    /// Time for which inputs have been implausible, s.
+    pub bad_for: f64,
+    /// Time for which inputs have agreed with each other since, s.
+    pub agree_for: f64,
+    /// Time for which both speeds have kept their bits, s.
+    pub unchanged_for: f64,
+    /// The inputs of this step are believed.
+    pub believed: bool,
+    /// What is wrong.
+    pub fault: Fault,
+}
+
+impl Guard {
+    /// Before the first input; `theta` in °C stands for the air until one comes.
+    pub fn new(theta: f64) -> Self {
+        Self {
+            good: Inputs { omega_f: 0.0, omega_c: 0.0, t_e: 0.0, theta_h: theta, engage: false },
+            last: [0.0; 2],
+            started: false,
+            bad_for: 0.0,
+            agree_for: 0.0,
+            unchanged_for: 0.0,
+            believed: false,
+            fault: Fault::None,
+        }
+    }
+
+    /// Whether an engagement may go on, or begin.
+    pub fn trusted(&self, s: &Settings) -> bool {
+        self.started && (self.fault == Fault::None || (self.fault != Fault::Frozen && self.bad_for <= s.fault_hold))
+    }
+
+    /// Takes in the inputs of a step of `h` seconds; `slipping` says that the speeds should be moving.
+    pub fn take(&mut self, s: &Settings, raw: &Inputs, slipping: bool, h: f64) {
+        let reach = s.speed_jump + s.acceleration_max * h;
+        let near = |from: [f64; 2]| (raw.omega_f - from[0]).abs() <= reach && (raw.omega_c - from[1]).abs() <= reach;
+        let valid = [raw.omega_f, raw.omega_c, raw.t_e].iter().all(|x| x.abs() <= ABSURD);
+        let same = raw.omega_f == self.last[0] && raw.omega_c == self.last[1];
+        let agrees = valid && near(self.last) && !(same && self.fault == Fault::Frozen);
+        self.agree_for = if agrees { self.agree_for + h } else { 0.0 };
+        self.unchanged_for = if same && (slipping || self.fault == Fault::Frozen) { self.unchanged_for + h } else { 0.0 };
+        if valid {
+            self.last = [raw.omega_f, raw.omega_c];
+        }
+        let settled = self.agree_for >= s.fault_recover;
+        let verdict = if !valid {
+            Fault::Invalid
+        } else if self.unchanged_for > s.freeze_time {
+            Fault::Frozen
+        } else if self.started && !near([self.good.omega_f, self.good.omega_c]) && !settled {
+            Fault::Jump
+        } else {
+            Fault::None
+        };
+        self.believed = verdict == Fault::None;
+        if self.believed {
+            self.believe(s, raw, settled);
+        } else {
+            self.fault = verdict;
+            self.bad_for += h;
+        }
+        self.good.engage = raw.engage;
+    }
+
+    fn believe(&mut self, s: &Settings, raw: &Inputs, settled: bool) {
+        let theta_h = if raw.theta_h.abs() <= ABSURD_TEMPERATURE { raw.theta_h } else { self.good.theta_h };
+        self.good = Inputs { theta_h, ..*raw };
+        self.started = true;
+        let bridged = self.fault != Fault::Frozen && self.bad_for <= s.fault_hold;
+        if bridged || settled {
+            self.fault = Fault::None;
+            self.bad_for = 0.0;
+        }
+    }
+}

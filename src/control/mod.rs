@@ -1,0 +1,28 @@
+//! The controller of the paper's Figure 3, its estimators and its performance figures.
+//!
+//! A [`Controller`] is a plain value: [`Controller::step`] holds its inputs over a step, whatever its length, and
+//! [`Controller::outputs`] depend on the past alone.
+//!
+//! - [`settings`]: every number that is the designer's choice
+//! - [`reference`]: the two speed references
+//! - [`pi`]: PI controller with anti-windup
+//! - [`observer`]: clutch torque by (8a), (8b) and (9)
+//! - [`temperature`]: disc and body temperature by (5), (6)
+//! - [`held`]: exact solution that both estimators share
+//! - [`performance`]: engagement time, dissipated energy (10), slip acceleration (11)
+//! - [`guard`]: which inputs are believed
+//! - [`controller`]: all of it put together
+
+pub mod controller;
+pub mod guard;
+pub mod held;
+pub mod observer;
+pub mod performance;
+pub mod pi;
+pub mod reference;
+pub mod settings;
+pub mod temperature;
+
+pub use controller::{Controller, Outputs};
+pub use guard::{Fault, Inputs};
+pub use settings::Settings;

@@ -1,0 +1,99 @@
+//! The controller's settings: every number that is the designer's choice, named once in the model description.
+//!
+//! [`Settings::robust`] holds the start values of `modelDescription/ClutchController.xml`: a set that keeps its phase margin behind an
+//! actuator with 30 ms lag and 15 ms delay. [`Settings::paper`] is the set that reproduces Table II, with an ideal actuator.
+
+/// Settings under the names that the FMU gives them (there `controller.` stands before all but the start values).
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+#[allow(missing_docs)]
+pub struct Settings {
+    pub theta_c_start: f64,
+    pub theta_b_start: f64,
+    pub reference_time: f64,
+    pub reference_speed: f64,
+    pub reference_slope: f64,
+    pub reference_least_share: f64,
+    pub idle_speed: f64,
+    pub kp_engine: f64,
+    pub ki_engine: f64,
+    pub kp_clutch: f64,
+    pub ki_clutch: f64,
+    pub kp_torque: f64,
+    pub ki_torque: f64,
+    pub l_1: f64,
+    pub l_2: f64,
+    pub slip_lock: f64,
+    pub slip_release: f64,
+    pub torque_max: f64,
+    pub engine_torque_min: f64,
+    pub engine_torque_max: f64,
+    pub x_open: f64,
+    pub x_max: f64,
+    pub rate_open: f64,
+    pub rate_close: f64,
+    pub x_fb_max: f64,
+    pub stall_speed: f64,
+    pub stall_margin: f64,
+    pub fault_hold: f64,
+    pub fault_recover: f64,
+    pub freeze_time: f64,
+    pub speed_jump: f64,
+    pub acceleration_max: f64,
+}
+
+/// One setting: what the model description says of it, and where it lives.
+pub struct Setting {
+    /// Name of the FMU's variable.
+    pub name: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// Meaning in words.
+    pub meaning: &'static str,
+    /// Value unless set otherwise.
+    pub default: f64,
+    /// Least value accepted.
+    pub min: f64,
+    /// Greatest value accepted.
+    pub max: f64,
+    /// Value reference in `ClutchController`.
+    pub value_reference: u32,
+    /// Reads the setting.
+    pub get: fn(&Settings) -> f64,
+    /// Gives access to the setting.
+    pub get_mut: fn(&mut Settings) -> &mut f64,
+}
+
+include!(concat!(env!("OUT_DIR"), "/settings.rs"));
+
+/// A rate of the command that limits nothing, mm/s: the paper's actuator is ideal.
+const UNLIMITED_RATE: f64 = 1e6;
+
+impl Settings {
+    /// The default set: robust against a slow actuator.
+    pub fn robust() -> Self {
+        let mut settings = Self::default();
+        for setting in &SETTINGS {
+            *(setting.get_mut)(&mut settings) = setting.default;
+        }
+        settings
+    }
+
+    /// The set that reproduces Table II of the paper, which gives neither references nor gains; its actuator is ideal.
+    pub fn paper() -> Self {
+        Self {
+            reference_time: 1.170,
+            reference_speed: 111.0,
+            reference_slope: 88.81,
+            kp_engine: 7.022,
+            ki_engine: 407.7,
+            kp_clutch: 12.31,
+            ki_clutch: 1.024,
+            kp_torque: 0.001777,
+            ki_torque: 0.3491,
+            slip_lock: 1.544,
+            rate_open: UNLIMITED_RATE,
+            rate_close: UNLIMITED_RATE,
+            ..Self::robust()
+        }
+    }
+}
