@@ -6,6 +6,11 @@
 pub mod campaign;
 pub mod control;
 pub mod effects;
+// The one module that may be unsafe: it is spoken to from C.
+#[allow(unsafe_code)]
+pub mod fmi2;
+#[cfg(feature = "cli")]
+pub mod fmu;
 #[cfg(feature = "cli")]
 pub mod gap;
 pub mod physics;
