@@ -4,6 +4,8 @@
 
 #[cfg(feature = "cli")]
 pub mod campaign;
+#[cfg(feature = "cli")]
+pub mod cli;
 pub mod control;
 pub mod effects;
 // The one module that may be unsafe: it is spoken to from C.
@@ -13,6 +15,10 @@ pub mod fmi2;
 pub mod fmu;
 #[cfg(feature = "cli")]
 pub mod gap;
+#[cfg(feature = "cli")]
+pub mod launch;
 pub mod physics;
 pub mod plant;
+#[cfg(feature = "cli")]
+pub mod plots;
 pub mod vehicle;

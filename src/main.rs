@@ -1,1 +1,5 @@
-fn main() {}
+//! The command `kisspoint`; see [`kisspoint::cli`].
+
+fn main() -> std::process::ExitCode {
+    kisspoint::cli::run()
+}

@@ -81,16 +81,16 @@ impl Settings {
     /// The set that reproduces Table II of the paper, which gives neither references nor gains; its actuator is ideal.
     pub fn paper() -> Self {
         Self {
-            reference_time: 1.170,
-            reference_speed: 111.0,
-            reference_slope: 88.81,
-            kp_engine: 7.022,
-            ki_engine: 407.7,
-            kp_clutch: 12.31,
-            ki_clutch: 1.024,
-            kp_torque: 0.001777,
-            ki_torque: 0.3491,
-            slip_lock: 1.544,
+            reference_time: 1.1745,
+            reference_speed: 110.47,
+            reference_slope: 73.167,
+            kp_engine: 7.1957,
+            ki_engine: 590.38,
+            kp_clutch: 11.248,
+            ki_clutch: 0.68413,
+            kp_torque: 9.698e-4,
+            ki_torque: 0.39783,
+            slip_lock: 1.8933,
             rate_open: UNLIMITED_RATE,
             rate_close: UNLIMITED_RATE,
             ..Self::robust()

@@ -1,0 +1,117 @@
+//! `kisspoint launch`: the coupled start-up beside Table II, and the paper's figures.
+
+use crate::control::performance::Performance;
+use crate::launch::{self, Column, TABLE_II};
+use crate::plots;
+use crate::vehicle::{Vehicle, VehicleError};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// Options of `kisspoint launch`.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// Print the table as JSON
+    #[arg(long)]
+    json: bool,
+    /// Write Figures 1, 2, 4, 5, 6 and 7 of the paper as SVG into this directory
+    #[arg(long, value_name = "DIR")]
+    plots: Option<PathBuf>,
+    /// Launch another vehicle than the paper's
+    #[arg(long, value_name = "FILE")]
+    vehicle: Option<PathBuf>,
+}
+
+/// What can go wrong.
+#[derive(Debug, thiserror::Error)]
+pub enum LaunchError {
+    /// A file cannot be read or written.
+    #[error("{}: {source}; check path and permissions", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The vehicle file is not sound.
+    #[error("{}: {source}", path.display())]
+    Vehicle {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong in it.
+        source: VehicleError,
+    },
+}
+
+/// Figures of a column that this run has found; none if the clutch has not locked.
+type Found = (Column, Option<Performance>);
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// A vehicle file that is missing or not sound; a directory that cannot be written.
+pub fn run(args: &Args) -> Result<(), LaunchError> {
+    let vehicle = args.vehicle.as_deref().map_or(Ok(Vehicle::paper()), read_vehicle)?;
+    let launches = TABLE_II.map(|column| launch::simulate(&column.setup(&vehicle)));
+    let found: Vec<Found> = TABLE_II.iter().zip(&launches).map(|(column, launch)| (*column, launch.performance)).collect();
+    if args.json {
+        println!("{:#}", as_json(&found));
+    } else {
+        print!("{}", as_text(&found));
+    }
+    if let Some(dir) = &args.plots {
+        let file = |path: &Path, source| LaunchError::File { path: path.to_owned(), source };
+        std::fs::create_dir_all(dir).map_err(|e| file(dir, e))?;
+        for (name, svg) in plots::all(&vehicle, &launches) {
+            let path = dir.join(name);
+            std::fs::write(&path, svg).map_err(|e| file(&path, e))?;
+            if !args.json {
+                println!("wrote {}", path.display());
+            }
+        }
+    }
+    Ok(())
+}
+
+fn read_vehicle(path: &Path) -> Result<Vehicle, LaunchError> {
+    let text = std::fs::read_to_string(path).map_err(|source| LaunchError::File { path: path.to_owned(), source })?;
+    Vehicle::from_json(&text).map_err(|source| LaunchError::Vehicle { path: path.to_owned(), source })
+}
+
+/// The three figures under their JSON names, with decimals for the table.
+fn figures(p: &Performance) -> [(&'static str, f64, usize); 3] {
+    [("t_f_s", p.time, 3), ("e_d_j", p.energy, 0), ("slip_acceleration_rad_s2", p.slip_acceleration, 3)]
+}
+
+fn percent(found: f64, paper: f64) -> f64 {
+    100.0 * (found / paper - 1.0)
+}
+
+fn as_json(found: &[Found]) -> Value {
+    let columns = found.iter().map(|(column, figures_found)| {
+        let mut entry = json!({"column": column.name, "meaning": column.meaning, "locked": figures_found.is_some()});
+        for (k, (name, paper, _)) in figures(&column.paper).into_iter().enumerate() {
+            let value = figures_found.map(|p| figures(&p)[k].1);
+            entry[name] = json!({"found": value, "paper": paper, "deviation_percent": value.map(|v| percent(v, paper))});
+        }
+        entry
+    });
+    json!({"table_ii": columns.collect::<Vec<_>>()})
+}
+
+fn as_text(found: &[Found]) -> String {
+    let mut text = String::from("Table II of the paper            t_f [s]             E_d [J]    slip acceleration [rad/s2]\n");
+    for (column, figures_found) in found {
+        let paper = figures(&column.paper);
+        let row = |what: &str, cells: [String; 3]| format!("{what:<28}{:>12}{:>20}{:>30}\n", cells[0], cells[1], cells[2]);
+        text += &format!("{}: {}\n", column.name, column.meaning);
+        let Some(p) = figures_found else {
+            text += "   the clutch has not locked\n";
+            continue;
+        };
+        let here = figures(p);
+        text += &row("   this run", here.map(|(_, v, digits)| format!("{v:.digits$}")));
+        text += &row("   paper", paper.map(|(_, v, digits)| format!("{v:.digits$}")));
+        text += &row("   deviation", std::array::from_fn(|k| format!("{:+.2} %", percent(here[k].1, paper[k].1))));
+    }
+    text
+}

@@ -1,0 +1,171 @@
+//! The coupled start-up: plant and controller in one process, as the paper simulates it, and its Table II.
+//!
+//! Both advance from communication point to communication point, the plant first (Gauss–Seidel); a master that couples the two
+//! FMUs in this order gets the same numbers.
+//!
+//! | column | plant against the controller's map | torque feedback |
+//! |---|---|---|
+//! | I | the same: perfect inversion | none |
+//! | A | weaker friction, later contact | none |
+//! | B | as A | PI on reference minus observed torque |
+//!
+//! The paper gives neither references and gains nor load and mismatch. [`Settings::paper`] and [`mismatch`] are one set that
+//! reproduces its nine numbers with the shipped vehicle; the numbers determine the direction of the mismatch, not its kind.
+
+use crate::control::performance::{self, Performance};
+use crate::control::{self, Controller, Settings};
+use crate::effects::{self, Parameters, param};
+use crate::physics::phase::Phase;
+use crate::plant::{self, Plant, Start};
+use crate::vehicle::Vehicle;
+
+/// Engine speed at the start, rad/s: 1000 rpm.
+pub const IDLE: f64 = 1000.0 * std::f64::consts::PI / 30.0;
+
+/// Ambient temperature, °C.
+pub const AMBIENT: f64 = 25.0;
+
+/// One coupled simulation.
+#[derive(Clone, Copy, Debug)]
+pub struct Setup {
+    /// The vehicle, as the plant and as the controller has it.
+    pub vehicle: Vehicle,
+    /// What the plant has beyond it.
+    pub effects: Parameters,
+    /// The controller's settings.
+    pub settings: Settings,
+    /// Start of the plant.
+    pub start: Start,
+    /// Communication step, s.
+    pub step: f64,
+    /// End, s.
+    pub stop: f64,
+}
+
+/// One communication point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// Time, s.
+    pub time_s: f64,
+    /// The plant's outputs.
+    pub plant: plant::Outputs,
+    /// The controller's outputs.
+    pub controller: control::Outputs,
+}
+
+/// A simulated launch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Launch {
+    /// All communication points.
+    pub rows: Vec<Row>,
+    /// Figures of the engagement; none if the clutch has not locked.
+    pub performance: Option<Performance>,
+}
+
+impl Setup {
+    /// The paper's launch of `vehicle`: from standstill at 1000 rpm, all at ambient temperature.
+    pub fn new(vehicle: &Vehicle, effects: &Parameters, settings: &Settings) -> Self {
+        let start = Start { omega_f: IDLE, omega_c: 0.0, theta_c: settings.theta_c_start, theta_b: settings.theta_b_start };
+        Self { vehicle: *vehicle, effects: *effects, settings: *settings, start, step: 1e-3, stop: 2.5 }
+    }
+}
+
+/// A column of Table II.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Column {
+    /// Name in the paper.
+    pub name: &'static str,
+    /// What it stands for.
+    pub meaning: &'static str,
+    /// The paper's figures; its accelerations are magnitudes.
+    pub paper: Performance,
+    mismatched: bool,
+    feedback: bool,
+}
+
+/// The three columns of Table II.
+pub const TABLE_II: [Column; 3] = [
+    Column {
+        name: "I",
+        meaning: "perfect inversion",
+        paper: Performance { time: 1.217, energy: 3619.0, slip_acceleration: -35.761 },
+        mismatched: false,
+        feedback: false,
+    },
+    Column {
+        name: "A",
+        meaning: "mismatch, without feedback",
+        paper: Performance { time: 1.423, energy: 3670.0, slip_acceleration: -12.254 },
+        mismatched: true,
+        feedback: false,
+    },
+    Column {
+        name: "B",
+        meaning: "mismatch, with feedback",
+        paper: Performance { time: 1.243, energy: 3623.0, slip_acceleration: -16.578 },
+        mismatched: true,
+        feedback: true,
+    },
+];
+
+/// What the plant of columns A and B has that the controller's map has not.
+pub fn mismatch() -> Parameters {
+    let mut effects = effects::null();
+    effects[param::friction_level::factor] = 0.40708;
+    effects[param::kiss_point_offset::offset] = 0.012013;
+    effects[param::kiss_point_offset::closed_share] = 1.0;
+    effects
+}
+
+impl Column {
+    /// The simulation behind the column.
+    pub fn setup(&self, vehicle: &Vehicle) -> Setup {
+        let effects = if self.mismatched { mismatch() } else { effects::null() };
+        let mut settings = Settings::paper();
+        if !self.feedback {
+            settings.kp_torque = 0.0;
+            settings.ki_torque = 0.0;
+        }
+        Setup::new(vehicle, &effects, &settings)
+    }
+}
+
+/// Runs the coupled simulation.
+pub fn simulate(setup: &Setup) -> Launch {
+    let mut controller = Controller::new(&setup.vehicle, &setup.settings);
+    let mut inputs = plant_inputs(controller.outputs());
+    let mut plant = Plant::new(&setup.vehicle, &setup.effects, &setup.start, &inputs);
+    let steps = (setup.stop / setup.step).round() as usize;
+    let mut rows = Vec::with_capacity(steps + 1);
+    rows.push(Row { time_s: 0.0, plant: plant.outputs(), controller: *controller.outputs() });
+    let mut found = None;
+    for k in 1..=steps {
+        plant.step(&inputs, setup.step);
+        let measured = plant.outputs();
+        controller.step(&controller_inputs(&measured, true), setup.step);
+        inputs = plant_inputs(controller.outputs());
+        let row = Row { time_s: k as f64 * setup.step, plant: measured, controller: *controller.outputs() };
+        rows.push(row);
+        if found.is_none() && row.controller.phase == Phase::Locked {
+            found = Some(figures(&setup.vehicle, &row));
+        }
+    }
+    Launch { rows, performance: found }
+}
+
+/// Figures at the communication point at which the controller sees lock-up; the plant's torque is still that of slip.
+fn figures(vehicle: &Vehicle, row: &Row) -> Performance {
+    let p = &row.plant;
+    let slip_acceleration = performance::slip_acceleration(&vehicle.driveline, p.omega_f, p.omega_c, p.t_e, p.t_fc, 0.0);
+    Performance { time: row.time_s, energy: p.e_d, slip_acceleration }
+}
+
+/// What the plant is given by the controller.
+pub fn plant_inputs(from: &control::Outputs) -> plant::Inputs {
+    plant::Inputs { x_to: from.x_to, t_e_ref: from.t_e_ref, theta_h: AMBIENT, t_load: 0.0 }
+}
+
+/// What the controller is given by the plant.
+pub fn controller_inputs(from: &plant::Outputs, engage: bool) -> control::Inputs {
+    control::Inputs { omega_f: from.omega_f, omega_c: from.omega_c, t_e: from.t_e, theta_h: AMBIENT, engage }
+}
