@@ -250,7 +250,6 @@ impl Instance {
             _ if !h.is_finite() => "not finite",
             _ if h <= 0.0 => "not positive",
             _ if h > LONGEST_STEP => "longer than 1000 s",
-            _ if point + h == point => "too short to move the clock",
             _ => "",
         };
         if !reason.is_empty() {
@@ -262,6 +261,9 @@ impl Instance {
             return Err(Refusal::CommunicationPoint(point, time));
         }
         let end = point + h;
+        if end == point {
+            return Err(Refusal::StepSize(h, "too short to move the clock"));
+        }
         if end > self.moving.stop + tolerance {
             return Err(Refusal::BeyondStop(end, self.moving.stop));
         }
