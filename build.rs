@@ -19,7 +19,7 @@ fn main() {
         let document = roxmltree::Document::parse(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         let variables = variables(&document);
         let target = Path::new(&out).join(model).with_extension("rs");
-        fs::write(target, variable_table(&variables)).expect("OUT_DIR can be written");
+        fs::write(target, variable_table(&variables) + &guid(&text) + &lookup_table(&variables)).expect("OUT_DIR can be written");
         if model == "DrivelinePlant" {
             fs::write(Path::new(&out).join("vehicle.rs"), vehicle_table(&variables)).expect("OUT_DIR can be written");
             fs::write(Path::new(&out).join("effects.rs"), effect_registry(&variables, &root)).expect("OUT_DIR can be written");
@@ -82,6 +82,10 @@ fn variable_table(variables: &[Variable]) -> String {
     for v in variables {
         writeln!(text, "    pub const {}: u32 = {};", v.name.replace('.', "_"), v.get("valueReference")).unwrap();
     }
+    text.push_str("}\n/// Places in [`VARIABLES`], named as the variables are.\n#[allow(non_upper_case_globals, missing_docs)]\npub mod at {\n");
+    for (index, v) in variables.iter().enumerate() {
+        writeln!(text, "    pub const {}: usize = {index};", v.name.replace('.', "_")).unwrap();
+    }
     writeln!(
         text,
         "}}\n/// All variables, in the order of the model description.\npub static VARIABLES: [Variable; {}] = [",
@@ -111,6 +115,29 @@ fn variable_table(variables: &[Variable]) -> String {
     }
     text.push_str("];\n");
     text
+}
+
+/// The GUID: a hash of the XML in the form of a UUID of version 8, so that it changes with the interface and is each model's own.
+fn guid(xml: &str) -> String {
+    // FNV-1a with 128 bits; line ends are left out, for a checkout may change them.
+    let hash = xml.bytes().filter(|b| !matches!(b, b'\r' | b'\n')).fold(0x6c62_272e_07bb_0142_62b8_2175_6295_c58d_u128, |sum, byte| {
+        (sum ^ u128::from(byte)).wrapping_mul(0x0000_0000_0100_0000_0000_0000_0000_013b)
+    });
+    let uuid = hash & !(0xf << 76 | 0x3 << 62) | 0x8 << 76 | 0x2 << 62;
+    let d = format!("{uuid:032x}");
+    let text = format!("{}-{}-{}-{}-{}", &d[..8], &d[8..12], &d[12..16], &d[16..20], &d[20..]);
+    format!("/// GUID of the model.\npub const GUID: &str = {text:?};\n")
+}
+
+/// Index of the variable by value reference, so that access takes no search.
+fn lookup_table(variables: &[Variable]) -> String {
+    let references: Vec<usize> = variables.iter().map(|v| v.get("valueReference").parse().expect("a value reference is a number")).collect();
+    let mut table = vec![u16::MAX; references.iter().max().map_or(0, |most| most + 1)];
+    for (index, &reference) in references.iter().enumerate() {
+        assert_eq!(table[reference], u16::MAX, "value reference {reference} stands twice");
+        table[reference] = index as u16;
+    }
+    format!("/// Index in [`VARIABLES`] by value reference.\npub static LOOKUP: [u16; {}] = {table:?};\n", table.len())
 }
 
 /// The vehicle's numbers are the fixed parameters with a dot; the field has the variable's name.

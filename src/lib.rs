@@ -8,6 +8,11 @@ pub mod campaign;
 pub mod cli;
 pub mod control;
 pub mod effects;
+// The one module that may be unsafe: it is spoken to from C.
+#[allow(unsafe_code)]
+pub mod fmi2;
+#[cfg(feature = "cli")]
+pub mod fmu;
 #[cfg(feature = "cli")]
 pub mod gap;
 #[cfg(feature = "cli")]

@@ -1,5 +1,6 @@
 //! The command `kisspoint`: one file per subcommand.
 
+pub mod fmu;
 pub mod launch;
 
 use clap::{Parser, Subcommand};
@@ -17,12 +18,15 @@ struct Cli {
 enum Command {
     /// Simulate the coupled start-up and compare it with Table II of the paper
     Launch(launch::Args),
+    /// Write ClutchController.fmu and DrivelinePlant.fmu
+    Fmu(fmu::Args),
 }
 
 /// Runs the command line.
 pub fn run() -> ExitCode {
     match Cli::parse().command {
         Command::Launch(args) => finish(launch::run(&args)),
+        Command::Fmu(args) => finish(fmu::run(&args)),
     }
 }
 

@@ -25,6 +25,9 @@ pub const LOCATE_ITERATIONS: usize = 60;
 /// Events that one substep serves; what is left after them is integrated without a further switch.
 pub const EVENTS_PER_SUBSTEP: usize = 8;
 
+/// Pieces, ended by contact or by an event, that one substep is cut into.
+pub const PIECES_PER_SUBSTEP: usize = 64;
+
 /// Relative length under which what remains of a step is rounding.
 const SLIVER: f64 = 1e-9;
 
@@ -154,7 +157,7 @@ fn record_sensed(plant: &mut Plant) {
 
 /// Integrates to `until`, from event to event.
 fn substep(plant: &mut Plant, until: f64, delayed: bool) {
-    let mut switches = 0;
+    let (mut switches, mut pieces) = (0, 0);
     loop {
         let (config, state) = (&plant.config, &mut plant.state);
         let mut h = until - state.time;
@@ -170,7 +173,8 @@ fn substep(plant: &mut Plant, until: f64, delayed: bool) {
                 h = h.min((event + lag - state.time).max(SLIVER * plant.max_substep));
             }
         }
-        if switches < EVENTS_PER_SUBSTEP {
+        pieces += 1;
+        if switches < EVENTS_PER_SUBSTEP && pieces <= PIECES_PER_SUBSTEP {
             h = until_contact(config, state, x_cmd, h);
             switches += usize::from(smooth_piece(config, state, x_cmd, h));
         } else {

@@ -4,7 +4,7 @@
 //! predecessor, so that the ring never loses its oldest needed value, however short the steps.
 
 /// Values kept.
-const CAPACITY: usize = 1024;
+pub const CAPACITY: usize = 1024;
 
 /// Least time between two values kept, s.
 pub const RESOLUTION: f64 = 2e-4;
@@ -53,6 +53,18 @@ impl History {
     /// The pairs (time, value) kept, oldest first.
     pub fn iter(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         (0..self.len).map(|k| self.at(k))
+    }
+
+    /// Appends a pair that [`History::iter`] gave, as it stands; false when the line is full.
+    pub fn restore(&mut self, time: f64, value: f64) -> bool {
+        if self.len == CAPACITY {
+            return false;
+        }
+        let slot = self.slot(self.len);
+        self.times[slot] = time;
+        self.values[slot] = value;
+        self.len += 1;
+        true
     }
 
     /// Adds a value at a time that is not before the last one.

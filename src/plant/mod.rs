@@ -17,6 +17,7 @@ pub mod config;
 pub mod events;
 pub mod history;
 pub mod motion;
+pub mod saved;
 
 use crate::effects::Parameters;
 use crate::physics::lag::LagState;

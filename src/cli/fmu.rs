@@ -1,0 +1,56 @@
+//! `kisspoint fmu`: writes both FMUs.
+
+use crate::fmu::{FmuError, MODELS, library, write_fmu};
+use crate::vehicle::{Vehicle, VehicleError};
+use std::path::{Path, PathBuf};
+
+/// Options of `kisspoint fmu`.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// Directory that the FMUs are written into
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Start values are this vehicle's, not the paper's
+    #[arg(long, value_name = "FILE")]
+    vehicle: Option<PathBuf>,
+    /// Shared library that goes in, one per platform; else $KISSPOINT_LIBRARY, or the one beside this program
+    #[arg(long, value_name = "FILE")]
+    library: Vec<PathBuf>,
+}
+
+/// What can go wrong.
+#[derive(Debug, thiserror::Error)]
+pub enum FmuCommandError {
+    /// In writing.
+    #[error(transparent)]
+    Fmu(#[from] FmuError),
+    /// The vehicle file is not sound.
+    #[error("{}: {source}", path.display())]
+    Vehicle {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong in it.
+        source: VehicleError,
+    },
+}
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// A vehicle file that is missing or not sound; no library, or an unsound one; a directory that cannot be written.
+pub fn run(args: &Args) -> Result<(), FmuCommandError> {
+    let vehicle = args.vehicle.as_deref().map_or(Ok(Vehicle::paper()), read_vehicle)?;
+    let libraries = library::find(&args.library)?;
+    for model in &MODELS {
+        let path = write_fmu(model, &args.out, &libraries, &vehicle)?;
+        let platforms: Vec<&str> = libraries.iter().map(|l| l.platform).collect();
+        println!("{} ({})", path.display(), platforms.join(", "));
+    }
+    Ok(())
+}
+
+fn read_vehicle(path: &Path) -> Result<Vehicle, FmuCommandError> {
+    let file = |source| FmuError::File { path: path.to_owned(), source };
+    let text = std::fs::read_to_string(path).map_err(file)?;
+    Vehicle::from_json(&text).map_err(|source| FmuCommandError::Vehicle { path: path.to_owned(), source })
+}

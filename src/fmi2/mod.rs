@@ -1,0 +1,28 @@
+//! FMI 2.0 for co-simulation: the C boundary of both FMUs.
+//!
+//! One shared library serves both models; the GUID that the importer passes to `fmi2Instantiate` says which.
+//!
+//! | layer | files |
+//! |---|---|
+//! | C interface | [`types`], [`exports`] (every function), [`model_exchange`] (those that always refuse), [`guard`] (the one way in) |
+//! | any model | [`instance`] (life cycle, values, steps), [`call`] (what may be called when), [`refusal`], [`log`], [`words`] and [`saved`] (FMU states), [`resource`] |
+//! | the two models | [`model`] (what is asked of one), [`plant`], [`controller`], [`variables`] (tables made from the XML) |
+//!
+//! There are no globals: instances share nothing. After initialization, getting, setting, stepping and saving into an existing
+//! state allocate nothing, take no lock and make no system call; the importer's allocator is never used.
+
+pub mod call;
+pub mod controller;
+pub mod exports;
+pub mod guard;
+pub mod instance;
+pub mod log;
+pub mod model;
+pub mod model_exchange;
+pub mod plant;
+pub mod refusal;
+pub mod resource;
+pub mod saved;
+pub mod types;
+pub mod variables;
+pub mod words;

@@ -1,0 +1,98 @@
+//! What the generic layer asks of a model.
+
+use super::variables::{Description, Variable};
+use super::words::{Reader, Writer};
+use crate::vehicle::{NUMBERS, Vehicle};
+
+/// A model behind an FMU. `values` hold every variable in the order of the model description; a model reads inputs and parameters
+/// there, and writes its outputs.
+pub trait Model: Send {
+    /// Takes the start state that inputs and parameters describe, and writes the outputs.
+    ///
+    /// # Errors
+    /// Parameters that contradict each other.
+    fn start(&mut self, values: &mut [f64]) -> Result<(), String>;
+
+    /// Why a value within its bounds is impossible all the same.
+    fn objection(&self, _variable: &Variable, _value: f64) -> Option<&'static str> {
+        None
+    }
+
+    /// Takes tunable parameters that were changed.
+    fn tune(&mut self, values: &[f64]);
+
+    /// Advances by `h` seconds with the inputs held, and writes the outputs. Bit k of `doubts` says that the last value offered for
+    /// the k-th variable was refused, so that an older one stands there.
+    fn step(&mut self, values: &mut [f64], doubts: u64, h: f64);
+
+    /// Appends the state.
+    fn save(&self, to: &mut Writer);
+
+    /// Takes a state that [`Model::save`] wrote, with the values that stood then.
+    fn load(&mut self, values: &[f64], from: &mut Reader);
+
+    /// Most words that [`Model::save`] appends.
+    fn most_words(&self) -> usize;
+
+    /// What happened in the last step that is worth a line in the log.
+    fn event(&self, before: &[f64], values: &[f64]) -> Option<Event>;
+}
+
+/// Something worth a line in the log.
+pub struct Event {
+    /// What.
+    pub what: &'static str,
+    /// An input is wrong: a warning.
+    pub warning: bool,
+}
+
+/// A model by its GUID.
+pub fn find(guid: &str) -> Option<&'static Registered> {
+    MODELS.iter().find(|model| model.description.guid == guid)
+}
+
+/// A model that this library holds.
+pub struct Registered {
+    /// Its variables.
+    pub description: &'static Description,
+    /// Makes one.
+    pub make: fn() -> Box<dyn Model>,
+}
+
+/// All models in this library.
+pub static MODELS: [Registered; 2] = [
+    Registered { description: &super::plant::DESCRIPTION, make: super::plant::make },
+    Registered { description: &super::controller::DESCRIPTION, make: super::controller::make },
+];
+
+/// Writes the vehicle's numbers into the values.
+pub fn put_vehicle(description: &Description, vehicle: &Vehicle, values: &mut [f64]) {
+    for number in &NUMBERS {
+        if let Some(index) = description.variables.iter().position(|v| v.name == number.name) {
+            values[index] = (number.get)(vehicle);
+        }
+    }
+}
+
+/// Reads the vehicle's numbers out of the values: both models give them the same references.
+pub fn take_vehicle(description: &Description, values: &[f64]) -> Vehicle {
+    let mut vehicle = Vehicle::paper();
+    for number in &NUMBERS {
+        if let Some(index) = description.find(number.value_reference) {
+            *(number.get_mut)(&mut vehicle) = values[index];
+        }
+    }
+    vehicle
+}
+
+/// Lock-up, break-away and contact, of two phases that follow each other.
+pub fn phase_event(before: f64, now: f64) -> Option<Event> {
+    let what = match (before as u8, now as u8) {
+        (a, b) if a == b => return None,
+        (_, 3) => "locked",
+        (3, 2) => "broke away: the clutch slips",
+        (_, 2) => "contact: the clutch slips",
+        _ => "open: no contact",
+    };
+    Some(Event { what, warning: false })
+}

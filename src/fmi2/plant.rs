@@ -1,0 +1,153 @@
+//! `DrivelinePlant`: the plant behind the FMU.
+
+use super::model::{Event, Model, take_vehicle};
+use super::variables::{Causality, Description, Kind, Variability, Variable};
+use super::words::{Reader, Words, Writer};
+use crate::effects::{self, PARAMETERS, Parameters};
+use crate::physics::lag::LagState;
+use crate::physics::phase::Phase;
+use crate::plant::history::CAPACITY;
+use crate::plant::{Inputs, Plant, Start, State};
+use crate::vehicle::Vehicle;
+
+include!(concat!(env!("OUT_DIR"), "/DrivelinePlant.rs"));
+
+/// What its model description says.
+pub static DESCRIPTION: Description =
+    Description { name: "DrivelinePlant", guid: GUID, variables: &VARIABLES, lookup: &LOOKUP };
+
+/// Shafts stiffer than this are rigid, rad/(N·m).
+const LEAST_COMPLIANCE: f64 = 1e-6;
+
+struct PlantModel {
+    plant: Plant,
+    vehicle: Vehicle,
+}
+
+/// A plant of the paper's car, to be started.
+pub fn make() -> Box<dyn Model> {
+    let vehicle = Vehicle::paper();
+    let start = Start { omega_f: 0.0, omega_c: 0.0, theta_c: 25.0, theta_b: 25.0 };
+    Box::new(PlantModel { plant: Plant::new(&vehicle, &effects::null(), &start, &Inputs::default()), vehicle })
+}
+
+impl Model for PlantModel {
+    fn start(&mut self, values: &mut [f64]) -> Result<(), String> {
+        let vehicle = take_vehicle(&DESCRIPTION, values);
+        vehicle.check().map_err(|e| e.to_string())?;
+        let start = Start {
+            omega_f: values[at::omega_f_start],
+            omega_c: values[at::omega_c_start],
+            theta_c: values[at::theta_c_start],
+            theta_b: values[at::theta_b_start],
+        };
+        self.vehicle = vehicle;
+        self.plant = Plant::new(&vehicle, &parameters(values), &start, &inputs(values));
+        self.publish(values);
+        Ok(())
+    }
+
+    fn objection(&self, variable: &Variable, value: f64) -> Option<&'static str> {
+        let shafts = variable.value_reference == vr::effect_driveline_compliance_compliance;
+        (shafts && value != 0.0 && value < LEAST_COMPLIANCE).then_some("is neither 0 (rigid shafts) nor at least 1e-6")
+    }
+
+    fn tune(&mut self, values: &[f64]) {
+        self.plant.set_effects(&self.vehicle, &parameters(values));
+    }
+
+    #[inline]
+    fn step(&mut self, values: &mut [f64], _: u64, h: f64) {
+        self.plant.step(&inputs(values), h);
+        self.publish(values);
+    }
+
+    fn save(&self, to: &mut Writer) {
+        walk_parameters(&mut self.plant.config().parameters.clone(), to);
+        walk_state(&mut self.plant.state().clone(), to);
+        for line in self.plant.delay_lines() {
+            to.word(&mut (line.iter().count() as u64), |_| true);
+            line.iter().for_each(|(mut time, mut value)| {
+                to.real(&mut time);
+                to.real(&mut value);
+            });
+        }
+    }
+
+    fn load(&mut self, values: &[f64], from: &mut Reader) {
+        let (mut parameters, mut state) = (self.plant.config().parameters, *self.plant.state());
+        walk_parameters(&mut parameters, from);
+        walk_state(&mut state, from);
+        self.vehicle = take_vehicle(&DESCRIPTION, values);
+        self.plant.take_up(&self.vehicle, &parameters, &state);
+        for line in self.plant.delay_lines_mut() {
+            line.clear();
+            let mut count = 0;
+            from.word(&mut count, |n| n <= CAPACITY as u64);
+            for _ in 0..count {
+                let (mut time, mut value) = (0.0, 0.0);
+                from.real(&mut time);
+                from.real(&mut value);
+                line.restore(time, value);
+            }
+        }
+    }
+
+    fn most_words(&self) -> usize {
+        PARAMETERS.len() + 64 + 3 * (1 + 2 * CAPACITY)
+    }
+
+    fn event(&self, before: &[f64], values: &[f64]) -> Option<Event> {
+        super::model::phase_event(before[at::phase], values[at::phase])
+    }
+}
+
+impl PlantModel {
+    #[inline]
+    fn publish(&self, values: &mut [f64]) {
+        let o = self.plant.outputs();
+        values[at::omega_f] = o.omega_f;
+        values[at::omega_c] = o.omega_c;
+        values[at::T_e] = o.t_e;
+        values[at::T_fc] = o.t_fc;
+        values[at::theta_c] = o.theta_c;
+        values[at::theta_b] = o.theta_b;
+        values[at::x_to_actual] = o.x_to_actual;
+        values[at::E_d] = o.e_d;
+        values[at::phase] = o.phase as u8 as f64;
+    }
+}
+
+#[inline]
+fn inputs(values: &[f64]) -> Inputs {
+    Inputs { x_to: values[at::x_to], t_e_ref: values[at::T_e_ref], theta_h: values[at::theta_h], t_load: values[at::T_load] }
+}
+
+fn parameters(values: &[f64]) -> Parameters {
+    let value = |k: usize| DESCRIPTION.find(PARAMETERS[k].value_reference).map_or(PARAMETERS[k].null, |index| values[index]);
+    std::array::from_fn(value)
+}
+
+fn walk_parameters(parameters: &mut Parameters, words: &mut impl Words) {
+    parameters.iter_mut().for_each(|p| words.real(p));
+}
+
+/// Every field by name: a new field does not compile until it is saved too.
+fn walk_state(state: &mut State, words: &mut impl Words) {
+    let State { time, y, stuck, direction, engine, limited, lagged, bearing, memory, inputs } = state;
+    let Inputs { x_to, t_e_ref, theta_h, t_load } = inputs;
+    words.real(time);
+    y.iter_mut().for_each(|x| words.real(x));
+    words.flag(stuck);
+    words.real(direction);
+    for LagState { value, rate } in [engine, lagged] {
+        words.real(value);
+        words.real(rate);
+    }
+    for x in [limited, bearing, memory, x_to, t_e_ref, theta_h, t_load] {
+        words.real(x);
+    }
+}
+
+/// All phases, as enumerations count them.
+pub(super) const PHASES: [Phase; 3] = [Phase::Open, Phase::Slipping, Phase::Locked];

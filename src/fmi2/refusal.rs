@@ -1,0 +1,69 @@
+//! Why a call was refused. Making one and printing it allocates nothing, so that a bench is not disturbed by a bad value.
+
+use super::call::CallState;
+use super::types::Status;
+use super::variables::{Causality, Variable};
+use std::fmt;
+
+/// Why a call was refused; the message is what the importer's log shows.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum Refusal {
+    #[error("not allowed in state {0:?}; see the state table of FMI 2.0 co-simulation")]
+    CallSequence(CallState),
+    #[error("argument {0} is NULL")]
+    Null(&'static str),
+    #[error("argument {0} = {1} is {2}")]
+    Argument(&'static str, f64, &'static str),
+    #[error("argument {0} does not point to memory of its type")]
+    Pointer(&'static str),
+    #[error("no variable has value reference {0}; see modelDescription.xml")]
+    UnknownReference(u32),
+    #[error("variable {} is a {:?}; use the function of that type", .0.name, .0.kind)]
+    WrongKind(&'static Variable),
+    #[error("{} cannot be set now: it is {}", .0.name, settability(.0))]
+    NotSettable(&'static Variable),
+    #[error("{} = {} {} is not finite; the value before stays", .0.name, .1, .0.unit)]
+    NotFinite(&'static Variable, f64),
+    #[error("{} = {} {} is outside {} to {}; the value before stays", .0.name, .1, .0.unit, .0.min, .0.max)]
+    OutOfBounds(&'static Variable, f64),
+    #[error("{} = {} {} {}; the value before stays", .0.name, .1, .0.unit, .2)]
+    Inadmissible(&'static Variable, f64, &'static str),
+    #[error("communicationStepSize = {0} s is {1}; the step was not made")]
+    StepSize(f64, &'static str),
+    #[error("currentCommunicationPoint = {0} s is not where the last step ended, {1} s; the step was not made")]
+    CommunicationPoint(f64, f64),
+    #[error("the step to {0} s passes stopTime = {1} s; the step was not made")]
+    BeyondStop(f64, f64),
+    #[error("{} = {} after the step is no number: the parameters make no plant; reset, or set a saved state", .0.name, .1)]
+    Diverged(&'static Variable, f64),
+    #[error("parameters contradict each other: {0}")]
+    Parameters(String),
+    #[error("the FMU state is damaged: {0}")]
+    DamagedState(&'static str),
+    #[error("log category \"{0}\" is unknown; see LogCategories in modelDescription.xml")]
+    UnknownCategory(String),
+    #[error("{0}")]
+    NotOffered(&'static str),
+    #[error("{0}")]
+    NothingToReport(&'static str),
+    #[error("called while another call on the same instance is running")]
+    Busy,
+    #[error("internal error, please report it; reset, or set a saved state")]
+    Panic,
+}
+
+impl Refusal {
+    /// Status that the importer gets.
+    pub fn status(&self) -> Status {
+        if matches!(self, Self::NothingToReport(_)) { Status::Discard } else { Status::Error }
+    }
+}
+
+fn settability(variable: &Variable) -> impl fmt::Display + use<> {
+    match variable.causality {
+        Causality::Parameter => "a fixed parameter, settable before initialization ends",
+        Causality::Output => "an output",
+        Causality::Local | Causality::Input => "calculated",
+    }
+}

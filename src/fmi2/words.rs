@@ -1,0 +1,149 @@
+//! Saved states as 64-bit words, and their bytes.
+//!
+//! A state is listed once, as a walk over its fields; writing and reading take the same walk. Serialized form, little endian:
+//!
+//! ```text
+//! magic and version | GUID hash | number of words | words … | checksum
+//! ```
+//!
+//! No pointer is among them, and equal states give equal bytes. The checksum is FNV-1a over words: each of its steps is a bijection of
+//! the sum, so a change of any one byte is always seen.
+
+/// `KissFMU` and the version of the layout.
+const MAGIC: u64 = u64::from_le_bytes(*b"KissFMU\x01");
+
+/// Words before and after the payload.
+const FRAME: usize = 4;
+
+/// Walks over the fields of a state, writing or reading them.
+pub trait Words {
+    /// A number.
+    fn real(&mut self, value: &mut f64);
+    /// A word; it must pass `valid` when read.
+    fn word(&mut self, value: &mut u64, valid: impl Fn(u64) -> bool);
+    /// A flag.
+    fn flag(&mut self, value: &mut bool) {
+        let mut word = u64::from(*value);
+        self.word(&mut word, |w| w <= 1);
+        *value = word == 1;
+    }
+    /// One of a few numbered values.
+    fn choice<T: Copy>(&mut self, value: &mut T, number: fn(T) -> u64, all: &[T]) {
+        let mut word = number(*value);
+        self.word(&mut word, |w| all.iter().any(|t| number(*t) == w));
+        if let Some(found) = all.iter().find(|t| number(**t) == word) {
+            *value = *found;
+        }
+    }
+}
+
+/// Appends words.
+pub struct Writer<'a>(pub &'a mut Vec<u64>);
+
+impl Words for Writer<'_> {
+    fn real(&mut self, value: &mut f64) {
+        self.0.push(value.to_bits());
+    }
+    fn word(&mut self, value: &mut u64, _: impl Fn(u64) -> bool) {
+        self.0.push(*value);
+    }
+}
+
+/// Takes words off the front; `failed` once one is missing or invalid.
+pub struct Reader<'a> {
+    /// What is left.
+    pub words: &'a [u64],
+    /// Something was missing or invalid.
+    pub failed: bool,
+}
+
+impl Reader<'_> {
+    fn next(&mut self) -> Option<u64> {
+        let (first, rest) = self.words.split_first()?;
+        self.words = rest;
+        Some(*first)
+    }
+}
+
+impl Words for Reader<'_> {
+    fn real(&mut self, value: &mut f64) {
+        match self.next().map(f64::from_bits) {
+            Some(read) if read.is_finite() => *value = read,
+            _ => self.failed = true,
+        }
+    }
+    fn word(&mut self, value: &mut u64, valid: impl Fn(u64) -> bool) {
+        match self.next() {
+            Some(read) if valid(read) => *value = read,
+            _ => self.failed = true,
+        }
+    }
+}
+
+/// Number of bytes that `payload` takes.
+pub fn size(payload: &[u64]) -> usize {
+    8 * (FRAME + payload.len())
+}
+
+/// Hash of a GUID.
+pub fn guid_hash(guid: &str) -> u64 {
+    checksum(guid.bytes().map(u64::from))
+}
+
+fn checksum(words: impl Iterator<Item = u64>) -> u64 {
+    words.fold(0xcbf2_9ce4_8422_2325, |sum, word| (sum ^ word).wrapping_mul(0x0000_0100_0000_01b3))
+}
+
+/// The bytes of a state of the model with this GUID.
+pub fn bytes<'a>(guid: &str, payload: &'a [u64]) -> impl Iterator<Item = u8> + use<'a> {
+    let head = [MAGIC, guid_hash(guid), payload.len() as u64];
+    let all = move || head.into_iter().chain(payload.iter().copied());
+    all().chain(std::iter::once(checksum(all()))).flat_map(u64::to_le_bytes)
+}
+
+/// Checks bytes and takes out the payload.
+///
+/// # Errors
+/// What is wrong with the bytes.
+pub fn payload(guid: &str, bytes: &[u8]) -> Result<Vec<u64>, &'static str> {
+    if bytes.len() % 8 != 0 || bytes.len() < 8 * FRAME {
+        return Err("its length is not that of a serialized state");
+    }
+    let words: Vec<u64> = bytes.as_chunks::<8>().0.iter().map(|c| u64::from_le_bytes(*c)).collect();
+    let (body, sum) = words.split_at(words.len() - 1);
+    if body[0] != MAGIC {
+        return Err("it does not begin with this version's magic number");
+    }
+    if body[1] != guid_hash(guid) {
+        return Err("it belongs to another model or another version of it");
+    }
+    if body[2] != (body.len() - 3) as u64 {
+        return Err("its length is not the one that was written");
+    }
+    if checksum(body.iter().copied()) != sum[0] {
+        return Err("its checksum does not agree");
+    }
+    Ok(body[3..].to_vec())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn any_changed_byte_is_seen() {
+        let state = [1.5_f64.to_bits(), 0, 7, u64::MAX];
+        let good: Vec<u8> = bytes("guid", &state).collect();
+        assert_eq!(good.len(), size(&state));
+        assert_eq!(payload("guid", &good), Ok(state.to_vec()));
+        for k in 0..good.len() {
+            for change in 1..=255 {
+                let mut bad = good.clone();
+                bad[k] ^= change;
+                assert!(payload("guid", &bad).is_err(), "byte {k} xor {change}");
+            }
+        }
+        assert!((0..good.len()).all(|n| payload("guid", &good[..n]).is_err()));
+        assert!(payload("other", &good).is_err());
+    }
+}

@@ -1,0 +1,56 @@
+//! The model description: from its source to the one in an FMU.
+
+use super::Model;
+use crate::vehicle::{NUMBERS, Vehicle};
+
+/// The text with GUID and version filled in, and the vehicle's numbers as start values.
+pub fn complete(model: &Model, vehicle: &Vehicle) -> String {
+    let filled = model.xml.replace("@GUID@", model.description.guid).replace("@VERSION@", env!("CARGO_PKG_VERSION"));
+    let mut text: String = filled.lines().map(|line| with_start(line, vehicle) + "\n").collect();
+    text.truncate(text.trim_end().len());
+    text + "\n"
+}
+
+/// The line of a vehicle's number with that vehicle's start value; any other line as it is.
+fn with_start(line: &str, vehicle: &Vehicle) -> String {
+    let number = attribute(line, "name").filter(|_| line.contains("<ScalarVariable")).and_then(|name| NUMBERS.iter().find(|n| n.name == name));
+    match (number, attribute(line, "start")) {
+        (Some(number), Some(old)) => line.replace(&format!(" start=\"{old}\""), &format!(" start=\"{:?}\"", (number.get)(vehicle))),
+        _ => line.to_owned(),
+    }
+}
+
+/// Value of an attribute in a line of XML.
+pub fn attribute<'a>(line: &'a str, name: &str) -> Option<&'a str> {
+    let (_, rest) = line.split_once(&format!(" {name}=\""))?;
+    rest.split_once('"').map(|(value, _)| value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fmu::MODELS;
+
+    #[test]
+    fn start_values_are_the_vehicles() {
+        let mut vehicle = Vehicle::paper();
+        vehicle.friction.m_2 = -1.25e-7;
+        vehicle.driveline.J_c = 0.75;
+        for model in &MODELS {
+            let xml = complete(model, &vehicle);
+            let start = |name: &str| {
+                let line = xml.lines().find(|l| attribute(l, "name") == Some(name)).unwrap();
+                attribute(line, "start").unwrap().parse::<f64>().unwrap()
+            };
+            assert_eq!((start("friction.m_2"), start("driveline.J_c")), (-1.25e-7, 0.75));
+            assert!(!xml.contains('@') && xml.contains(model.description.guid));
+            // The paper's car is what the source holds: nothing but GUID and version changes.
+            let same = complete(model, &Vehicle::paper());
+            let changed = same.lines().zip(model.xml.lines()).filter(|(a, b)| a != b && !b.contains('@'));
+            for (a, b) in changed {
+                let number = |line| attribute(line, "start").and_then(|s: &str| s.parse::<f64>().ok());
+                assert_eq!(number(a), number(b), "{a}");
+            }
+        }
+    }
+}

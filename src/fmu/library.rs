@@ -1,0 +1,121 @@
+//! The shared libraries that go into an FMU, found and recognised by their headers.
+
+use super::{FmuError, Model};
+use std::path::{Path, PathBuf};
+use std::{env, fs};
+
+/// Name of the library within the FMU: the model identifier.
+pub const MODEL_IDENTIFIER: &str = "kisspoint";
+
+/// Environment variable that names a library.
+pub const VARIABLE: &str = "KISSPOINT_LIBRARY";
+
+/// A shared library, read.
+#[derive(Clone, Debug)]
+pub struct Library {
+    /// Where it came from.
+    pub path: PathBuf,
+    /// Folder of the FMU that it goes to.
+    pub platform: &'static str,
+    /// Its bytes.
+    pub bytes: Vec<u8>,
+}
+
+impl Library {
+    /// Reads a library and recognises its platform.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or is no shared library for a known platform.
+    pub fn read(path: &Path) -> Result<Self, FmuError> {
+        let bytes = fs::read(path).map_err(|source| FmuError::File { path: path.to_owned(), source })?;
+        let platform = platform(&bytes).map_err(|what| FmuError::NotALibrary { path: path.to_owned(), what })?;
+        Ok(Self { path: path.to_owned(), platform, bytes })
+    }
+
+    /// Its name in the archive.
+    pub fn entry(&self) -> String {
+        let ending = if self.platform.starts_with("win") { "dll" } else { "so" };
+        format!("binaries/{}/{MODEL_IDENTIFIER}.{ending}", self.platform)
+    }
+
+    /// The library must answer to the model's GUID, which stands among its constants.
+    pub(super) fn check(&self, model: &Model) -> Result<(), FmuError> {
+        let guid = model.description.guid.as_bytes();
+        if self.bytes.windows(guid.len()).any(|window| window == guid) {
+            return Ok(());
+        }
+        Err(FmuError::Outdated { path: self.path.clone(), model: model.description.name })
+    }
+}
+
+/// Folder of FMI 2.0 by the file's header; AArch64 has none in the standard and gets the name that tools use.
+fn platform(bytes: &[u8]) -> Result<&'static str, &'static str> {
+    let half = |at: usize| bytes.get(at..at + 2).map(|b| u16::from_le_bytes([b[0], b[1]]));
+    if bytes.starts_with(b"\x7fELF\x02\x01") {
+        return match half(18) {
+            Some(0x3e) => Ok("linux64"),
+            Some(0xb7) => Ok("aarch64-linux"),
+            _ => Err("an ELF file for another processor"),
+        };
+    }
+    if bytes.starts_with(b"MZ") {
+        let header = bytes.get(0x3c..0x40).map_or(0, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
+        return match (bytes.get(header..header + 4), half(header + 4)) {
+            (Some(b"PE\0\0"), Some(0x8664)) => Ok("win64"),
+            (Some(b"PE\0\0"), _) => Err("a DLL for another processor"),
+            _ => Err("not a DLL"),
+        };
+    }
+    Err("not a shared library")
+}
+
+/// The libraries named, or the first one found: in the environment, beside the executable, installed beside it.
+///
+/// # Errors
+/// None at all, one that is unsound, or two for one platform.
+pub fn find(named: &[PathBuf]) -> Result<Vec<Library>, FmuError> {
+    let paths = if named.is_empty() { vec![search()?] } else { named.to_vec() };
+    let mut libraries: Vec<Library> = Vec::new();
+    for path in paths {
+        let library = Library::read(&path)?;
+        if let Some(other) = libraries.iter().find(|other| other.platform == library.platform) {
+            let (first, second) = (other.path.clone(), library.path);
+            return Err(FmuError::Twice { platform: library.platform, first, second });
+        }
+        libraries.push(library);
+    }
+    libraries.sort_by_key(|library| library.platform);
+    Ok(libraries)
+}
+
+fn search() -> Result<PathBuf, FmuError> {
+    if let Some(path) = env::var_os(VARIABLE) {
+        return Ok(PathBuf::from(path));
+    }
+    let name = if cfg!(windows) { "kisspoint.dll" } else { "libkisspoint.so" };
+    let beside = env::current_exe().ok().and_then(|exe| Some(exe.parent()?.to_owned())).unwrap_or_default();
+    let places = [beside.join(name), beside.join("../lib/kisspoint").join(name)];
+    let looked_at = || places.each_ref().map(|p| p.display().to_string()).join(", ");
+    places.iter().find(|p| p.is_file()).cloned().ok_or_else(|| FmuError::NoLibrary(format!("${VARIABLE}, {}", looked_at())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn platforms_are_recognised() {
+        let mut elf = b"\x7fELF\x02\x01".to_vec();
+        elf.resize(64, 0);
+        elf[18] = 0x3e;
+        assert_eq!(platform(&elf), Ok("linux64"));
+        elf[18] = 0xb7;
+        assert_eq!(platform(&elf), Ok("aarch64-linux"));
+        let mut dll = b"MZ".to_vec();
+        dll.resize(0x90, 0);
+        dll[0x3c] = 0x80;
+        dll[0x80..0x86].copy_from_slice(b"PE\0\0\x64\x86");
+        assert_eq!(platform(&dll), Ok("win64"));
+        assert!(platform(b"MZ").is_err() && platform(b"").is_err() && platform(b"\x7fELF\x02\x01").is_err());
+    }
+}

@@ -1,0 +1,135 @@
+//! Writing FMUs: the shared library, the final model description, and what belongs beside them in the archive.
+//!
+//! - [`library`]: which shared libraries go in, and for which platform each is
+//! - [`description`]: the model description with GUID, version and a vehicle's start values
+//! - [`html`]: the documentation
+//! - [`ssv`]: parameter sets of SSP 1.0
+//!
+//! The bytes are reproducible: fixed order, fixed times, no `./` before names.
+
+pub mod description;
+pub mod html;
+pub mod library;
+pub mod ssv;
+
+use crate::fmi2::{controller, plant, variables};
+use crate::vehicle::Vehicle;
+use library::Library;
+use std::io::{Cursor, Write};
+use std::path::{Path, PathBuf};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
+/// One of the two models.
+#[derive(Clone, Copy, Debug)]
+pub struct Model {
+    /// What its tables say.
+    pub description: &'static variables::Description,
+    /// The source of its model description.
+    pub xml: &'static str,
+}
+
+/// Both models.
+pub static MODELS: [Model; 2] = [
+    Model { description: &controller::DESCRIPTION, xml: include_str!("../../modelDescription/ClutchController.xml") },
+    Model { description: &plant::DESCRIPTION, xml: include_str!("../../modelDescription/DrivelinePlant.xml") },
+];
+
+const ICON: &[u8] = include_bytes!("../../packaging/model.png");
+
+const LICENCES: [(&str, &str); 3] = [
+    ("licenses/Apache-2.0.txt", include_str!("../../packaging/licenses/Apache-2.0.txt")),
+    ("licenses/MIT.txt", include_str!("../../packaging/licenses/MIT.txt")),
+    ("licenses/third-party.txt", include_str!("../../packaging/licenses/third-party.txt")),
+];
+
+/// What can go wrong in writing an FMU.
+#[derive(Debug, thiserror::Error)]
+pub enum FmuError {
+    /// No shared library anywhere.
+    #[error("no shared library of kisspoint was found (looked at {0}); build it with `cargo build --release --lib --no-default-features` or name it with --library")]
+    NoLibrary(String),
+    /// A file is no shared library that an FMU can hold.
+    #[error("{}: {what}; give an ELF .so or a PE .dll for x86-64 or AArch64", path.display())]
+    NotALibrary {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: &'static str,
+    },
+    /// A library of another version.
+    #[error("{} does not hold the GUID of {model}: it was built from another model description; build it again with `cargo build --release --lib --no-default-features`", path.display())]
+    Outdated {
+        /// The file.
+        path: PathBuf,
+        /// The model.
+        model: &'static str,
+    },
+    /// Two libraries for one platform.
+    #[error("{} and {} are both for {platform}; name one of them", first.display(), second.display())]
+    Twice {
+        /// The platform.
+        platform: &'static str,
+        /// One file.
+        first: PathBuf,
+        /// The other.
+        second: PathBuf,
+    },
+    /// A file cannot be read or written.
+    #[error("{}: {source}; check path and permissions", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The archive cannot be made.
+    #[error("the archive cannot be made: {0}")]
+    Archive(#[from] zip::result::ZipError),
+    /// The archive cannot be filled.
+    #[error("the archive cannot be filled: {0}")]
+    Fill(#[from] std::io::Error),
+}
+
+/// Writes `<model>.fmu` into the directory `out` and gives its path.
+///
+/// # Errors
+/// A library that does not fit the model; a file that cannot be written.
+pub fn write_fmu(model: &Model, out: &Path, libraries: &[Library], vehicle: &Vehicle) -> Result<PathBuf, FmuError> {
+    let bytes = archive(model, libraries, vehicle)?;
+    let path = out.join(model.description.name).with_extension("fmu");
+    std::fs::create_dir_all(out)
+        .and_then(|()| std::fs::write(&path, bytes))
+        .map_err(|source| FmuError::File { path: path.clone(), source })?;
+    Ok(path)
+}
+
+/// The bytes of the FMU.
+///
+/// # Errors
+/// A library that does not hold this model.
+pub fn archive(model: &Model, libraries: &[Library], vehicle: &Vehicle) -> Result<Vec<u8>, FmuError> {
+    let xml = description::complete(model, vehicle);
+    let mut files: Vec<(String, Vec<u8>)> = vec![
+        ("modelDescription.xml".into(), xml.clone().into_bytes()),
+        ("model.png".into(), ICON.to_vec()),
+        ("documentation/index.html".into(), html::page(model, &xml).into_bytes()),
+        ("resources/vehicle.json".into(), format!("{:#}\n", vehicle.to_value()).into_bytes()),
+    ];
+    files.extend(LICENCES.map(|(name, text)| (name.to_owned(), text.as_bytes().to_vec())));
+    for library in libraries {
+        library.check(model)?;
+        files.push((library.entry(), library.bytes.clone()));
+    }
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    // The time of every entry is the format's earliest, so that equal contents give equal bytes.
+    let options = SimpleFileOptions::default()
+        .compression_method(CompressionMethod::Deflated)
+        .last_modified_time(zip::DateTime::default());
+    for (name, bytes) in files {
+        let mode = if name.starts_with("binaries/") { 0o755 } else { 0o644 };
+        zip.start_file(name, options.unix_permissions(mode))?;
+        zip.write_all(&bytes)?;
+    }
+    Ok(zip.finish()?.into_inner())
+}

@@ -1,0 +1,28 @@
+//! Taking a plant out of its state and putting it back, for roll-back and for going on in another process.
+
+use super::config::Config;
+use super::history::History;
+use super::{Plant, State};
+use crate::effects::Parameters;
+use crate::vehicle::Vehicle;
+
+impl Plant {
+    /// The delay lines: position command, flywheel speed, disc speed. With state, vehicle and effects they determine all that follows,
+    /// bit for bit.
+    pub fn delay_lines(&self) -> [&History; 3] {
+        [&self.command, &self.sensed_f, &self.sensed_c]
+    }
+
+    /// The delay lines, to be filled beside [`Plant::take_up`].
+    pub fn delay_lines_mut(&mut self) -> [&mut History; 3] {
+        [&mut self.command, &mut self.sensed_f, &mut self.sensed_c]
+    }
+
+    /// Takes up a state that [`Plant::state`] gave, under the vehicle and effects that held then.
+    pub fn take_up(&mut self, vehicle: &Vehicle, effects: &Parameters, state: &State) {
+        if self.config.vehicle != *vehicle || self.config.parameters != *effects {
+            self.config = Config::new(vehicle, effects);
+        }
+        self.state = *state;
+    }
+}
