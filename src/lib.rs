@@ -9,4 +9,6 @@ pub mod effects;
 pub mod gap;
 pub mod physics;
 pub mod plant;
+#[cfg(feature = "cli")]
+pub mod report;
 pub mod vehicle;
