@@ -48,7 +48,7 @@ fn parameter(id: &str, name: &str, p: &Value) -> String {
         (Some(value), Some(low), Some(high)) if high > low => {
             // Two digits of the interval's width are all that an estimate is worth.
             let places = (1 - (high - low).log10().floor() as i32).clamp(0, 9) as usize;
-            (fixed(value, places), format!("{} to {}", fixed(low, places), fixed(high, places)), whisker(value, low, high, null))
+            (fixed(value, places), format!("{} to {}", fixed(low, places), fixed(high, places)), null.map_or_else(String::new, |null| whisker(value, low, high, null)))
         }
         (Some(value), _, _) => (number(value, 4), "not stated".to_owned(), String::new()),
         _ => ("–".to_owned(), "not stated".to_owned(), String::new()),
@@ -61,15 +61,13 @@ fn parameter(id: &str, name: &str, p: &Value) -> String {
 }
 
 /// Estimate and interval beside the value at which the effect is absent.
-fn whisker(value: f64, low: f64, high: f64, null: Option<f64>) -> String {
-    let all = [Some(value), Some(low), Some(high), null];
-    let (least, most) = super::chart::range(all.iter().flatten());
+fn whisker(value: f64, low: f64, high: f64, null: f64) -> String {
+    let (least, most) = super::chart::range([value, low, high, null].iter());
     let x = Scale { low: least, high: most, a: 4.0, b: 136.0 };
-    let absent = null.map_or_else(String::new, |n| {
-        format!("<path class=\"null\" d=\"M{0:.1} 3v18\"/><text class=\"tick\" x=\"{0:.1}\" y=\"33\" text-anchor=\"middle\">none</text>", x.at(n).clamp(14.0, 126.0))
-    });
+    let absent = x.at(null).clamp(18.0, 122.0);
     format!(
-        "<svg viewBox=\"0 0 140 36\" aria-hidden=\"true\">{absent}<path class=\"whisker\" d=\"M{:.1} 12H{:.1}\"/><circle class=\"dot\" cx=\"{:.1}\" cy=\"12\" r=\"4.5\"/></svg>",
+        "<svg viewBox=\"0 0 140 30\" aria-hidden=\"true\"><path class=\"null\" d=\"M{absent:.1} 1v16\"/>\
+         <text class=\"tick\" x=\"{absent:.1}\" y=\"28\" text-anchor=\"middle\">none</text><path class=\"whisker\" d=\"M{:.1} 9H{:.1}\"/><circle class=\"dot\" cx=\"{:.1}\" cy=\"9\" r=\"4.5\"/></svg>",
         x.at(low),
         x.at(high),
         x.at(value)
@@ -103,7 +101,9 @@ fn ranked(candidates: &[Value]) -> String {
 
 fn candidate(c: &Value, most: f64) -> String {
     let evidence = real(c, "evidence");
-    let width = evidence.filter(|_| most > 0.0).map_or(0.0, |e| 100.0 * (e / most).clamp(0.0, 1.0));
+    let bar = evidence.filter(|_| most > 0.0).map_or_else(String::new, |e| {
+        format!("<span class=\"bar\"><i style=\"width:{:.1}%\"></i></span>", 100.0 * (e / most).clamp(0.0, 1.0))
+    });
     let verdict = text(c, "verdict").unwrap_or("not stated");
     let (class, mark) = match verdict {
         "chosen" => ("good", "✓"),
@@ -113,7 +113,7 @@ fn candidate(c: &Value, most: f64) -> String {
         _ => ("plain", "·"),
     };
     format!(
-        "<tr class=\"{class}\"><th scope=\"row\">{}</th><td class=\"num\">{}</td><td class=\"wide\"><span class=\"bar\"><i style=\"width:{width:.1}%\"></i></span></td>\
+        "<tr class=\"{class}\"><th scope=\"row\">{}</th><td class=\"num\">{}</td><td class=\"wide\">{bar}</td>\
          <td><span class=\"pill {class}\"><span aria-hidden=\"true\">{mark}</span> {}</span></td><td class=\"why\">{}</td></tr>",
         escape(&title(text(c, "id").unwrap_or("unnamed"))),
         evidence.map_or_else(|| "–".to_owned(), |e| fixed(e, usize::from(e.abs() < 10.0))),

@@ -17,15 +17,21 @@ pub fn section(input: &Input) -> String {
     }
     let limit = series::limit(input.overlays, STILL_POINTS, 240);
     let stills: String = input.overlays.iter().map(|o| still(o, input, limit)).collect();
-    let first = first_shown(input.overlays);
-    let cards: String = input.overlays.iter().enumerate().map(|(k, o)| card(k, o, k == first)).collect();
+    let first = first_shown(input);
+    let cards: String = input.overlays.iter().enumerate().map(|(k, o)| card(k, o, input, k == first)).collect();
     format!(
         "<p>The model is driven by the recorded inputs. <b>Before</b> is the nominal model, <b>after</b> the retuned one; below each \
          plot stands what the car has over the model. Held-out recordings took no part in choosing or fitting.</p>\n\
          <div class=\"live\" id=\"viewer\">\n<div class=\"cards\" role=\"group\" aria-label=\"Recording\">{cards}</div>\n{FRAME}</div>\n\
-         <div class=\"stills\">{stills}</div>\n"
+         <div class=\"stills\">{LEGEND}{stills}</div>\n"
     )
 }
+
+/// Key to the still figures.
+const LEGEND: &str = r#"<p class="keys"><svg class="key" aria-hidden="true"><path class="c-real" d="M0 7h26"/></svg> real
+<svg class="key" aria-hidden="true"><path class="c-before" d="M0 7h26"/></svg> before
+<svg class="key" aria-hidden="true"><path class="c-after" d="M0 7h26"/></svg> after; lower strip: real − model, band ±2σ of noise</p>
+"#;
 
 /// What the script fills.
 const FRAME: &str = r#"<div class="tools">
@@ -46,8 +52,9 @@ const FRAME: &str = r#"<div class="tools">
 "#;
 
 /// Held-out recordings prove the most; among them the greatest gap is the one to look at first.
-fn first_shown(overlays: &[Overlay]) -> usize {
-    let gap = |o: &Overlay| o.channels.iter().map(relative_gap).fold(0.0, f64::max);
+fn first_shown(input: &Input) -> usize {
+    let overlays = input.overlays;
+    let gap = |o: &Overlay| o.channels.iter().map(|c| relative_gap(o, c, input)).fold(0.0, f64::max);
     let rank = |o: &Overlay| (o.held_out, gap(o));
     let mut best = 0;
     for k in 1..overlays.len() {
@@ -59,14 +66,19 @@ fn first_shown(overlays: &[Overlay]) -> usize {
     best
 }
 
-fn relative_gap(c: &OverlayChannel) -> f64 {
-    let (low, high) = range(c.real.iter());
-    let gap = rms(&c.real, &c.before) / (high - low);
+/// Gap in multiples of the channel's noise; where that is not known, relative to what the channel spans in the campaign.
+fn relative_gap(o: &Overlay, c: &OverlayChannel, input: &Input) -> f64 {
+    let span = || {
+        let same = input.overlays.iter().flat_map(|o| &o.channels).filter(|other| other.column == c.column);
+        let (low, high) = range(same.flat_map(|c| &c.real));
+        high - low
+    };
+    let gap = rms(&c.real, &c.before) / series::noise(input.diagnosis, &o.recording, c.column).filter(|n| *n > 0.0).unwrap_or_else(span);
     if gap.is_finite() { gap } else { 0.0 }
 }
 
 /// A button with a thumbnail of the speeds.
-fn card(k: usize, o: &Overlay, pressed: bool) -> String {
+fn card(k: usize, o: &Overlay, input: &Input, pressed: bool) -> String {
     let speeds: Vec<&OverlayChannel> = o.channels.iter().take(2).collect();
     let (low, high) = range(speeds.iter().flat_map(|c| c.real.iter().chain(&c.before)));
     let y = Scale { low, high, a: 42.0, b: 2.0 };
@@ -80,7 +92,7 @@ fn card(k: usize, o: &Overlay, pressed: bool) -> String {
         }
     }
     let held = if o.held_out { "<em>held out</em>" } else { "" };
-    let worst = o.channels.iter().max_by(|a, b| relative_gap(a).total_cmp(&relative_gap(b)));
+    let worst = o.channels.iter().max_by(|a, b| relative_gap(o, a, input).total_cmp(&relative_gap(o, b, input)));
     let shrink = worst.map_or_else(String::new, |c| {
         format!(
             "<small>{}<br>gap {} → {} {}</small>",
@@ -121,7 +133,7 @@ fn figure(o: &Overlay, c: &OverlayChannel, noise: Option<f64>, limit: usize) -> 
         let points = kept.iter().map(|&i| (x.at(i as f64 * o.dt), scale.at(value(i))));
         format!("<path class=\"{class}\" d=\"{}\"/>", path(points))
     };
-    let mut drawing = axes(&x, &plot, &strip);
+    let mut drawing = "<rect class=\"floor\" x=\"52\" y=\"169\" width=\"460\" height=\"60\"/>".to_owned() + &axes(&x, &plot, &strip);
     if let Some(sigma) = noise.filter(|s| *s > 0.0) {
         let (top, bottom) = (strip.at((2.0 * sigma).min(reach)), strip.at((-2.0 * sigma).max(-reach)));
         write!(drawing, "<rect class=\"noise\" x=\"52\" width=\"460\" y=\"{top:.1}\" height=\"{:.1}\"/>", bottom - top)
@@ -146,7 +158,7 @@ fn figure(o: &Overlay, c: &OverlayChannel, noise: Option<f64>, limit: usize) -> 
 /// Grid, ticks and their labels.
 fn axes(x: &Scale, plot: &Scale, strip: &Scale) -> String {
     let mut out = String::new();
-    for (scale, count) in [(plot, 4), (strip, 2)] {
+    for (scale, count) in [(plot, 4), (strip, 3)] {
         let at = ticks(scale.low, scale.high, count);
         let places = decimals(&at);
         for t in at {

@@ -61,6 +61,11 @@ function reading(value, span) {
   return minus(value.toFixed(Math.min(6, Math.max(0, 3 - Math.floor(Math.log10(span || 1))))));
 }
 
+/// Three significant digits.
+function rounded(value) {
+  return Number.isFinite(value) ? minus(value.toFixed(Math.min(6, Math.max(0, value ? 2 - Math.floor(Math.log10(Math.abs(value))) : 0)))) : "–";
+}
+
 function signed(value, span) {
   const text = reading(value, span);
   return value > 0 && /[1-9]/.test(text) ? "+" + text : text;

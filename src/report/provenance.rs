@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::text::{escape, number};
+use super::text::{escape, plain};
 use super::{Input, absent};
 
 /// The section.
@@ -26,7 +26,7 @@ fn retuned(plant: &Value) -> String {
         .iter()
         .filter(|(name, value)| nominal.get(*name) != Some(value))
         .map(|(name, value)| {
-            let shown = |v: Option<&Value>| v.and_then(Value::as_f64).map_or_else(|| "–".to_owned(), |v| number(v, 5));
+            let shown = |v: Option<&Value>| v.and_then(Value::as_f64).map_or_else(|| "–".to_owned(), |v| plain(v));
             format!(
                 "<tr><th scope=\"row\"><code>{}</code></th><td class=\"num\">{}</td><td class=\"num\">{}</td></tr>",
                 escape(name).replace('.', ".<wbr>"),

@@ -90,8 +90,7 @@ fn scale() -> String {
     let bins = ["&lt;&#8201;2", "2–3", "3–5", "5–10", "10–30", "≥&#8201;30"];
     let bins: String = bins.iter().enumerate().map(|(k, label)| format!("<span class=\"bin h{k}\">{label}</span>")).collect();
     format!(
-        "<p class=\"scale\">{bins}<span>standard deviations</span><span class=\"bin hit\">frame</span><span>significant at the stated false-alarm \
-         rate</span><span class=\"bin\">·</span><span>no samples</span></p>\n"
+        "<p class=\"scale\">{bins}<span>standard deviations</span><span class=\"bin hit\">frame</span><span>significant at the false-alarm rate of the diagnosis</span><span class=\"bin\">·</span><span>no samples</span></p>\n"
     )
 }
 

@@ -52,11 +52,11 @@ fn per_recording(far: &Value) -> String {
     let high = ratios.iter().fold(3.0, |a: f64, b| a.max(*b));
     let x = Scale { low: low.ln(), high: high.ln(), a: 8.0, b: 232.0 };
     let held = texts(far, "held_out");
-    let rows: String = entries.iter().map(|e| recording_row(e, &held, &x)).collect();
+    let rows = grouped(entries, &held, &x);
     format!(
         "<h3>Per recording and channel</h3>\n<div class=\"scroll\" role=\"region\" aria-label=\"Gap per recording\" tabindex=\"0\"><table class=\"shrink\"><thead><tr>\
          <th scope=\"col\">Recording</th><th scope=\"col\">Channel</th><th scope=\"col\"><span class=\"t-before\">Before</span></th>\
-         <th scope=\"col\"><span class=\"t-after\">After</span></th><th scope=\"col\">Noise</th><th scope=\"col\">In multiples of noise{}</th></tr></thead><tbody>{rows}</tbody></table></div>\n",
+         <th scope=\"col\"><span class=\"t-after\">After</span></th><th scope=\"col\">Noise</th><th scope=\"col\">In multiples of noise{}</th></tr></thead>{rows}</table></div>\n",
         ruler(&x)
     )
 }
@@ -70,9 +70,23 @@ fn ruler(x: &Scale) -> String {
     format!("<svg class=\"ruler\" viewBox=\"0 0 240 16\" aria-hidden=\"true\">{texts}</svg>")
 }
 
-fn recording_row(e: &Value, held: &[&str], x: &Scale) -> String {
-    let name = text(e, "recording").unwrap_or("unnamed");
-    let mark = if held.contains(&name) { " <em>held out</em>" } else { "" };
+/// One body per recording, its name once.
+fn grouped(entries: &[Value], held: &[&str], x: &Scale) -> String {
+    let mut out = String::new();
+    for group in entries.chunk_by(|a, b| a["recording"] == b["recording"]) {
+        let name = text(&group[0], "recording").unwrap_or("unnamed");
+        let mark = if held.contains(&name) { " <em>held out</em>" } else { "" };
+        let mut head = format!("<th scope=\"rowgroup\" rowspan=\"{}\">{}{mark}</th>", group.len(), escape(name));
+        out += "<tbody>";
+        for entry in group {
+            out += &format!("<tr>{}{}</tr>", std::mem::take(&mut head), recording_row(entry, x));
+        }
+        out += "</tbody>";
+    }
+    out
+}
+
+fn recording_row(e: &Value, x: &Scale) -> String {
     let unit = escape(&unit(text(e, "unit").unwrap_or("")));
     let value = |key: &str| real(e, key).map_or_else(|| "–".to_owned(), |v| number(v, 2));
     let drawn = match (real(e, "before"), real(e, "after"), real(e, "noise")) {
@@ -80,8 +94,7 @@ fn recording_row(e: &Value, held: &[&str], x: &Scale) -> String {
         _ => String::new(),
     };
     format!(
-        "<tr><th scope=\"row\">{}{mark}</th><td>{}</td><td class=\"num\">{}</td><td class=\"num\">{}</td><td class=\"num\">{} {unit}</td><td class=\"drawn\">{drawn}</td></tr>",
-        escape(name),
+        "<th scope=\"row\">{}</th><td class=\"num\">{}</td><td class=\"num\">{}</td><td class=\"num\">{} {unit}</td><td class=\"drawn\">{drawn}</td>",
         escape(&channel(text(e, "channel").unwrap_or("unnamed"))),
         value("before"),
         value("after"),
@@ -118,7 +131,7 @@ fn engagement(far: &Value) -> String {
             let mark = if held.contains(&name.as_str()) { " <em>held out</em>" } else { "" };
             let group = if k == 0 { format!("<th scope=\"rowgroup\" rowspan=\"{}\">{}{mark}</th>", found.len(), escape(name)) } else { String::new() };
             let values = ["real", "before", "after"].map(|k| real(&figures[*key], k).map(|v| v * factor));
-            rows += &format!("<tr>{group}<th scope=\"row\">{title}</th>{}<td>{unit}</td></tr>", cells(values));
+            rows += &format!("<tr>{group}<th scope=\"row\">{title}, {unit}</th>{}</tr>", cells(values));
         }
         rows += "</tbody><tbody>";
     }
@@ -126,7 +139,7 @@ fn engagement(far: &Value) -> String {
     format!(
         "<h3>Engagement figures</h3>\n<div class=\"scroll\" role=\"region\" aria-label=\"Engagement figures\" tabindex=\"0\"><table class=\"figures-table\"><thead><tr>\
          <th scope=\"col\">Recording</th><th scope=\"col\">Figure</th><th scope=\"col\">Real</th><th scope=\"col\"><span class=\"t-before\">Before</span></th>\
-         <th scope=\"col\"><span class=\"t-after\">After</span></th><th scope=\"col\">Unit</th></tr></thead><tbody>{rows}</tbody></table></div>\n"
+         <th scope=\"col\"><span class=\"t-after\">After</span></th></tr></thead><tbody>{rows}</tbody></table></div>\n"
     )
 }
 

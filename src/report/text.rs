@@ -31,6 +31,15 @@ pub fn number(value: f64, digits: i32) -> String {
     fixed(value, (digits - 1 - magnitude).clamp(0, 9) as usize)
 }
 
+/// A number with up to six significant digits and no padding: a setting to copy.
+pub fn plain(value: f64) -> String {
+    let text = number(value, 6);
+    match text.contains('.') && !text.contains('e') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text,
+    }
+}
+
 /// A number with so many decimals, otherwise as [`number`].
 pub fn fixed(value: f64, decimals: usize) -> String {
     let plain = format!("{:.decimals$}", value.abs());

@@ -25,6 +25,8 @@ function choose(k) {
   state.view = whole();
   state.cursor = null;
   for (const card of all(".card")) card.setAttribute("aria-pressed", String(Number(card.dataset.recording) === k));
+  const card = document.querySelector(`.card[data-recording="${k}"]`);
+  card.parentElement.scrollLeft = card.offsetLeft - 24;
   render();
 }
 
@@ -50,6 +52,7 @@ function panel(channel, last) {
   const models = MODELS.filter((k) => state.shown[k]);
   const reach = Math.max(...range(models.map((k) => channel.gaps[k]), from, to).map(Math.abs), 2.2 * (channel.noise || 0));
   const r = scale(-reach, reach, stripTop + stripHeight, stripTop);
+  draw(svg, "rect", { class: "floor", x: LEFT, y: stripTop - 2, width: width - LEFT - RIGHT, height: stripHeight + 4 });
   axes(svg, x, y, r, width, height, last, small);
   const plot = draw(svg, "svg", { x: LEFT, y: 0, width: width - LEFT - RIGHT, height, viewBox: `${LEFT} 0 ${width - LEFT - RIGHT} ${height}` });
   if (channel.noise) draw(plot, "rect", { class: "noise", x: LEFT, width, y: r.at(2 * channel.noise), height: r.at(-2 * channel.noise) - r.at(2 * channel.noise) });
@@ -72,7 +75,7 @@ function panel(channel, last) {
 }
 
 function axes(svg, x, y, r, width, height, last, small) {
-  for (const [axis, count] of [[y, 4], [r, 2]]) for (const t of ticks(axis.low, axis.high, count)) {
+  for (const [axis, count] of [[y, 4], [r, 3]]) for (const t of ticks(axis.low, axis.high, count)) {
     const p = axis.at(t.value);
     draw(svg, "path", { class: axis === r && t.value === 0 ? "grid zero" : "grid", d: `M${LEFT} ${p}H${width - RIGHT}` });
     draw(svg, "text", { class: "tick", x: LEFT - 6, y: p + 4, "text-anchor": "end" }, t.text);
@@ -99,7 +102,7 @@ function mark(p, time) {
   for (const k of CURVES) p.dots[k].setAttribute("display", "none");
   if (time === null) {
     add(p.read, "span", "", "rms gap in view:");
-    for (const k of MODELS) if (state.shown[k]) add(p.read, "span", "t-" + k, `${k} ${reading(rms(channel.gaps[k], p.from, p.to), span / 10)}`);
+    for (const k of MODELS) if (state.shown[k]) add(p.read, "span", "t-" + k, `${k} ${rounded(rms(channel.gaps[k], p.from, p.to))} ${channel.unit}`);
     if (channel.thinned) add(p.read, "span", "", `(${channel.times.length} of ${channel.samples} samples drawn, peaks kept)`);
     return;
   }

@@ -139,11 +139,11 @@ fn rms(a: &[f64], b: &[f64]) -> f64 {
 fn engagement(runs: [&[Outputs]; 3]) -> Value {
     let (mut time, mut energy, mut acceleration) = (Map::new(), Map::new(), Map::new());
     for (name, run) in ["real", "before", "after"].into_iter().zip(runs) {
-        let locked = run.iter().position(|o| o.phase == Phase::Locked).filter(|&k| k > 3);
+        let locked = run.iter().position(|o| o.phase == Phase::Locked).filter(|&k| k > 12);
         let slip = |k: usize| run[k].omega_f - run[k].omega_c;
         time.insert(name.to_owned(), json!(locked.map(|k| k as f64 * DT)));
         energy.insert(name.to_owned(), json!(run.last().map(|o| o.e_d)));
-        acceleration.insert(name.to_owned(), json!(locked.map(|k| (slip(k - 1) - slip(k - 3)) / (2.0 * DT))));
+        acceleration.insert(name.to_owned(), json!(locked.map(|k| (slip(k - 2) - slip(k - 12)) / (10.0 * DT))));
     }
     json!({ "engagement_time_s": time, "dissipated_energy_J": energy, "slip_acceleration_rad_s2": acceleration })
 }
