@@ -47,7 +47,7 @@ const FRAME: &str = r#"<div class="tools">
 </div>
 <h3 id="shown" class="shown"></h3>
 <div id="stage" tabindex="0" role="group" aria-labelledby="shown" aria-describedby="keys"></div>
-<p id="keys" class="hint">Move over a plot to read all channels at one instant; drag to zoom, double-click to reset. Keys: <kbd>←</kbd> <kbd>→</kbd> cursor (<kbd>Shift</kbd> for ten samples), <kbd>Home</kbd> <kbd>End</kbd>, <kbd>+</kbd> <kbd>−</kbd> zoom, <kbd>Esc</kbd> reset, <kbd>Page&nbsp;↑</kbd> <kbd>Page&nbsp;↓</kbd> other recording.</p>
+<p id="keys" class="hint">Move over a plot to read all channels at one instant; drag to zoom, double-click to reset. Switch <b>before</b> off to enlarge what is left. Keys: <kbd>←</kbd> <kbd>→</kbd> cursor (<kbd>Shift</kbd> for ten samples), <kbd>Home</kbd> <kbd>End</kbd>, <kbd>+</kbd> <kbd>−</kbd> zoom, <kbd>Esc</kbd> reset, <kbd>Page&nbsp;↑</kbd> <kbd>Page&nbsp;↓</kbd> other recording.</p>
 <p id="spoken" class="unseen" aria-live="polite"></p>
 "#;
 

@@ -63,7 +63,7 @@ fn map(entries: &[Value]) -> String {
     let rows = rows.trim_end_matches("<tbody>").trim_end_matches("</tbody>");
     format!(
         "<div class=\"scroll\" role=\"region\" aria-label=\"Residual map\" tabindex=\"0\"><table class=\"heat\">\
-         <caption>Gap before retuning, in standard deviations of its noise; below it the rms gap.</caption>\
+         <caption><span>Gap before retuning, in standard deviations of its noise; below it the rms gap.</span></caption>\
          <thead><tr><th scope=\"col\">Phase</th><th scope=\"col\">Region</th>{head}</tr></thead><tbody>{rows}</tbody></table></div>\n{}",
         scale()
     )

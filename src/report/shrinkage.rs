@@ -24,7 +24,7 @@ fn summary(far: &Value) -> String {
         format!(
             "<tr><th scope=\"row\">{name}</th><td class=\"num\">{}</td><td class=\"wide\"><span class=\"bar {class}\"><i style=\"width:{:.1}%\"></i></span></td></tr>",
             number(value, 3),
-            if most > 0.0 { 100.0 * value / most } else { 0.0 }
+            if most > 0.0 { (100.0 * value / most).clamp(0.0, 100.0) } else { 0.0 }
         )
     };
     let noise = floor.map_or_else(|| absent("The noise floor was not stated."), |f| row("Noise floor", "floor", f));
