@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::chart::{Scale, decimals, path, range, ticks};
+use super::chart::{Scale, bound, decimals, path, range, ticks};
 use super::series::{self, rms};
 use super::text::{channel, escape, fixed, number, unit};
 use super::{Input, Overlay, OverlayChannel, absent};
@@ -21,7 +21,7 @@ pub fn section(input: &Input) -> String {
     let cards: String = input.overlays.iter().enumerate().map(|(k, o)| card(k, o, input, k == first)).collect();
     format!(
         "<p>The model is driven by the recorded inputs. <b>Before</b> is the nominal model, <b>after</b> the retuned one; below each \
-         plot stands what the car has over the model. Held-out recordings took no part in choosing or fitting.</p>\n\
+         plot stands what the car has over either, each on a scale of its own. Held-out recordings took no part in choosing or fitting.</p>\n\
          <div class=\"live\" id=\"viewer\">\n<div class=\"cards\" role=\"group\" aria-label=\"Recording\">{cards}</div>\n{FRAME}</div>\n\
          <div class=\"stills\">{LEGEND}{stills}</div>\n"
     )
@@ -30,7 +30,7 @@ pub fn section(input: &Input) -> String {
 /// Key to the still figures.
 const LEGEND: &str = r#"<p class="keys"><svg class="key" aria-hidden="true"><path class="c-real" d="M0 7h26"/></svg> real
 <svg class="key" aria-hidden="true"><path class="c-before" d="M0 7h26"/></svg> before
-<svg class="key" aria-hidden="true"><path class="c-after" d="M0 7h26"/></svg> after; lower strip: real − model, band ±2σ of noise</p>
+<svg class="key" aria-hidden="true"><path class="c-after" d="M0 7h26"/></svg> after; strips below: real − before and real − after, each on its own scale, band ±2σ of noise</p>
 "#;
 
 /// What the script fills.
@@ -47,7 +47,7 @@ const FRAME: &str = r#"<div class="tools">
 </div>
 <h3 id="shown" class="shown"></h3>
 <div id="stage" tabindex="0" role="group" aria-labelledby="shown" aria-describedby="keys"></div>
-<p id="keys" class="hint">Move over a plot to read all channels at one instant; drag to zoom, double-click to reset. Switch <b>before</b> off to enlarge what is left. Keys: <kbd>←</kbd> <kbd>→</kbd> cursor (<kbd>Shift</kbd> for ten samples), <kbd>Home</kbd> <kbd>End</kbd>, <kbd>+</kbd> <kbd>−</kbd> zoom, <kbd>Esc</kbd> reset, <kbd>Page&nbsp;↑</kbd> <kbd>Page&nbsp;↓</kbd> other recording.</p>
+<p id="keys" class="hint">Move over a plot to read all channels at one instant; drag to zoom, double-click to reset. Keys: <kbd>←</kbd> <kbd>→</kbd> cursor (<kbd>Shift</kbd> for ten samples), <kbd>Home</kbd> <kbd>End</kbd>, <kbd>+</kbd> <kbd>−</kbd> zoom, <kbd>Esc</kbd> reset, <kbd>Page&nbsp;↑</kbd> <kbd>Page&nbsp;↓</kbd> other recording.</p>
 <p id="spoken" class="unseen" aria-live="polite"></p>
 "#;
 
@@ -118,7 +118,7 @@ fn still(o: &Overlay, input: &Input, limit: usize) -> String {
     format!("<div class=\"still\"><h3>{name}</h3><div class=\"figures\">{figures}</div></div>\n")
 }
 
-/// Plot and residual strip of one channel, 520 by 250 user units.
+/// Plot and residual strips of one channel, 520 by 292 user units.
 fn figure(o: &Overlay, c: &OverlayChannel, noise: Option<f64>, limit: usize) -> String {
     let kept = c.kept(limit);
     let n = c.len();
@@ -126,40 +126,52 @@ fn figure(o: &Overlay, c: &OverlayChannel, noise: Option<f64>, limit: usize) -> 
     let (low, high) = range(c.real[..n].iter().chain(&c.before[..n]).chain(&c.after[..n]));
     let plot = Scale { low, high, a: 158.0, b: 8.0 };
     let gap = |model: &[f64], i: usize| c.real[i] - model[i];
-    let reach = kept.iter().flat_map(|&i| [gap(&c.before, i).abs(), gap(&c.after, i).abs()]).filter(|g| g.is_finite()).fold(0.0, f64::max);
-    let reach = if reach > 0.0 { 1.05 * reach } else { 1.0 };
-    let strip = Scale { low: -reach, high: reach, a: 226.0, b: 172.0 };
+    let strip = |model: &[f64], top: f64| {
+        let gaps = kept.iter().map(|&i| gap(model, i).abs()).filter(|g| g.is_finite());
+        let reach = gaps.fold(2.5 * noise.unwrap_or(0.0), f64::max) * 1.05;
+        let reach = if reach > 0.0 && reach.is_finite() { reach } else { 1.0 };
+        Scale { low: -reach, high: reach, a: top + 44.0, b: top }
+    };
+    let strips = [strip(&c.before, 172.0), strip(&c.after, 226.0)];
     let line = |class: &str, scale: &Scale, value: &dyn Fn(usize) -> f64| {
         let points = kept.iter().map(|&i| (x.at(i as f64 * o.dt), scale.at(value(i))));
         format!("<path class=\"{class}\" d=\"{}\"/>", path(points))
     };
-    let mut drawing = "<rect class=\"floor\" x=\"52\" y=\"169\" width=\"460\" height=\"60\"/>".to_owned() + &axes(&x, &plot, &strip);
+    let mut drawing = axes(&x, &plot, &strips);
     if let Some(sigma) = noise.filter(|s| *s > 0.0) {
-        let (top, bottom) = (strip.at((2.0 * sigma).min(reach)), strip.at((-2.0 * sigma).max(-reach)));
-        write!(drawing, "<rect class=\"noise\" x=\"52\" width=\"460\" y=\"{top:.1}\" height=\"{:.1}\"/>", bottom - top)
-            .expect("a String takes any text");
+        for strip in &strips {
+            let (top, bottom) = (strip.at(2.0 * sigma), strip.at(-2.0 * sigma));
+            write!(drawing, "<rect class=\"noise\" x=\"52\" width=\"460\" y=\"{top:.1}\" height=\"{:.1}\"/>", bottom - top)
+                .expect("a String takes any text");
+        }
     }
     drawing += &line("c-real", &plot, &|i| c.real[i]);
     drawing += &line("c-before", &plot, &|i| c.before[i]);
     drawing += &line("c-after", &plot, &|i| c.after[i]);
-    drawing += &line("c-before", &strip, &|i| gap(&c.before, i));
-    drawing += &line("c-after", &strip, &|i| gap(&c.after, i));
+    drawing += "<g class=\"strip\">";
+    drawing += &line("c-before", &strips[0], &|i| gap(&c.before, i));
+    drawing += &line("c-after", &strips[1], &|i| gap(&c.after, i));
+    drawing += "</g>";
     let unit = escape(&unit(c.unit));
     let label = escape(&channel(c.column));
     let sizes = (number(rms(&c.real, &c.before), 2), number(rms(&c.real, &c.after), 2));
     format!(
         "<figure><figcaption><b>{label}</b>, {unit} <span>gap (rms) <span class=\"t-before\">before {}</span>, \
          <span class=\"t-after\">after {}</span> {unit}</span></figcaption>\
-         <svg viewBox=\"0 0 520 250\" role=\"img\" aria-label=\"{label}: gap {} {unit} before, {} {unit} after\">{drawing}</svg></figure>",
+         <svg viewBox=\"0 0 520 292\" role=\"img\" aria-label=\"{label}: gap {} {unit} before, {} {unit} after\">{drawing}</svg></figure>",
         sizes.0, sizes.1, sizes.0, sizes.1
     )
 }
 
 /// Grid, ticks and their labels.
-fn axes(x: &Scale, plot: &Scale, strip: &Scale) -> String {
+fn axes(x: &Scale, plot: &Scale, strips: &[Scale; 2]) -> String {
     let mut out = String::new();
-    for (scale, count) in [(plot, 4), (strip, 3)] {
-        let at = ticks(scale.low, scale.high, count);
+    for strip in strips {
+        write!(out, "<rect class=\"floor\" x=\"52\" y=\"{:.0}\" width=\"460\" height=\"48\"/>", strip.b - 2.0).expect("a String takes any text");
+    }
+    for scale in [plot, &strips[0], &strips[1]] {
+        let round = bound(scale.high);
+        let at = if scale.high == -scale.low { vec![-round, 0.0, round] } else { ticks(scale.low, scale.high, 4) };
         let places = decimals(&at);
         for t in at {
             let y = scale.at(t);
@@ -176,7 +188,7 @@ fn axes(x: &Scale, plot: &Scale, strip: &Scale) -> String {
     let places = decimals(&at);
     for (k, t) in at.iter().enumerate() {
         let unit = if k + 1 == at.len() { " s" } else { "" };
-        write!(out, "<text class=\"tick\" x=\"{:.1}\" y=\"243\" text-anchor=\"middle\">{}{unit}</text>", x.at(*t), fixed(*t, places))
+        write!(out, "<text class=\"tick\" x=\"{:.1}\" y=\"287\" text-anchor=\"middle\">{}{unit}</text>", x.at(*t), fixed(*t, places))
             .expect("a String takes any text");
     }
     out

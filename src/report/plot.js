@@ -51,6 +51,14 @@ function ticks(low, high, count) {
   return out;
 }
 
+/// Zero and a round value on either side, for a strip that reaches so far.
+function bounds(reach) {
+  const power = 10 ** Math.floor(Math.log10(reach));
+  const value = power * [5, 2, 1].find((m) => m * power <= reach * 1.000001);
+  const places = Math.max(0, Math.ceil(-Math.log10(value) - 1e-9));
+  return [-value, 0, value].map((v) => ({ value: v, text: v ? minus(v.toFixed(places)) : "0" }));
+}
+
 function minus(text) {
   return text.replace(/^-(?=.*[1-9])/, "−").replace(/^-/, "");
 }

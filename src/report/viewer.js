@@ -43,23 +43,29 @@ function panel(channel, last) {
   add(caption, "b", "", channel.label + (channel.unit ? ", " + channel.unit : ""));
   const read = add(caption, "span", "read");
   const width = Math.max(240, stage.clientWidth), small = width < 560;
-  const plotHeight = small ? 150 : 190, stripTop = plotHeight + 12, stripHeight = small ? 62 : 74;
-  const height = stripTop + stripHeight + (last ? 22 : 6);
+  const plotHeight = small ? 140 : 180, stripHeight = small ? 46 : 54;
+  const models = MODELS.filter((k) => state.shown[k]);
+  const bottom = plotHeight + models.length * (stripHeight + 12), height = bottom + (last ? 22 : 4);
   const svg = draw(figure, "svg", { viewBox: `0 0 ${width} ${height}`, height, "aria-hidden": "true" });
   const from = Math.max(0, nearest(channel.times, state.view[0]) - 1), to = Math.min(channel.times.length - 1, nearest(channel.times, state.view[1]) + 1);
   const x = scale(...state.view, LEFT, width - RIGHT);
   const y = scale(...range(CURVES.filter((k) => state.shown[k]).map((k) => channel.values[k]), from, to), plotHeight, 6);
-  const models = MODELS.filter((k) => state.shown[k]);
-  const reach = Math.max(...range(models.map((k) => channel.gaps[k]), from, to).map(Math.abs), 2.2 * (channel.noise || 0));
-  const r = scale(-reach, reach, stripTop + stripHeight, stripTop);
-  draw(svg, "rect", { class: "floor", x: LEFT, y: stripTop - 2, width: width - LEFT - RIGHT, height: stripHeight + 4 });
-  axes(svg, x, y, r, width, height, last, small);
+  // Each model has a strip and a scale of its own, since what is left is small beside what was there.
+  const strips = models.map((k, n) => {
+    const reach = Math.max(...range([channel.gaps[k]], from, to).map(Math.abs), 2.5 * (channel.noise || 0));
+    const top = plotHeight + 12 + n * (stripHeight + 12);
+    draw(svg, "rect", { class: "floor", x: LEFT, y: top - 2, width: width - LEFT - RIGHT, height: stripHeight + 4 });
+    return { model: k, top, r: scale(-reach, reach, top + stripHeight, top) };
+  });
+  axes(svg, x, y, strips.map((s) => s.r), width, bottom, last, small);
   const plot = draw(svg, "svg", { x: LEFT, y: 0, width: width - LEFT - RIGHT, height, viewBox: `${LEFT} 0 ${width - LEFT - RIGHT} ${height}` });
-  if (channel.noise) draw(plot, "rect", { class: "noise", x: LEFT, width, y: r.at(2 * channel.noise), height: r.at(-2 * channel.noise) - r.at(2 * channel.noise) });
   for (const k of CURVES) if (state.shown[k]) draw(plot, "path", { class: "c-" + k, d: path(channel.times, channel.values[k], x, y, from, to) });
-  const strip = draw(plot, "g", { class: "strip" });
-  for (const k of models) draw(strip, "path", { class: "c-" + k, d: path(channel.times, channel.gaps[k], x, r, from, to) });
-  draw(svg, "text", { class: "side", x: LEFT + 5, y: stripTop + 11 }, "real − model" + (channel.noise ? ", band: ±2σ of noise" : ""));
+  for (const s of strips) {
+    const strip = draw(plot, "g", { class: "strip" }), edge = (k) => s.r.at(k * channel.noise);
+    if (channel.noise) draw(strip, "rect", { class: "noise", x: LEFT, width, y: edge(2), height: edge(-2) - edge(2) });
+    draw(strip, "path", { class: "c-" + s.model, d: path(channel.times, channel.gaps[s.model], x, s.r, from, to) });
+    draw(svg, "text", { class: "side", x: LEFT + 5, y: s.top + 10 }, `real − ${s.model}${channel.noise && !small ? ", band: ±2σ of noise" : ""}`);
+  }
   const cursor = draw(plot, "path", { class: "cursor" });
   const dots = Object.fromEntries(CURVES.map((k) => [k, draw(plot, "circle", { class: "f-" + k, r: 3.5, display: "none" })]));
   const band = draw(plot, "rect", { class: "band", y: 0, height, display: "none" });
@@ -74,15 +80,15 @@ function panel(channel, last) {
   return made;
 }
 
-function axes(svg, x, y, r, width, height, last, small) {
-  for (const [axis, count] of [[y, 4], [r, 3]]) for (const t of ticks(axis.low, axis.high, count)) {
+function axes(svg, x, y, strips, width, bottom, last, small) {
+  for (const axis of [y, ...strips]) for (const t of axis === y ? ticks(y.low, y.high, 4) : bounds(axis.high)) {
     const p = axis.at(t.value);
-    draw(svg, "path", { class: axis === r && t.value === 0 ? "grid zero" : "grid", d: `M${LEFT} ${p}H${width - RIGHT}` });
+    draw(svg, "path", { class: axis !== y && t.value === 0 ? "grid zero" : "grid", d: `M${LEFT} ${p}H${width - RIGHT}` });
     draw(svg, "text", { class: "tick", x: LEFT - 6, y: p + 4, "text-anchor": "end" }, t.text);
   }
   for (const t of ticks(x.low, x.high, small ? 5 : 9)) {
-    draw(svg, "path", { class: "grid", d: `M${x.at(t.value)} 0V${height - (last ? 22 : 6)}` });
-    if (last && x.at(t.value) < width - 22) draw(svg, "text", { class: "tick x", x: x.at(t.value), y: height - 7, "text-anchor": "middle" }, t.text + " s");
+    draw(svg, "path", { class: "grid", d: `M${x.at(t.value)} 0V${bottom}` });
+    if (last && x.at(t.value) < width - 22) draw(svg, "text", { class: "tick x", x: x.at(t.value), y: bottom + 16, "text-anchor": "middle" }, t.text + " s");
   }
 }
 
@@ -111,7 +117,7 @@ function mark(p, time) {
   for (const k of CURVES) {
     if (!state.shown[k]) continue;
     const value = channel.values[k][i];
-    const gap = k === "real" ? "" : ` (gap ${signed(channel.gaps[k][i], span / 10)})`;
+    const gap = k === "real" ? "" : ` (gap ${signed(channel.gaps[k][i], span)})`;
     add(p.read, "span", "t-" + k, `${k} ${reading(value, span)}${gap}`);
     if (Number.isFinite(value)) for (const [key, v] of [["cx", place], ["cy", p.y.at(value)], ["display", "inline"]]) p.dots[k].setAttribute(key, v);
   }

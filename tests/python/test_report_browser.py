@@ -1,7 +1,7 @@
 """The report in a real browser: console, cursor, zoom, keys, contrast, narrow screens, paper.
 
 Needs Chromium with its driver and selenium. `KISSPOINT_REPORT` names a report to test; without it cargo makes the one of
-`examples/report.rs`. Run: python -m unittest tests/python/test_report_browser.py
+`examples/report.rs`. Run: python -m unittest tests.python.test_report_browser
 """
 
 import base64
@@ -77,8 +77,10 @@ class ReportInBrowser(unittest.TestCase):
             "Emulation.setDeviceMetricsOverride", {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         )
 
-    def media(self, scheme):
-        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]})
+    def media(self, scheme, kind=""):
+        # Without motion, since a page that still glides gets the pointer in the wrong place.
+        features = [{"name": "prefers-color-scheme", "value": scheme}, {"name": "prefers-reduced-motion", "value": "reduce"}]
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": kind, "features": features})
 
     def js(self, code, *arguments):
         return self.driver.execute_script(code, *arguments)
@@ -138,8 +140,7 @@ class ReportInBrowser(unittest.TestCase):
         chosen = int(self.find(".card[aria-pressed=true]")[0].get_attribute("data-recording"))
         channel = data["recordings"][chosen]["channels"][0]
         self.to_stage()
-        self.press("", *["\ue011"])
-        self.press("\ue014")
+        self.press("\ue011", "\ue014")  # home, right
         real = sum(channel["real"][:2]) * channel["q"]
         before = real - channel["before"][1] * channel["q"]
         shown = [float(v.replace("−", "-")) for v in re.findall(r"(?:real|before) (−?[\d.]+)", self.reads()[0])]
@@ -243,7 +244,7 @@ class ReportInBrowser(unittest.TestCase):
         self.assertTrue(240 <= width <= 380, width)
 
     def test_paper_shows_every_recording_and_cuts_nothing(self):
-        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print", "features": [{"name": "prefers-color-scheme", "value": "dark"}]})
+        self.media("dark", "print")
         self.screen(700, 1000)  # about the width of A4 inside its margins
         shown = self.js("return [...document.querySelectorAll('.stills svg[role=img]')].map((s) => s.getBoundingClientRect()).filter((b) => b.width > 200 && b.right <= innerWidth).length")
         self.assertEqual(shown, len(self.find(".stills svg[role=img]")))
