@@ -12,7 +12,8 @@ use crate::effects::{PARAMETERS, REGISTRY};
 pub fn section(diagnosis: &Value) -> String {
     let which = &diagnosis["which"];
     let effects: String = list(which, "effects").iter().map(effect).collect();
-    let chosen = if effects.is_empty() { absent("No effect was added to the model.") } else { format!("<div class=\"effects\">{effects}</div>\n") };
+    let chosen =
+        if effects.is_empty() { absent("No effect was added to the model.") } else { format!("<div class=\"effects\">{effects}</div>\n") };
     format!("{chosen}{}", ranked(list(which, "ranked")))
 }
 
@@ -48,7 +49,11 @@ fn parameter(id: &str, name: &str, p: &Value) -> String {
         (Some(value), Some(low), Some(high)) if high > low => {
             // Two digits of the interval's width are all that an estimate is worth.
             let places = (1 - (high - low).log10().floor() as i32).clamp(0, 9) as usize;
-            (fixed(value, places), format!("{} to {}", fixed(low, places), fixed(high, places)), null.map_or_else(String::new, |null| whisker(value, low, high, null)))
+            (
+                fixed(value, places),
+                format!("{} to {}", fixed(low, places), fixed(high, places)),
+                null.map_or_else(String::new, |null| whisker(value, low, high, null)),
+            )
         }
         (Some(value), _, _) => (number(value, 4), "not stated".to_owned(), String::new()),
         _ => ("–".to_owned(), "not stated".to_owned(), String::new()),
@@ -79,7 +84,8 @@ fn ambiguity(e: &Value) -> String {
     if others.is_empty() {
         return "<p class=\"ambiguity\">These data tell it apart from every other effect that can be assessed.</p>".to_owned();
     }
-    let split = text(e, "separated_by").map_or_else(String::new, |how| format!(" To split the group: {}.", escape(how.trim_end_matches('.'))));
+    let split =
+        text(e, "separated_by").map_or_else(String::new, |how| format!(" To split the group: {}.", escape(how.trim_end_matches('.'))));
     format!(
         "<p class=\"ambiguity\"><span class=\"pill warn\"><span aria-hidden=\"true\">≈</span> Ambiguous</span> These data can’t tell it from {}.{split}</p>",
         enumeration(&others)
@@ -93,7 +99,7 @@ fn ranked(candidates: &[Value]) -> String {
     let most = candidates.iter().filter_map(|c| real(c, "evidence")).fold(0.0, f64::max);
     let rows: String = candidates.iter().map(|c| candidate(c, most)).collect();
     format!(
-        "<h3>Every candidate</h3>\n<p>Evidence is the gain in log-likelihood over the model without the effect, in nats; noise alone gives about one per parameter.</p>\n\
+        "<h3>Every candidate</h3>\n<p>Evidence is the gain in log-likelihood over the model without the effect, in nats; noise alone gives half a nat per parameter on average.</p>\n\
          <div class=\"scroll\" role=\"region\" aria-label=\"Candidates\" tabindex=\"0\"><table class=\"ranked\"><thead><tr><th scope=\"col\">Effect</th>\
          <th scope=\"col\" colspan=\"2\">Evidence</th><th scope=\"col\">Verdict</th><th scope=\"col\">Why</th></tr></thead><tbody>{rows}</tbody></table></div>\n"
     )

@@ -167,7 +167,8 @@ fn figure(o: &Overlay, c: &OverlayChannel, noise: Option<f64>, limit: usize) -> 
 fn axes(x: &Scale, plot: &Scale, strips: &[Scale; 2]) -> String {
     let mut out = String::new();
     for strip in strips {
-        write!(out, "<rect class=\"floor\" x=\"52\" y=\"{:.0}\" width=\"460\" height=\"48\"/>", strip.b - 2.0).expect("a String takes any text");
+        write!(out, "<rect class=\"floor\" x=\"52\" y=\"{:.0}\" width=\"460\" height=\"48\"/>", strip.b - 2.0)
+            .expect("a String takes any text");
     }
     for scale in [plot, &strips[0], &strips[1]] {
         let round = bound(scale.high);

@@ -18,7 +18,13 @@ pub fn section(diagnosis: &Value) -> String {
     }
     let left: Vec<String> = list(diagnosis, "left_out")
         .iter()
-        .map(|l| format!("<b>{}</b>: {}", escape(text(l, "recording").unwrap_or("unnamed")), escape(text(l, "reason").unwrap_or("no reason stated"))))
+        .map(|l| {
+            format!(
+                "<b>{}</b>: {}",
+                escape(text(l, "recording").unwrap_or("unnamed")),
+                escape(text(l, "reason").unwrap_or("no reason stated"))
+            )
+        })
         .collect();
     out += &items("Recordings left out", &left);
     let notes: Vec<String> = texts(diagnosis, "notes").iter().map(|n| escape(n)).collect();
@@ -39,8 +45,7 @@ fn next(which: &Value) -> String {
     let splits: Vec<String> = list(which, "effects")
         .iter()
         .filter_map(|e| {
-            let group: Vec<String> =
-                text(e, "id").into_iter().chain(texts(e, "ambiguous_with")).map(|id| escape(&words(id))).collect();
+            let group: Vec<String> = text(e, "id").into_iter().chain(texts(e, "ambiguous_with")).map(|id| escape(&words(id))).collect();
             let how = text(e, "separated_by").filter(|_| group.len() > 1)?;
             Some(format!("{}: this would tell {} apart.", escape(&title(how.trim_end_matches('.'))), enumeration(&group)))
         })
@@ -63,7 +68,10 @@ fn not_assessable(entries: &[Value]) -> String {
             None => groups.push((measure, vec![escape(&title(id))])),
         }
     }
-    let rows: String = groups.iter().map(|(measure, ids)| format!("<tr><th scope=\"row\">{}</th><td>{}</td></tr>", ids.join(", "), escape(measure))).collect();
+    let rows: String = groups
+        .iter()
+        .map(|(measure, ids)| format!("<tr><th scope=\"row\">{}</th><td>{}</td></tr>", ids.join(", "), escape(measure)))
+        .collect();
     format!(
         "<h3>Not assessable from these recordings</h3>\n<table class=\"plain\"><thead><tr><th scope=\"col\">Effect</th><th scope=\"col\">What to measure</th></tr></thead>\
          <tbody>{rows}</tbody></table>\n"

@@ -27,7 +27,10 @@ fn lead(place: &Value) -> String {
         None => "No subsystem shows a gap.".to_owned(),
     };
     let remainder = text(place, "unexplained_at").map_or_else(String::new, |id| {
-        format!(" <span class=\"pill warn\"><span aria-hidden=\"true\">◐</span> A structured remainder lies in {}</span>", escape(&words(id)))
+        format!(
+            " <span class=\"pill warn\"><span aria-hidden=\"true\">◐</span> A structured remainder lies in {}</span>",
+            escape(&words(id))
+        )
     });
     format!("<p>{primary}{remainder}</p>\n")
 }

@@ -60,9 +60,8 @@ impl OverlayChannel {
         let mut kept = vec![0, n - 1];
         for s in 0..stretches {
             let stretch = s * n / stretches..(s + 1) * n / stretches;
-            let least = |key: &dyn Fn(usize) -> f64| {
-                stretch.clone().filter(|&i| key(i).is_finite()).min_by(|&i, &j| key(i).total_cmp(&key(j)))
-            };
+            let least =
+                |key: &dyn Fn(usize) -> f64| stretch.clone().filter(|&i| key(i).is_finite()).min_by(|&i, &j| key(i).total_cmp(&key(j)));
             kept.extend(least(&|i| self.real[i]));
             kept.extend(least(&|i| -self.real[i]));
             kept.extend(least(&|i| -(self.real[i] - self.before[i]).abs()));
@@ -76,11 +75,7 @@ impl OverlayChannel {
 }
 
 fn recording(overlay: &Overlay, diagnosis: &Value, limit: usize) -> Value {
-    let channels: Vec<Value> = overlay
-        .channels
-        .iter()
-        .map(|c| channel(c, noise(diagnosis, &overlay.recording, c.column), limit))
-        .collect();
+    let channels: Vec<Value> = overlay.channels.iter().map(|c| channel(c, noise(diagnosis, &overlay.recording, c.column), limit)).collect();
     json!({ "name": overlay.recording, "manoeuvre": overlay.manoeuvre, "dt": overlay.dt, "channels": channels })
 }
 

@@ -31,7 +31,8 @@ fn summary(far: &Value) -> String {
     let (row_noise, said) = if floor.is_some() { (noise, String::new()) } else { (String::new(), noise) };
     let held = texts(far, "held_out");
     let held = if held.is_empty() { "No recording was held out.".to_owned() } else { format!("Held out: {}.", escape(&held.join(", "))) };
-    let closed = real(far, "closed_fraction").map_or_else(String::new, |c| format!(" <b>{}</b> of what stood above the noise floor is closed.", percent(c)));
+    let closed = real(far, "closed_fraction")
+        .map_or_else(String::new, |c| format!(" <b>{}</b> of what stood above the noise floor is closed.", percent(c)));
     format!(
         "<p>{held}{closed}</p>\n<table class=\"bars\"><caption>{}</caption><thead class=\"unseen\"><tr><th scope=\"col\">Model</th><th scope=\"col\">Gap</th>\
          <th scope=\"col\">Bar</th></tr></thead><tbody>{}{}{row_noise}</tbody></table>\n{said}",
@@ -46,8 +47,15 @@ fn per_recording(far: &Value) -> String {
     if entries.is_empty() {
         return absent("The gap per recording was not handed over.");
     }
-    let ratios: Vec<f64> =
-        entries.iter().flat_map(|e| { let n = real(e, "noise"); ["before", "after"].map(|k| Some(real(e, k)? / n?)) }).flatten().filter(|r| r.is_finite() && *r > 0.0).collect();
+    let ratios: Vec<f64> = entries
+        .iter()
+        .flat_map(|e| {
+            let n = real(e, "noise");
+            ["before", "after"].map(|k| Some(real(e, k)? / n?))
+        })
+        .flatten()
+        .filter(|r| r.is_finite() && *r > 0.0)
+        .collect();
     let low = ratios.iter().fold(0.7, |a: f64, b| a.min(*b));
     let high = ratios.iter().fold(3.0, |a: f64, b| a.max(*b));
     let x = Scale { low: low.ln(), high: high.ln(), a: 8.0, b: 232.0 };
@@ -65,8 +73,15 @@ fn per_recording(far: &Value) -> String {
 fn ruler(x: &Scale) -> String {
     let marks = [0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0, 1e4];
     let inside = marks.iter().filter(|m| (x.low - 1e-9..=x.high + 1e-9).contains(&f64::ln(**m)));
-    let texts: String =
-        inside.map(|m| format!("<text class=\"tick\" x=\"{:.1}\" y=\"12\" text-anchor=\"middle\">{}</text>", x.at(m.ln()), if *m < 1.0 { fixed(*m, 1) } else { fixed(*m, 0) })).collect();
+    let texts: String = inside
+        .map(|m| {
+            format!(
+                "<text class=\"tick\" x=\"{:.1}\" y=\"12\" text-anchor=\"middle\">{}</text>",
+                x.at(m.ln()),
+                if *m < 1.0 { fixed(*m, 1) } else { fixed(*m, 0) }
+            )
+        })
+        .collect();
     format!("<svg class=\"ruler\" viewBox=\"0 0 240 16\" aria-hidden=\"true\">{texts}</svg>")
 }
 
@@ -129,7 +144,11 @@ fn engagement(far: &Value) -> String {
         let found: Vec<_> = FIGURES.iter().filter(|f| figures[f.0].is_object()).collect();
         for (k, (key, title, unit, factor)) in found.iter().enumerate() {
             let mark = if held.contains(&name.as_str()) { " <em>held out</em>" } else { "" };
-            let group = if k == 0 { format!("<th scope=\"rowgroup\" rowspan=\"{}\">{}{mark}</th>", found.len(), escape(name)) } else { String::new() };
+            let group = if k == 0 {
+                format!("<th scope=\"rowgroup\" rowspan=\"{}\">{}{mark}</th>", found.len(), escape(name))
+            } else {
+                String::new()
+            };
             let values = ["real", "before", "after"].map(|k| real(&figures[*key], k).map(|v| v * factor));
             rows += &format!("<tr>{group}<th scope=\"row\">{title}, {unit}</th>{}</tr>", cells(values));
         }

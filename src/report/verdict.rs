@@ -10,7 +10,10 @@ pub fn sentence(diagnosis: &Value) -> String {
     if let Some(said) = text(diagnosis, "sentence") {
         return said.to_owned();
     }
-    let effects = enumeration(&effect_names(diagnosis));
+    let effects = match effect_names(diagnosis) {
+        names if names.is_empty() => "effects that are not named".to_owned(),
+        names => enumeration(&names),
+    };
     let place = |key| text(&diagnosis["where"], key).map_or_else(|| "an unnamed subsystem".to_owned(), words);
     match text(diagnosis, "verdict") {
         Some("no_gap") => "The car behaves as its model says, within noise and tolerances.".to_owned(),

@@ -43,7 +43,8 @@ fn the_answers_of_a_campaign_are_all_there() {
     ] {
         assert!(text.contains(expected), "{expected:?} is missing");
     }
-    let order = ["curves", "where", "which", "how-far", "open", "computed"].map(|id| page.find(&format!("<section id=\"{id}\"")).expect(id));
+    let order =
+        ["curves", "where", "which", "how-far", "open", "computed"].map(|id| page.find(&format!("<section id=\"{id}\"")).expect(id));
     assert!(order.is_sorted(), "sections stand in the order of the questions");
     assert_eq!(page.matches("<th scope=\"row\"><code>").count(), 5, "five parameters differ from the vehicle file, friction.m_0 does not");
 }
@@ -167,11 +168,18 @@ fn any_part_may_be_missing_or_of_another_type() {
 
 #[test]
 fn curves_may_be_empty_constant_or_broken() {
-    let channel = |real: Vec<f64>| OverlayChannel { column: "T_fc_Nm", unit: "N·m", before: real.clone(), after: vec![0.0; real.len()], real };
+    let channel =
+        |real: Vec<f64>| OverlayChannel { column: "T_fc_Nm", unit: "N·m", before: real.clone(), after: vec![0.0; real.len()], real };
     let bodies = [vec![], vec![1.0], vec![5.0; 40], vec![f64::NAN; 40], vec![1.0, f64::NAN, f64::INFINITY, 2.0], vec![-1e300, 1e300]];
     let overlays: Vec<Overlay> = bodies
         .into_iter()
-        .map(|real| Overlay { recording: "r".to_owned(), manoeuvre: String::new(), held_out: true, dt: 0.01, channels: vec![channel(real)] })
+        .map(|real| Overlay {
+            recording: "r".to_owned(),
+            manoeuvre: String::new(),
+            held_out: true,
+            dt: 0.01,
+            channels: vec![channel(real)],
+        })
         .chain([Overlay { recording: "none".to_owned(), manoeuvre: String::new(), held_out: true, dt: 0.01, channels: vec![] }])
         .collect();
     let page = render(&json!({}), &overlays);
