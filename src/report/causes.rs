@@ -80,6 +80,9 @@ fn whisker(value: f64, low: f64, high: f64, null: f64) -> String {
 }
 
 fn ambiguity(e: &Value) -> String {
+    if !e["ambiguous_with"].is_array() {
+        return absent("Whether these data tell it from other effects was not stated.");
+    }
     let others: Vec<String> = texts(e, "ambiguous_with").iter().map(|id| format!("<b>{}</b>", escape(&words(id)))).collect();
     if others.is_empty() {
         return "<p class=\"ambiguity\">These data tell it apart from every other effect that can be assessed.</p>".to_owned();

@@ -77,11 +77,19 @@ fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
     let probability = if least.is_finite() { format!("probability {}", percent(least)) } else { String::new() };
     let closed = real(far, "closed_fraction").map_or_else(|| "Not stated".to_owned(), percent);
     let shrink = match (real(far, "before"), real(far, "after")) {
-        (Some(b), Some(a)) => format!("{} → {} on {} held-out recordings", number(b, 3), number(a, 3), list(far, "held_out").len()),
+        (Some(b), Some(a)) => format!("{} → {} on {}", number(b, 3), number(a, 3), held_out(list(far, "held_out").len())),
         _ => String::new(),
     };
     let closed = if text(diagnosis, "verdict") == Some("no_gap") { "Nothing to close".to_owned() } else { closed };
     vec![("Where", primary, located), ("Which", effects, probability), ("Gap closed", closed, shrink)]
+}
+
+fn held_out(count: usize) -> String {
+    match count {
+        0 => "the recordings that were fitted".to_owned(),
+        1 => "1 held-out recording".to_owned(),
+        n => format!("{n} held-out recordings"),
+    }
 }
 
 fn tile(name: &str, value: &str, note: &str) -> String {
