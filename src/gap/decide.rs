@@ -20,13 +20,15 @@ pub enum Verdict {
 }
 
 /// Gain in cost that a first effect needs: on cars within their tolerances the best of all candidates stays below it.
-pub const FIRST_GAIN: f64 = 30.0;
+pub const FIRST_GAIN: f64 = 20.0;
 /// Gain in cost that a second effect needs.
 pub const SECOND_GAIN: f64 = 30.0;
 /// Share of the first effect's excess that a second effect has to take.
-pub const SECOND_SHARE: f64 = 0.4;
+pub const SECOND_SHARE: f64 = 0.6;
+/// Share of what the first effect explains below which a second one is a trifle: a difference of form.
+pub const TRIFLE: f64 = 0.004;
 /// Cost per residual above which something structured is there.
-pub const STRUCTURED: f64 = 1.12;
+pub const STRUCTURED: f64 = 1.3;
 /// Share of the base's excess that an explanation may leave.
 pub const LEFT: f64 = 0.12;
 /// Share of the base's excess above which an effect explains nothing worth naming.
@@ -43,6 +45,20 @@ pub struct Decision {
     pub left: f64,
 }
 
+/// Whether a second effect is there, and not only the first one's form that differs.
+///
+/// Two signs count: the first effect alone pulls tolerances far beyond their size and the second sets them free, or the second takes
+/// most of the structure that the first left, and not a trifle beside what the first explains.
+fn second_is_needed(search: &Search, single: &Hypothesis, pair: &Hypothesis, dispersion: f64) -> bool {
+    let split = |h: &Hypothesis| (prior(&h.fit.point), h.fit.cost - prior(&h.fit.point));
+    let ((pulled_1, data_1), (pulled_2, data_2)) = (split(single), split(pair));
+    let (freed, gained) = (pulled_1 - pulled_2, data_1 - data_2);
+    let structure = data_1 - data_2.min(search.samples as f64);
+    let explained = search.base.fit.cost - single.fit.cost;
+    let takes_the_rest = gained > SECOND_SHARE * structure && gained > TRIFLE * explained && gained / dispersion > SECOND_GAIN;
+    (freed + gained) / dispersion > SECOND_GAIN && (freed > SECOND_GAIN || takes_the_rest)
+}
+
 /// Decides.
 pub fn decide(search: &Search) -> Decision {
     let n = search.samples as f64;
@@ -54,12 +70,8 @@ pub fn decide(search: &Search) -> Decision {
     let mut chosen = base.clone();
     if let Some(single) = search.singles.first().filter(|s| (base.fit.cost - s.fit.cost) / dispersion > FIRST_GAIN) {
         chosen = single.clone();
-        if let Some(pair) = search.pairs.first() {
-            let gain = single.fit.cost - pair.fit.cost;
-            let floor = n.min(pair.fit.cost);
-            if gain / dispersion > SECOND_GAIN && gain > SECOND_SHARE * (single.fit.cost - floor) {
-                chosen = pair.clone();
-            }
+        if let Some(pair) = search.pairs.first().filter(|pair| second_is_needed(search, single, pair, dispersion)) {
+            chosen = pair.clone();
         }
     }
     let structured = chosen.fit.cost > STRUCTURED * n;
@@ -75,6 +87,5 @@ pub fn decide(search: &Search) -> Decision {
             Verdict::Unexplained
         }
     };
-    let _ = prior;
     Decision { verdict, chosen, left }
 }
