@@ -130,3 +130,39 @@ def test_a_wrong_library_is_refused_with_the_command_that_builds_it(kisspoint, t
     text.write_text("no library")
     said = kisspoint("fmu", "--out", tmp_path, "--library", text, check=False)
     assert said.returncode != 0 and "not a shared library" in said.stderr
+
+
+@pytest.mark.parametrize("name", ["plant", "controller"])
+def test_declared_dependencies_hold(request, name):
+    """In initialization an output changes with those values alone that ModelStructure lists; afterwards with none."""
+    model = request.getfixturevalue(name)
+    instance = model.fresh()
+    instance.fmu.setupExperiment(startTime=0.0)
+    instance.fmu.enterInitializationMode()
+    before = instance.outputs()
+    listed = {
+        u.variable.name: None if u.dependencies is None else {v.name for v in u.dependencies} for u in model.description.initialUnknowns
+    }
+    assert set(listed) == set(before)
+    changes = 0
+    for known in model.description.modelVariables:
+        if known.causality not in ("input", "parameter") or known.type != "Real":
+            continue
+        old = instance.get(known.name)
+        new = old + 0.07 * min(abs(old) or 1.0, float(known.max) - old, old - float(known.min) or 1.0)
+        if new == old:
+            new = old + 0.01 * (float(known.max) - float(known.min)) * (1 if old < float(known.max) else -1)
+        instance.set(**{known.name: new})
+        for output, value in instance.outputs().items():
+            if value != before[output]:
+                changes += 1
+                assert listed[output] is None or known.name in listed[output], f"{output} depends on {known.name}"
+        instance.set(**{known.name: old})
+    assert changes > 0
+    instance.fmu.exitInitializationMode()
+    running = instance.outputs()
+    for known in model.description.modelVariables:
+        if known.causality == "input" and known.type == "Real":
+            instance.set(**{known.name: instance.get(known.name) + 1.0})
+    assert instance.outputs() == running
+    instance.free()
