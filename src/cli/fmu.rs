@@ -1,6 +1,6 @@
-//! `kisspoint fmu`: writes both FMUs.
+//! `kisspoint fmu`: writes both FMUs, and their coupling for masters.
 
-use crate::fmu::{FmuError, MODELS, library, write_fmu};
+use crate::fmu::{FmuError, library, write_all};
 use crate::vehicle::{Vehicle, VehicleError};
 use std::path::{Path, PathBuf};
 
@@ -41,11 +41,11 @@ pub enum FmuCommandError {
 pub fn run(args: &Args) -> Result<(), FmuCommandError> {
     let vehicle = args.vehicle.as_deref().map_or(Ok(Vehicle::paper()), read_vehicle)?;
     let libraries = library::find(&args.library)?;
-    for model in &MODELS {
-        let path = write_fmu(model, &args.out, &libraries, &vehicle)?;
-        let platforms: Vec<&str> = libraries.iter().map(|l| l.platform).collect();
-        println!("{} ({})", path.display(), platforms.join(", "));
+    for path in write_all(&args.out, &libraries, &vehicle)? {
+        println!("{}", path.display());
     }
+    let platforms: Vec<&str> = libraries.iter().map(|l| l.platform).collect();
+    println!("binaries: {}", platforms.join(", "));
     Ok(())
 }
 

@@ -18,7 +18,7 @@ struct Cli {
 enum Command {
     /// Simulate the coupled start-up and compare it with Table II of the paper
     Launch(launch::Args),
-    /// Write ClutchController.fmu and DrivelinePlant.fmu
+    /// Write ClutchController.fmu and DrivelinePlant.fmu, and their coupling for masters
     Fmu(fmu::Args),
 }
 

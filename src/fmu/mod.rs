@@ -4,6 +4,7 @@
 //! - [`description`]: the model description with GUID, version and a vehicle's start values
 //! - [`html`]: the documentation
 //! - [`ssv`]: parameter sets of SSP 1.0
+//! - [`system`]: both FMUs coupled, for masters
 //!
 //! The bytes are reproducible: fixed order, fixed times, no `./` before names.
 
@@ -11,6 +12,7 @@ pub mod description;
 pub mod html;
 pub mod library;
 pub mod ssv;
+pub mod system;
 
 use crate::fmi2::{controller, plant, variables};
 use crate::vehicle::Vehicle;
@@ -91,20 +93,29 @@ pub enum FmuError {
     Fill(#[from] std::io::Error),
 }
 
-/// Writes `<model>.fmu` into the directory `out` and gives its path.
+/// Writes both FMUs, `launch.ssp` and `OspSystemStructure.xml` into the directory `out`, and gives their paths.
 ///
 /// # Errors
-/// A library that does not fit the model; a file that cannot be written.
-pub fn write_fmu(model: &Model, out: &Path, libraries: &[Library], vehicle: &Vehicle) -> Result<PathBuf, FmuError> {
-    let bytes = archive(model, libraries, vehicle)?;
-    let path = out.join(model.description.name).with_extension("fmu");
-    std::fs::create_dir_all(out)
-        .and_then(|()| std::fs::write(&path, bytes))
-        .map_err(|source| FmuError::File { path: path.clone(), source })?;
-    Ok(path)
+/// A library that does not fit the models; a file that cannot be written.
+pub fn write_all(out: &Path, libraries: &[Library], vehicle: &Vehicle) -> Result<Vec<PathBuf>, FmuError> {
+    let mut fmus = Vec::new();
+    for model in &MODELS {
+        fmus.push((model, archive(model, libraries, vehicle)?));
+    }
+    let mut files: Vec<(String, Vec<u8>)> =
+        vec![("launch.ssp".into(), system::ssp(&fmus, vehicle)?), ("OspSystemStructure.xml".into(), system::osp(vehicle).into_bytes())];
+    files.extend(fmus.into_iter().map(|(model, bytes)| (format!("{}.fmu", model.description.name), bytes)));
+    std::fs::create_dir_all(out).map_err(|source| FmuError::File { path: out.to_owned(), source })?;
+    let mut paths = Vec::new();
+    for (name, bytes) in files {
+        let path = out.join(name);
+        std::fs::write(&path, bytes).map_err(|source| FmuError::File { path: path.clone(), source })?;
+        paths.push(path);
+    }
+    Ok(paths)
 }
 
-/// The bytes of the FMU.
+/// The bytes of an FMU.
 ///
 /// # Errors
 /// A library that does not hold this model.
@@ -121,15 +132,18 @@ pub fn archive(model: &Model, libraries: &[Library], vehicle: &Vehicle) -> Resul
         library.check(model)?;
         files.push((library.entry(), library.bytes.clone()));
     }
+    zipped(&files)
+}
+
+/// An archive of these files. The time of every entry is the format's earliest, so that equal contents give equal bytes.
+fn zipped(files: &[(String, Vec<u8>)]) -> Result<Vec<u8>, FmuError> {
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-    // The time of every entry is the format's earliest, so that equal contents give equal bytes.
-    let options = SimpleFileOptions::default()
-        .compression_method(CompressionMethod::Deflated)
-        .last_modified_time(zip::DateTime::default());
+    let options =
+        SimpleFileOptions::default().compression_method(CompressionMethod::Deflated).last_modified_time(zip::DateTime::default());
     for (name, bytes) in files {
         let mode = if name.starts_with("binaries/") { 0o755 } else { 0o644 };
-        zip.start_file(name, options.unix_permissions(mode))?;
-        zip.write_all(&bytes)?;
+        zip.start_file(name.as_str(), options.unix_permissions(mode))?;
+        zip.write_all(bytes)?;
     }
     Ok(zip.finish()?.into_inner())
 }

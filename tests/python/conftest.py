@@ -1,0 +1,73 @@
+"""Both FMUs as `kisspoint fmu` writes them, and the command itself."""
+
+import os
+import subprocess
+import zipfile
+from pathlib import Path
+
+import pytest
+from lxml import etree
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def find_command() -> Path:
+    """$KISSPOINT, or the newest of the builds."""
+    if "KISSPOINT" in os.environ:
+        return Path(os.environ["KISSPOINT"])
+    target = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
+    built = [p for p in (target / profile / "kisspoint" for profile in ("release", "quick", "debug")) if p.is_file()]
+    if not built:
+        pytest.exit("no kisspoint command was found: run `cargo build --release`, or set KISSPOINT", returncode=2)
+    return max(built, key=lambda p: p.stat().st_mtime)
+
+
+@pytest.fixture(scope="session")
+def kisspoint():
+    command = find_command()
+
+    def run(*arguments, check=True):
+        words = [str(command), *map(str, arguments)]
+        return subprocess.run(words, check=check, capture_output=True, text=True)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def written(kisspoint, tmp_path_factory):
+    """The directory that `kisspoint fmu` fills."""
+    out = tmp_path_factory.mktemp("fmus")
+    kisspoint("fmu", "--out", out)
+    return out
+
+
+@pytest.fixture(scope="session")
+def fmus(written):
+    """Paths of the FMUs by model name."""
+    return {path.stem: path for path in written.glob("*.fmu")}
+
+
+@pytest.fixture(scope="session")
+def launch_sets(written):
+    """Parameter sets in launch.ssp, by component, with dots written as two underscores."""
+    archive = zipfile.ZipFile(written / "launch.ssp")
+
+    def read(component):
+        root = etree.fromstring(archive.read(f"resources/{component}.ssv"))
+        return {p.get("name").replace(".", "__"): float(p[0].get("value")) for p in root.iter("{*}Parameter")}
+
+    return {component: read(component) for component in ("plant", "controller")}
+
+
+@pytest.fixture(scope="session")
+def plant(fmus):
+    from master import Model
+
+    return Model(fmus["DrivelinePlant"])
+
+
+@pytest.fixture(scope="session")
+def controller(fmus):
+    from master import Model
+
+    return Model(fmus["ClutchController"])

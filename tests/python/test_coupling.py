@@ -1,0 +1,113 @@
+"""Both FMUs coupled in a master of our own: Table II of the paper, schemes, steps, order of the coupling error."""
+
+import json
+import random
+from math import tanh
+
+import pytest
+from master import couple
+
+LOCKED = 3
+
+NO_FEEDBACK = {"controller__kp_torque": 0.0, "controller__ki_torque": 0.0}
+"""launch.ssp holds column B; without feedback, with and without mismatch, it is A and I."""
+
+COLUMNS = {"I": (False, NO_FEEDBACK), "A": (True, NO_FEEDBACK), "B": (True, {})}
+
+
+def launch(plant, controller, sets, column, steps, scheme="gauss-seidel"):
+    """Runs until the controller sees lock-up: time, dissipated energy and slip acceleration there, eq. (10) and (7)."""
+    mismatched, settings = COLUMNS[column]
+    effects = sets["plant"] if mismatched else {}
+    p, c = plant.instance(**effects), controller.instance(**{**sets["controller"], **settings})
+    couple(p, c, steps, scheme, lambda: c.get("phase") == LOCKED)
+    assert c.get("phase") == LOCKED
+    o = p.outputs()
+    v = {name: p.get("driveline." + name) for name in ("J_f", "J_c", "b_f", "b_c", "T_L0", "omega_L", "k_L")}
+    w = o["omega_c"]
+    resist = v["b_c"] * w + v["T_L0"] * tanh(w / v["omega_L"]) + v["k_L"] * w * abs(w)
+    acceleration = (o["T_e"] - o["T_fc"] - v["b_f"] * o["omega_f"]) / v["J_f"] - (o["T_fc"] - resist) / v["J_c"]
+    found = {"t_f_s": p.time, "e_d_j": o["E_d"], "slip_acceleration_rad_s2": acceleration}
+    p.free(), c.free()
+    return found
+
+
+@pytest.fixture(scope="session")
+def table(kisspoint):
+    return {column["column"]: column for column in json.loads(kisspoint("launch", "--json").stdout)["table_ii"]}
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+def test_table_ii_comes_out_of_the_coupled_fmus(plant, controller, launch_sets, table, column):
+    found = launch(plant, controller, launch_sets, column, [1e-3] * 2500)
+    for figure, value in found.items():
+        monolithic = table[column][figure]
+        assert value == pytest.approx(monolithic["found"], rel=1e-9), f"{figure}: FMUs against one process"
+        assert abs(value) == pytest.approx(abs(monolithic["paper"]), rel=0.01), f"{figure}: against the paper"
+
+
+@pytest.mark.parametrize("scheme", ["jacobi", "gauss-seidel"])
+@pytest.mark.parametrize("steps", ["constant", "irregular"])
+def test_schemes_and_steps_agree_on_the_launch(plant, controller, launch_sets, table, scheme, steps):
+    rng = random.Random(7)
+    lengths = [1e-3] * 2500 if steps == "constant" else [rng.uniform(2e-4, 2e-3) for _ in range(2500)]
+    found = launch(plant, controller, launch_sets, "I", lengths, scheme)
+    for figure in ("t_f_s", "e_d_j"):
+        assert found[figure] == pytest.approx(table["I"][figure]["found"], rel=0.02), figure
+
+
+def state_in_slip(plant, controller, h, scheme, end):
+    """Disc speed and temperature while the clutch slips, where the solution is smooth."""
+    p, c = plant.instance(), controller.instance()
+    couple(p, c, [h] * round(end / h), scheme)
+    assert p.get("phase") == 2
+    got = p.get("omega_c", "theta_c")
+    p.free(), c.free()
+    return got
+
+
+@pytest.mark.parametrize("scheme", ["jacobi", "gauss-seidel"])
+@pytest.mark.parametrize("end", [0.32, 0.64])
+def test_coupling_error_falls_with_the_first_order(plant, controller, scheme, end):
+    """Held inputs make an error of first order: from one halving of the step to the next, the change halves.
+
+    Down to 1 ms, the controller's own samples stay at 1 ms, so what changes is the coupling alone.
+    """
+    found = [state_in_slip(plant, controller, h, scheme, end) for h in (16e-3, 8e-3, 4e-3, 2e-3, 1e-3)]
+    for values in zip(*found):
+        changes = [a - b for a, b in zip(values, values[1:])]
+        ratios = [a / b for a, b in zip(changes, changes[1:])]
+        assert all(1.9 < ratio < 2.1 for ratio in ratios), (changes, ratios)
+
+
+def test_engage_may_drop_and_return(plant, controller):
+    p, c = plant.instance(), controller.instance()
+    couple(p, c, [1e-3] * 600)
+    assert p.get("phase") == 2
+    c.set(engage=False)
+    couple(p, c, [1e-3] * 400)
+    assert p.get("phase") == 1
+    c.set(engage=True)
+    couple(p, c, [1e-3] * 2500)
+    assert p.get("phase") == LOCKED and c.get("phase") == LOCKED and c.get("fault") == 1
+    p.free(), c.free()
+
+
+def test_an_input_that_turns_nan_is_bridged_and_then_opens(plant, controller):
+    """A refused value counts as no measurement: the controller reports it, opens, and recovers."""
+    from fmpy.fmi1 import FMICallException
+
+    p, c = plant.instance(), controller.instance()
+    couple(p, c, [1e-3] * 600)
+    faults = set()
+    for _ in range(200):
+        with pytest.raises(FMICallException):
+            c.set(omega_f=float("nan"))
+        c.step(1e-3)
+        p.set(**dict(zip(("x_to", "T_e_ref"), c.get("x_to", "T_e_ref"))))
+        p.step(1e-3)
+        faults.add(c.get("fault"))
+    assert faults == {2} and c.get("x_to") < 3.0 and p.get("phase") == 1
+    couple(p, c, [1e-3] * 3000)
+    assert c.get("fault") == 1 and p.get("phase") == LOCKED
+    p.free(), c.free()

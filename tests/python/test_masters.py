@@ -1,0 +1,71 @@
+"""The launch through other people's masters, each against our own Jacobi master, and a third check of the FMUs."""
+
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import fmpy
+import pytest
+from master import couple
+
+PLANT = [("omega_f", 11), ("omega_c", 12), ("T_fc", 14), ("theta_c", 15), ("E_d", 18)]
+END = 1.3
+"""Past lock-up, s."""
+
+
+@pytest.fixture(scope="module")
+def reference(plant, controller, launch_sets):
+    """Outputs of plant and controller at END, coupled as a Jacobi master with 1 ms does."""
+    p, c = plant.instance(**launch_sets["plant"]), controller.instance(**launch_sets["controller"])
+    couple(p, c, [1e-3] * round(END * 1000), "jacobi")
+    assert p.get("phase") == 3
+    found = p.get(*(name for name, _ in PLANT))
+    p.free(), c.free()
+    return found
+
+
+@pytest.mark.parametrize("structure", ["ssp", "osp"])
+def test_libcosim_runs_the_launch(written, tmp_path, reference, structure):
+    """libcosim's fixed-step algorithm is a Jacobi master: only the last bits may differ."""
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimObserver import CosimObserver
+
+    if structure == "ssp":
+        zipfile.ZipFile(written / "launch.ssp").extractall(tmp_path)
+        execution = CosimExecution.from_ssp_file(str(tmp_path), step_size=1_000_000)
+    else:
+        execution = CosimExecution.from_osp_config_file(str(written / "OspSystemStructure.xml"))
+    observer = CosimObserver.create_last_value()
+    execution.add_observer(observer)
+    assert execution.simulate_until(round(END * 1e9))
+    index = execution.slave_index_from_instance_name("plant")
+    found = observer.last_real_values(index, [reference for _, reference in PLANT])
+    assert found == pytest.approx(reference, rel=1e-9)
+
+
+def test_a_container_of_both_runs_the_launch(written, plant, controller, tmp_path):
+    """fmucontainer couples the FMUs inside one FMU, in C, as a Jacobi master; it leaves the parameter sets out."""
+    for name in ("launch.ssp", "DrivelinePlant.fmu", "ClutchController.fmu"):
+        shutil.copy(written / name, tmp_path)
+    words = [tool("fmucontainer"), "-fmu-directory", str(tmp_path), "-container", "launch.ssp:0.001"]
+    said = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
+    assert said.returncode == 0, said.stdout + said.stderr
+    result = fmpy.simulate_fmu(str(tmp_path / "launch.fmu"), validate=False, stop_time=END, output_interval=1e-3)
+    p, c = plant.instance(), controller.instance()
+    couple(p, c, [1e-3] * round(END * 1000), "jacobi")
+    found = [result[f"drivelineplant.{name}"][-1] for name in ("omega_f", "omega_c", "T_e")]
+    assert found == pytest.approx(p.get("omega_f", "omega_c", "T_e"), rel=1e-9)
+    p.free(), c.free()
+
+
+def tool(name):
+    return shutil.which(name, path=str(Path(sys.executable).parent)) or shutil.which(name)
+
+
+@pytest.mark.parametrize("model", ["DrivelinePlant", "ClutchController"])
+def test_fmu_manipulation_toolbox_finds_no_error(fmus, model):
+    said = subprocess.run([tool("fmutool"), "-input", str(fmus[model]), "-check"], capture_output=True, text=True)
+    text = said.stdout + said.stderr
+    assert said.returncode == 0 and "compliant with FMI-2.0" in text and "No semantic error" in text, text
