@@ -20,7 +20,7 @@ pub enum Verdict {
 }
 
 /// Gain in cost that a first effect needs: on cars within their tolerances the best of all candidates stays below it.
-pub const FIRST_GAIN: f64 = 20.0;
+pub const FIRST_GAIN: f64 = 24.0;
 /// Gain in cost that a second effect needs.
 pub const SECOND_GAIN: f64 = 30.0;
 /// Share of the first effect's excess that a second effect has to take.

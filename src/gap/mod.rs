@@ -1,8 +1,12 @@
 //! Diagnosis of the sim-to-real gap: where the simulation departs from a car, which effect causes it, how far it shrinks.
 
+pub mod answer;
 pub mod balance;
 pub mod decide;
+pub mod diagnosis;
 pub mod fit;
+pub mod gap;
+pub mod locate;
 pub mod nuisance;
 pub mod predict;
 pub mod pulsation;

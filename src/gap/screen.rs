@@ -174,3 +174,27 @@ fn linear(anchor: &Anchor, there: &[Residuals], step: &DVector<f64>) -> Vec<Resi
     }
     all
 }
+
+/// Effects that these recordings could not show: none of their starts, once nuisances have traded against it, would change the cost by as
+/// much as a first effect has to.
+pub fn blind_spots(problem: &Problem, base: &Fit, needed: f64) -> Vec<usize> {
+    let anchor = Anchor::at(problem, base, &[]);
+    let visible = |entry: &Entry| entry.effect.starts.iter().any(|start| visibility(problem, &anchor, start) > needed);
+    let all: Vec<bool> = REGISTRY.par_iter().map(visible).collect();
+    (0..REGISTRY.len()).filter(|&e| !all[e]).collect()
+}
+
+/// Cost that an effect of this size would add, beyond what the nuisances could take up.
+fn visibility(problem: &Problem, anchor: &Anchor, start: &[(usize, f64)]) -> f64 {
+    let mut point = anchor.point.clone();
+    for &(k, value) in start {
+        point.effects[k] = value;
+    }
+    let there: Vec<Residuals> = (0..problem.series.len()).map(|k| problem.residuals(k, &point)).collect();
+    let n = anchor.coordinates.len();
+    let (curvature, _) = equations(anchor, &there, &anchor.residuals);
+    let shared = curvature.view((0, n), (n, 1)).into_owned();
+    let free = curvature.view((0, 0), (n, n)).into_owned();
+    let taken = free.cholesky().map_or(0.0, |c| c.solve(&shared).dot(&shared));
+    curvature[(n, n)] - taken
+}

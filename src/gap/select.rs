@@ -45,7 +45,7 @@ pub struct Search {
 }
 
 /// Single effects that are fitted after the screening, for each anchor.
-const SINGLES: usize = 6;
+const SINGLES: usize = 8;
 /// Single effects that are tried as the first of a pair.
 const FIRSTS: usize = 2;
 /// Candidates that are fitted whatever they promise.
@@ -55,7 +55,7 @@ const HOPELESS: f64 = 4.0;
 /// Second effects that are fitted for each first one.
 const SECONDS: usize = 4;
 /// Iterations that every candidate gets.
-const FIRST_ITERATIONS: usize = 6;
+const FIRST_ITERATIONS: usize = 5;
 /// Candidates that are fitted to the end.
 const FINALISTS: usize = 3;
 /// Further iterations for these.
@@ -95,13 +95,16 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
     Search { base: Hypothesis { effects: Vec::new(), fit: base }, singles, pairs, screened, samples }
 }
 
-/// Where a candidate fits best: at its promised start, there with all nuisances nominal (a large gap drags them away), or as it was
-/// replayed with all nuisances nominal.
-fn better_start(problem: &Problem, candidate: &Candidate) -> Point {
+/// Where the fit of a candidate starts: where it was promised, with the nuisances nominal if they fit better so (a large gap drags them
+/// away). What was found from the nominal car starts as it was replayed: its linear promise is too rough to follow.
+fn start_of(problem: &Problem, candidate: &Candidate) -> Point {
     let undragged = |effects| Point { effects, ..problem.nominal() };
-    let options = [candidate.start.clone(), undragged(candidate.start.effects), undragged(candidate.replayed)];
+    if candidate.anchor > 0 {
+        return undragged(candidate.replayed);
+    }
     let cost = |p: &Point| problem.cost(p, &problem.all_residuals(p));
-    options.into_iter().map(|p| (cost(&p), p)).min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(|| problem.nominal(), |(_, p)| p)
+    let nominal = undragged(candidate.start.effects);
+    if cost(&nominal) < cost(&candidate.start) { nominal } else { candidate.start.clone() }
 }
 
 /// The most promising candidates: at most `most`, and beyond the first three none that promises far less than the best.
@@ -120,7 +123,7 @@ fn fit_all(problem: &Problem, already: &[usize], candidates: &[Candidate]) -> Ve
     let first = |c: &Candidate| {
         let mut effects = already.to_vec();
         effects.push(c.effect);
-        Hypothesis { fit: fit(problem, &effects, &better_start(problem, c), FIRST_ITERATIONS), effects }
+        Hypothesis { fit: fit(problem, &effects, &start_of(problem, c), FIRST_ITERATIONS), effects }
     };
     let by_cost = |a: &Hypothesis, b: &Hypothesis| a.score().total_cmp(&b.score());
     let mut all: Vec<Hypothesis> = candidates.par_iter().map(first).collect();

@@ -37,6 +37,7 @@ pub struct Input<'a> {
 }
 
 /// One recording: the car beside the model as it was and as it is now.
+#[derive(Clone, Debug)]
 pub struct Overlay {
     /// Name of the recording.
     pub recording: String,
@@ -51,6 +52,7 @@ pub struct Overlay {
 }
 
 /// One channel of a recording.
+#[derive(Clone, Debug)]
 pub struct OverlayChannel {
     /// Column of the recording.
     pub column: &'static str,

@@ -1,0 +1,35 @@
+//! A progress bar on long work: on a terminal only.
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// Steps of the bar.
+const STEPS: u64 = 100;
+
+/// A bar that says what is being done.
+pub struct Progress(ProgressBar);
+
+impl Progress {
+    /// A bar at its start; hidden when standard error is no terminal.
+    pub fn new() -> Self {
+        let bar = ProgressBar::new(STEPS);
+        bar.set_style(ProgressStyle::with_template("{bar:30} {percent:>3} %  {msg}").unwrap_or_else(|_| ProgressStyle::default_bar()));
+        Self(bar)
+    }
+
+    /// Says what is being done, and the share that is done.
+    pub fn tell(&self, what: &str, share: f64) {
+        self.0.set_message(what.to_owned());
+        self.0.set_position((share * STEPS as f64) as u64);
+    }
+
+    /// Takes the bar away.
+    pub fn finish(&self) {
+        self.0.finish_and_clear();
+    }
+}
+
+impl Default for Progress {
+    fn default() -> Self {
+        Self::new()
+    }
+}

@@ -1,0 +1,253 @@
+//! The answer: diagnosis.json, as its schema has it.
+//!
+//! Keys are sorted and numbers rounded to six significant digits (plant parameters are exact), so that the same
+//! campaign gives the same bytes.
+
+use super::decide::{HELPS, STRUCTURED, Verdict};
+use super::diagnosis::{Findings, verdict_id};
+use super::fit::{Coordinate, Fit, prior};
+use super::gap::{Engagement, HeldOut, unit};
+use super::locate::FAMILY_WISE_ERROR;
+use super::select::Hypothesis;
+use super::series::Channel;
+use crate::effects::{self, PARAMETERS, Parameters, REGISTRY};
+use crate::vehicle::{NUMBERS, Vehicle};
+use serde_json::{Map, Value, json};
+
+/// Difference of evidence, in nats, under which two effects are not told apart.
+const AMBIGUOUS_NATS: f64 = 4.0;
+
+/// The whole answer.
+pub(super) fn json(f: &Findings) -> Value {
+    let effects = effects_json(f);
+    let (before, after, noise) = speeds(f.held_out);
+    let closed = if before > noise { ((before - after) / (before - noise)).min(1.0) } else { 0.0 };
+    let confidence = confidence(f);
+    json!({
+        "schema": "kisspoint-diagnosis/1",
+        "verdict": verdict_id(f.decision.verdict),
+        "confidence": round(confidence),
+        "sentence": sentence(f, closed),
+        "notes": notes(f),
+        "left_out": f.campaign.left_out.iter().map(|l| json!({"recording": l.recording, "reason": l.reason})).collect::<Vec<_>>(),
+        "where": {
+            "primary": f.location.primary.map(|s| s.id()),
+            "subsystems": f.location.shares.iter().map(|(s, share)| json!({"id": s.id(), "share": round(*share)})).collect::<Vec<_>>(),
+            "equations": f.location.cells.iter().map(|c| json!({
+                "equation": c.equation, "phase": c.phase, "region": c.region, "sigma": round(c.sigma), "rms": round(c.rms),
+                "unit": c.unit, "samples": c.samples, "significant": c.significant,
+            })).collect::<Vec<_>>(),
+            "family_wise_error": FAMILY_WISE_ERROR,
+            "unexplained_at": f.location.unexplained_at.map(|s| s.id()),
+        },
+        "which": {
+            "effects": effects,
+            "ranked": ranked(f),
+            "not_assessable": f.blind_spots.iter().map(|&e| json!({"id": REGISTRY[e].id, "measure": REGISTRY[e].effect.shown_by})).collect::<Vec<_>>(),
+            "tolerances": tolerances(f),
+        },
+        "how_far": {
+            "metric": "root mean square of real minus simulated speed, free replay, mean of flywheel and disc, rad/s",
+            "before": round(before),
+            "after": round(after),
+            "noise_floor": round(noise),
+            "closed_fraction": round(closed),
+            "held_out": held_out_names(f.held_out),
+            "per_recording": f.held_out.iter().map(|h| json!({
+                "recording": h.recording, "channel": h.channel.column(), "unit": unit(h.channel),
+                "before": round(h.before), "after": round(h.after), "noise": round(h.noise),
+            })).collect::<Vec<_>>(),
+            "kpi": kpi(f.held_out),
+        },
+        "plant": {
+            "parameters": plant_parameters(f.retuned.0, f.retuned.1),
+            "nominal_parameters": plant_parameters(&f.problem.vehicle, &effects::null()),
+        },
+    })
+}
+
+/// Six significant digits; what is not finite becomes null.
+fn round(x: f64) -> Value {
+    format!("{x:.5e}").parse::<f64>().ok().filter(|x| x.is_finite()).map_or(Value::Null, Value::from)
+}
+
+/// Variable names and values of DrivelinePlant.fmu that make it this car.
+pub fn plant_parameters(vehicle: &Vehicle, effects: &Parameters) -> Value {
+    let numbers = NUMBERS.iter().map(|n| (n.name.to_owned(), Value::from((n.get)(vehicle))));
+    let effects = PARAMETERS.iter().zip(effects).map(|(p, v)| (p.variable.to_owned(), Value::from(*v)));
+    Value::Object(numbers.chain(effects).collect::<Map<_, _>>())
+}
+
+/// Mean of both speeds on the held-out recordings: before, after, noise.
+fn speeds(held_out: &[HeldOut]) -> (f64, f64, f64) {
+    let of: Vec<&HeldOut> = held_out.iter().filter(|h| matches!(h.channel, Channel::OmegaF | Channel::OmegaC)).collect();
+    let mean = |get: fn(&HeldOut) -> f64| of.iter().map(|h| get(h)).sum::<f64>() / of.len().max(1) as f64;
+    (mean(|h| h.before), mean(|h| h.after), mean(|h| h.noise))
+}
+
+fn held_out_names(held_out: &[HeldOut]) -> Vec<&str> {
+    let mut names: Vec<&str> = held_out.iter().map(|h| h.recording.as_str()).collect();
+    names.dedup();
+    names
+}
+
+fn kpi(held_out: &[HeldOut]) -> Value {
+    let figures = |h: &HeldOut, get: fn(&Engagement) -> f64| {
+        let [real, before, after] = h.engagement.map(|e| e.map_or(Value::Null, |e| round(get(&e))));
+        json!({"real": real, "before": before, "after": after})
+    };
+    let one = |h: &HeldOut| {
+        let all = json!({
+            "engagement_time_s": figures(h, |e| e.time_s),
+            "dissipated_energy_J": figures(h, |e| e.energy_j),
+            "slip_acceleration_rad_s2": figures(h, |e| e.slip_acceleration),
+        });
+        (h.recording.clone(), all)
+    };
+    Value::Object(held_out.iter().filter(|h| h.channel == Channel::OmegaF).map(one).collect())
+}
+
+/// Scale of the evidence: residuals that are larger than the noise, whatever is fitted, weaken it.
+fn dispersion(f: &Findings) -> f64 {
+    (f.decision.chosen.fit.cost / f.search.samples as f64).max(1.0)
+}
+
+/// Hypotheses that differ from the chosen one in effect `k` alone.
+fn rivals<'a>(f: &'a Findings, k: usize) -> impl Iterator<Item = (usize, &'a Hypothesis)> {
+    let chosen = &f.decision.chosen.effects;
+    let kept: Vec<usize> = chosen.iter().copied().filter(|e| *e != chosen[k]).collect();
+    let all = if chosen.len() == 1 { &f.search.singles } else { &f.search.pairs };
+    all.iter().filter_map(move |h| {
+        let other: Vec<usize> = h.effects.iter().copied().filter(|e| !kept.contains(e)).collect();
+        (other.len() == 1 && other[0] != chosen[k]).then(|| (other[0], h))
+    })
+}
+
+/// Nats by which the chosen hypothesis beats another.
+fn behind(f: &Findings, other: &Hypothesis) -> f64 {
+    0.5 * (other.score() - f.decision.chosen.score()) / dispersion(f)
+}
+
+fn effects_json(f: &Findings) -> Vec<Value> {
+    let chosen = &f.decision.chosen;
+    (0..chosen.effects.len())
+        .map(|k| {
+            let entry = &REGISTRY[chosen.effects[k]];
+            let odds: f64 = rivals(f, k).map(|(_, h)| (-behind(f, h)).exp()).sum();
+            let group: Vec<&str> = rivals(f, k).filter(|(_, h)| behind(f, h) < AMBIGUOUS_NATS).map(|(e, _)| REGISTRY[e].id).collect();
+            let split = group.first().and_then(|id| effects::find(id)).map_or(String::new(), |other| {
+                format!("{}; or {}", entry.effect.shown_by, REGISTRY[other].effect.shown_by)
+            });
+            json!({
+                "id": entry.id,
+                "probability": round(1.0 / (1.0 + odds)),
+                "ambiguous_with": group,
+                "separated_by": split,
+                "parameters": intervals(f, entry.parameters.clone()),
+            })
+        })
+        .collect()
+}
+
+/// Half width of a 95 % interval in standard deviations.
+const INTERVAL: f64 = 1.96;
+
+fn intervals(f: &Findings, parameters: std::ops::Range<usize>) -> Value {
+    let fit = &f.decision.chosen.fit;
+    let one = |k: usize| {
+        let value = fit.point.effects[k];
+        let half = INTERVAL * (standard_deviation(fit, Coordinate::Effect(k)) * dispersion(f).sqrt());
+        let p = &PARAMETERS[k];
+        let bounds = json!({
+            "value": round(value), "low": round((value - half).max(p.min)), "high": round((value + half).min(p.max)), "unit": p.unit,
+        });
+        (p.name.to_owned(), bounds)
+    };
+    Value::Object(parameters.map(one).collect())
+}
+
+fn standard_deviation(fit: &Fit, coordinate: Coordinate) -> f64 {
+    let place = fit.coordinates.iter().position(|c| *c == coordinate);
+    let variance = place.and_then(|k| fit.curvature.clone().try_inverse().map(|c| c[(k, k)]));
+    variance.map_or(f64::NAN, |v| v.max(0.0).sqrt())
+}
+
+/// Every candidate with its evidence over the car within its tolerances, in nats.
+fn ranked(f: &Findings) -> Vec<Value> {
+    let scale = dispersion(f);
+    let base = &f.search.base;
+    let ambiguous: Vec<usize> = (0..f.decision.chosen.effects.len())
+        .flat_map(|k| rivals(f, k).filter(|(_, h)| behind(f, h) < AMBIGUOUS_NATS).map(|(e, _)| e).collect::<Vec<_>>())
+        .collect();
+    let evidence = |e: usize| {
+        let fitted = f.search.singles.iter().find(|h| h.effects == [e]).map(|h| h.fit.cost);
+        let promised = || f.search.screened.iter().filter(|c| c.effect == e).map(|c| c.promise).reduce(f64::min);
+        let cost = fitted.or_else(promised).unwrap_or(base.fit.cost);
+        (0.5 * (base.fit.cost - cost) / scale, fitted.is_some())
+    };
+    let mut all: Vec<(usize, f64, bool)> = (0..REGISTRY.len()).map(|e| (e, evidence(e).0, evidence(e).1)).collect();
+    all.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    let one = |(e, nats, fitted): (usize, f64, bool)| {
+        let (verdict, reason) = if f.decision.chosen.effects.contains(&e) {
+            ("chosen", "explains more than any other, beyond tolerances and noise".to_owned())
+        } else if f.blind_spots.contains(&e) {
+            ("not assessable", format!("these recordings could not show it; measure: {}", REGISTRY[e].effect.shown_by))
+        } else if ambiguous.contains(&e) {
+            ("ambiguous", format!("within {AMBIGUOUS_NATS} nats of the chosen explanation"))
+        } else if fitted {
+            ("rejected", "fitted alone, it leaves more unexplained than the chosen explanation".to_owned())
+        } else {
+            ("rejected", "screened: its linear model promises too little to be worth a fit".to_owned())
+        };
+        json!({"id": REGISTRY[e].id, "evidence": round(nats), "verdict": verdict, "reason": reason})
+    };
+    all.into_iter().map(one).collect()
+}
+
+/// Where the tolerances ended, in standard deviations.
+fn tolerances(f: &Findings) -> Value {
+    let point = &f.decision.chosen.fit.point;
+    Value::Object(f.problem.nuisances.iter().zip(&point.z).map(|(n, z)| (n.name.clone(), round(*z))).collect())
+}
+
+/// Probability that the verdict is right, as far as the evidence tells: of the chosen effects among their rivals, or of no gap.
+fn confidence(f: &Findings) -> f64 {
+    let chosen = &f.decision.chosen;
+    let odds = |k| rivals(f, k).map(|(_, h)| (-behind(f, h)).exp()).sum::<f64>();
+    let among_rivals: f64 = (0..chosen.effects.len()).map(|k| 1.0 / (1.0 + odds(k))).product();
+    let against: f64 = match f.decision.verdict {
+        Verdict::NoGap => f.search.singles.iter().map(|h| (-(h.score() - chosen.score()).max(0.0) / 2.0 - 3.0).exp()).sum(),
+        // How near what is left comes to where the verdict would turn.
+        Verdict::Explained => 0.05 * (f.decision.left / HELPS).min(1.0),
+        _ => 0.2 * (STRUCTURED * f.search.samples as f64 / f.decision.chosen.fit.cost).min(1.0),
+    };
+    (among_rivals / (1.0 + against)).clamp(0.0, 0.99)
+}
+
+fn sentence(f: &Findings, closed: f64) -> String {
+    let names: Vec<&str> = f.decision.chosen.effects.iter().map(|&e| REGISTRY[e].id).collect();
+    let names = names.join(" and ");
+    let at = f.location.unexplained_at.map_or("an unknown place", |s| s.id());
+    let share = format!("{:.0} % of the gap on recordings that took no part in the fit", 100.0 * closed);
+    match f.decision.verdict {
+        Verdict::NoGap => "The car lies within its tolerances: nothing is left beyond noise.".to_owned(),
+        Verdict::Explained => format!("The gap is explained by {names}, which closes {share}."),
+        Verdict::PartlyExplained => format!("{names} helps and closes {share}, but something structured remains in {at} that no effect of the library accounts for."),
+        Verdict::Unexplained => format!("There is a gap in {at} that no effect of the library accounts for."),
+    }
+}
+
+fn notes(f: &Findings) -> Vec<String> {
+    let mut notes: Vec<String> = f.campaign.notes.iter().map(|n| format!("{}: {}", n.recording, n.text)).collect();
+    let pulled = prior(&f.decision.chosen.fit.point);
+    let free = f.problem.nuisances.len() as f64;
+    if pulled > 3.0 * free + 10.0 {
+        notes.push(format!(
+            "The tolerances are pulled further than they should be (cost {pulled:.0} for {free:.0} numbers): one of the vehicle's numbers may be wrong beyond its tolerance."
+        ));
+    }
+    if f.problem.series.iter().all(|s| s.measured[Channel::TFc as usize].is_empty()) {
+        notes.push("No torque transducer: force and friction are told apart only by how they depend on position, slip and temperature.".to_owned());
+    }
+    notes
+}

@@ -1,0 +1,217 @@
+//! Where: the gap in every balance, and the subsystem in which it lies.
+//!
+//! Balances are those of [`balance`]: what each side of the clutch is short of, per phase and region, against the noise that
+//! the sensors bring and under the family-wise error rate of Holm's procedure. The subsystem is that of the effect that explains the gap; where no effect does,
+//! the balances decide between engine, driveline, sensors and the clutch, and the candidates that come nearest between the parts of the clutch.
+
+use super::balance::{self, HIGH_TORQUE_NM, HOT_DEGC, Window};
+use super::decide::{Decision, Verdict};
+use super::fit::Problem;
+use super::select::Search;
+use crate::effects::{REGISTRY, Subsystem};
+
+/// Probability of any false alarm among all cells of a car without gap.
+pub const FAMILY_WISE_ERROR: f64 = 0.01;
+
+/// One cell of the residual map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cell {
+    /// Balance.
+    pub equation: &'static str,
+    /// Phase.
+    pub phase: &'static str,
+    /// Operating region.
+    pub region: &'static str,
+    /// Gap in standard deviations of its noise: of the mean, or of the scatter, whichever is further out.
+    pub sigma: f64,
+    /// Root mean square of the windows.
+    pub rms: f64,
+    /// Unit of `rms`.
+    pub unit: &'static str,
+    /// Windows.
+    pub samples: usize,
+    /// Whether the gap is beyond chance.
+    pub significant: bool,
+}
+
+/// Where the gap lies.
+#[derive(Clone, Debug)]
+pub struct Location {
+    /// Subsystem, if there is a gap.
+    pub primary: Option<Subsystem>,
+    /// Share of each subsystem.
+    pub shares: Vec<(Subsystem, f64)>,
+    /// Residual map.
+    pub cells: Vec<Cell>,
+    /// Subsystem of a structured remainder.
+    pub unexplained_at: Option<Subsystem>,
+}
+
+/// Two-sided p-value of a standard normal deviate.
+fn two_sided_p(z: f64) -> f64 {
+    libm::erfc(z.abs() / std::f64::consts::SQRT_2)
+}
+
+/// Locates the gap of a decided campaign.
+pub fn locate(problem: &Problem, search: &Search, decision: &Decision) -> Location {
+    let windows = balance::windows(problem, &search.base.fit.point);
+    let mut cells = cells(&windows);
+    mark_significant(&mut cells);
+    let remainder = matches!(decision.verdict, Verdict::Unexplained | Verdict::PartlyExplained);
+    let unexplained_at = remainder.then(|| of_unknown(problem, search, decision));
+    let of_effects: Vec<Subsystem> = decision.chosen.effects.iter().map(|&e| REGISTRY[e].effect.subsystem).collect();
+    let primary = match decision.verdict {
+        Verdict::NoGap => None,
+        Verdict::Explained => of_effects.first().copied(),
+        _ => unexplained_at,
+    };
+    let mut shares: Vec<(Subsystem, f64)> = Vec::new();
+    let mut named: Vec<Subsystem> = primary.into_iter().chain(of_effects).collect();
+    named.dedup();
+    for (k, s) in named.iter().enumerate().filter(|(k, s)| !named[..*k].contains(s)) {
+        shares.push((*s, 0.5_f64.powi(k as i32)));
+    }
+    let total: f64 = shares.iter().map(|s| s.1).sum();
+    shares.iter_mut().for_each(|s| s.1 /= total);
+    Location { primary, shares, cells, unexplained_at }
+}
+
+/// Cost of explaining the windows by a torque that is missing in one place only, relative to their scatter.
+struct Leftover {
+    engine: f64,
+    driveline: f64,
+    clutch: f64,
+    sensors: f64,
+}
+
+/// Loss of one deviate, bounded so that single windows do not decide.
+fn loss(z: f64) -> f64 {
+    let z2 = z * z;
+    z2 / (1.0 + z2 / 400.0)
+}
+
+fn leftover(windows: &[Window]) -> Leftover {
+    let mut l = Leftover { engine: 0.0, driveline: 0.0, clutch: 0.0, sensors: 0.0 };
+    for w in windows {
+        let (f, c) = (w.engine / w.sigma[0], w.driveline / w.sigma[1]);
+        let both = w.sigma[0].hypot(w.sigma[1]);
+        let sum = (w.engine + w.driveline) / both;
+        let slip = w.slip[0] / w.slip[1];
+        match w.phase {
+            3 => {
+                // Locked: the sides move as one, so that only their sum is a torque; slip that is measured is a sensor's.
+                l.engine += loss(slip);
+                l.driveline += loss(slip);
+                l.clutch += loss(slip) + loss(sum);
+                l.sensors += loss(sum);
+            }
+            1 => {
+                l.engine += loss(c);
+                l.driveline += loss(f);
+                l.clutch += loss(f) + loss(c);
+            }
+            _ => {
+                l.engine += loss(c);
+                l.driveline += loss(f);
+                l.clutch += loss(sum);
+            }
+        }
+    }
+    l
+}
+
+/// Subsystem of a gap, or of a remainder, that no effect accounts for.
+fn of_unknown(problem: &Problem, search: &Search, decision: &Decision) -> Subsystem {
+    let windows = balance::windows(problem, &decision.chosen.fit.point);
+    let l = leftover(&windows);
+    let _ = l.sensors;
+    let best = [(Subsystem::Engine, l.engine), (Subsystem::Driveline, l.driveline), (Subsystem::Friction, l.clutch)]
+        .into_iter()
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .map_or(Subsystem::Friction, |b| b.0);
+    if best != Subsystem::Friction {
+        return best;
+    }
+    // Within the clutch, the candidate that comes nearest tells which part behaves like that.
+    let within = [Subsystem::Actuator, Subsystem::ClutchForce, Subsystem::Friction, Subsystem::Thermal];
+    let nearest = search.singles.iter().map(|h| REGISTRY[h.effects[0]].effect.subsystem).find(|s| within.contains(s));
+    nearest.unwrap_or(best)
+}
+
+fn phase_name(phase: u8) -> &'static str {
+    match phase {
+        1 => "open",
+        2 => "slipping",
+        _ => "locked",
+    }
+}
+
+fn region_name(w: &Window) -> &'static str {
+    match (w.theta >= HOT_DEGC, w.torque >= HIGH_TORQUE_NM) {
+        (false, false) => "cold, low torque",
+        (false, true) => "cold, high torque",
+        (true, false) => "hot, low torque",
+        (true, true) => "hot, high torque",
+    }
+}
+
+/// What a balance is, how it is read off a window (value and standard deviation), and its unit.
+type Reading = (&'static str, &'static str, fn(&Window) -> Option<[f64; 2]>);
+
+const READINGS: [Reading; 7] = [
+    ("engine balance", "N.m", |w| (w.phase != 3).then_some([w.engine, w.sigma[0]])),
+    ("driveline balance", "N.m", |w| (w.phase != 3).then_some([w.driveline, w.sigma[1]])),
+    ("sum of both balances", "N.m", |w| (w.phase == 3).then_some([w.engine + w.driveline, w.sigma[0].hypot(w.sigma[1])])),
+    ("torque map", "N.m", |w| {
+        let of_balances = (w.phase == 2).then_some([0.5 * (w.driveline - w.engine), 0.5 * w.sigma[0].hypot(w.sigma[1])]);
+        w.bench[1].filter(|_| w.phase == 2).or(of_balances)
+    }),
+    ("speed sensors", "rad/s", |w| (w.phase == 3).then_some(w.slip)),
+    ("actuator", "mm", |w| w.bench[0]),
+    ("thermal", "K", |w| w.bench[2]),
+];
+
+/// Least number of windows in a cell.
+const LEAST_WINDOWS: usize = 4;
+
+fn cells(windows: &[Window]) -> Vec<Cell> {
+    let mut cells = Vec::new();
+    for (equation, unit, read) in READINGS {
+        for phase in 1..=3 {
+            for region in ["cold, low torque", "cold, high torque", "hot, low torque", "hot, high torque"] {
+                let here = windows.iter().filter(|w| w.phase == phase && region_name(w) == region);
+                let readings: Vec<[f64; 2]> = here.filter_map(read).collect();
+                if readings.len() >= LEAST_WINDOWS {
+                    cells.push(cell(equation, phase_name(phase), region, unit, &readings));
+                }
+            }
+        }
+    }
+    cells
+}
+
+fn cell(equation: &'static str, phase: &'static str, region: &'static str, unit: &'static str, readings: &[[f64; 2]]) -> Cell {
+    let n = readings.len() as f64;
+    let z: Vec<f64> = readings.iter().map(|[v, s]| v / s).collect();
+    let mean = z.iter().sum::<f64>() / n.sqrt();
+    // Wilson and Hilferty: the cube root of a mean square is nearly normal.
+    let square = z.iter().map(|z| z * z).sum::<f64>() / n;
+    let spread = 2.0 / (9.0 * n);
+    let scatter = (square.cbrt() - (1.0 - spread)) / spread.sqrt();
+    let sigma = if mean.abs() > scatter.abs() { mean.abs() } else { scatter.max(0.0) };
+    let rms = (readings.iter().map(|[v, _]| v * v).sum::<f64>() / n).sqrt();
+    Cell { equation, phase, region, sigma, rms, unit, samples: readings.len(), significant: false }
+}
+
+/// Holm's procedure over all cells; two looks at each (mean and scatter) count twice.
+fn mark_significant(cells: &mut [Cell]) {
+    let mut order: Vec<usize> = (0..cells.len()).collect();
+    order.sort_by(|&a, &b| cells[b].sigma.total_cmp(&cells[a].sigma));
+    let tests = cells.len();
+    for (rank, &k) in order.iter().enumerate() {
+        if 2.0 * two_sided_p(cells[k].sigma) * (tests - rank) as f64 > FAMILY_WISE_ERROR {
+            break;
+        }
+        cells[k].significant = true;
+    }
+}
