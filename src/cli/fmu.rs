@@ -7,6 +7,10 @@ use std::path::{Path, PathBuf};
 
 /// Options of `kisspoint fmu`.
 #[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:\n  \
+    kisspoint fmu --out fmus\n  \
+    kisspoint fmu --out fmus --vehicle vehicle.json\n  \
+    kisspoint fmu --out fmus --library linux/libkisspoint.so --library windows/kisspoint.dll")]
 pub struct Args {
     /// Directory that the FMUs are written into
     #[arg(long, value_name = "DIR")]

@@ -9,6 +9,10 @@ use std::path::{Path, PathBuf};
 
 /// Options of `kisspoint launch`.
 #[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:\n  \
+    kisspoint launch\n  \
+    kisspoint launch --plots figures\n  \
+    kisspoint launch --vehicle vehicle.json --json")]
 pub struct Args {
     /// Print the table as JSON
     #[arg(long)]

@@ -1,14 +1,42 @@
 //! The command `kisspoint`: one file per subcommand.
+//!
+//! Every subcommand is a struct of arguments and a function `run` that returns an error whose message says what is wrong, where,
+//! and what to do. Here are only the choice between them, the help that they share, and the exit codes.
 
+pub mod blind;
+pub mod diagnose;
 pub mod fmu;
+pub mod inspect;
 pub mod launch;
+pub mod plausible;
+pub mod progress;
+pub mod replay;
+pub mod vehicle;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
+use std::io::Write;
 use std::process::ExitCode;
+
+const EXAMPLES: &str = "Examples:
+  kisspoint launch                                    the start-up of the paper, beside its Table II
+  kisspoint fmu --out out                             both FMUs
+  kisspoint diagnose measurements/car_17 --out out    where, which and how far the simulation is off
+  kisspoint replay measurements/car_17                the gap per recording and channel
+  kisspoint blind --cars 20 --seed 1                  how well the diagnosis does on cars it does not know
+  kisspoint vehicle new --out vehicle.json            a vehicle file to fill in
+  kisspoint vehicle check vehicle.json                what is implausible in it
+  kisspoint inspect drive.mf4 --draft-map map.toml    what a measurement holds, and a channel map for it
+
+Exit codes:
+  0  done
+  1  an input or a file is wrong; the message says which and what to do
+  2  the command line is wrong
+
+Results go to standard output, messages to standard error. Colours appear on a terminal only; NO_COLOR turns them off.";
 
 /// A dry clutch for co-simulation, and a diagnosis of where its simulation departs from a car.
 #[derive(Parser, Debug)]
-#[command(name = "kisspoint", version)]
+#[command(name = "kisspoint", version, after_help = EXAMPLES, arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -20,22 +48,75 @@ enum Command {
     Launch(launch::Args),
     /// Write ClutchController.fmu and DrivelinePlant.fmu, and their coupling for masters
     Fmu(fmu::Args),
+    /// Say where a simulation departs from a car, which effect causes it, and how far the gap shrinks
+    Diagnose(diagnose::Args),
+    /// Drive the plant with a car's recordings and print the gap
+    Replay(replay::Args),
+    /// Check the diagnosis on freshly drawn cars whose effects it does not know
+    Blind(blind::Args),
+    /// Draft a vehicle file, or say what is implausible in one
+    Vehicle(vehicle::Args),
+    /// Show what a measurement file holds, and draft a channel map
+    Inspect(inspect::InspectArgs),
+    /// Print a completion script for a shell
+    #[command(after_help = "Examples:\n  \
+        kisspoint completions bash > /etc/bash_completion.d/kisspoint\n  \
+        kisspoint completions zsh > ~/.zfunc/_kisspoint\n  \
+        kisspoint completions fish > ~/.config/fish/completions/kisspoint.fish")]
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
 }
 
 /// Runs the command line.
 pub fn run() -> ExitCode {
     match Cli::parse().command {
-        Command::Launch(args) => finish(launch::run(&args)),
-        Command::Fmu(args) => finish(fmu::run(&args)),
+        Command::Launch(args) => finish("launch", launch::run(&args)),
+        Command::Fmu(args) => finish("fmu", fmu::run(&args)),
+        Command::Diagnose(args) => finish("diagnose", diagnose::run(&args)),
+        Command::Replay(args) => finish("replay", replay::run(&args)),
+        Command::Blind(args) => finish("blind", blind::run(&args)),
+        Command::Vehicle(args) => finish("vehicle", vehicle::run(&args)),
+        Command::Inspect(args) => finish("inspect", inspect::run(&args)),
+        Command::Completions { shell } => finish("completions", completions(shell)),
     }
 }
 
-fn finish<E: std::error::Error>(result: Result<(), E>) -> ExitCode {
+/// Writes the completion script of `shell`.
+fn completions(shell: clap_complete::Shell) -> std::io::Result<()> {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut Cli::command(), "kisspoint", &mut script);
+    std::io::stdout().write_all(&script)
+}
+
+/// Turns the result of the subcommand `name` into a message and an exit code.
+fn finish<E: std::error::Error>(name: &str, result: Result<(), E>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("kisspoint: {error}");
+            eprintln!("For usage and examples: kisspoint {name} --help");
             ExitCode::FAILURE
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_sound() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn every_subcommand_explains_itself() {
+        for command in Cli::command().get_subcommands() {
+            assert!(command.get_about().is_some(), "{} has no description", command.get_name());
+            let text = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            assert!(text.contains("Examples:"), "{} has no examples", command.get_name());
         }
     }
 }

@@ -1,0 +1,55 @@
+#!/usr/bin/env bash
+# All tests, Rust and Python, from a fresh checkout. Exits with 1 if any fails, and says which group did.
+# Needs Rust (cargo), a C compiler and Python 3.11 or later; as root on Debian it installs Chromium and Valgrind by itself.
+# All Rust code is built in one profile, `quick`, so that nothing is compiled twice.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+target=${CARGO_TARGET_DIR:-target}
+python=${PYTHON:-python3}
+summary=()
+failed=0
+
+need() { command -v "$1" >/dev/null || { echo "packaging/test.sh: $1 is missing; $2" >&2; exit 1; }; }
+group() {
+    local name=$1 begin=$SECONDS verdict=passed
+    shift
+    printf '\n== %s: %s\n' "$name" "$*"
+    "$@" || { verdict=FAILED; failed=1; }
+    summary+=("$(printf '%-34s %-7s %4d s' "$name" "$verdict" $((SECONDS - begin)))")
+}
+skipped() { summary+=("$(printf '%-34s skipped: %s' "$1" "$2")"); }
+
+need cargo "install Rust 1.89 or later"
+need cc "install a C compiler, e.g. apt-get install gcc"
+need "$python" "install Python 3.11 or later, or name it in PYTHON"
+"$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "packaging/test.sh: $python is older than 3.11" >&2; exit 1; }
+
+debian=()
+command -v chromium >/dev/null && command -v chromedriver >/dev/null || debian+=(chromium chromium-driver)
+command -v valgrind >/dev/null || debian+=(valgrind)
+if ((${#debian[@]})) && [[ $(id -u) == 0 ]] && command -v apt-get >/dev/null; then
+    { apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${debian[@]}"; } >/dev/null ||
+        echo "could not install ${debian[*]}: the tests that need them are skipped" >&2
+fi
+
+if [[ ! -x $target/venv/bin/python ]]; then "$python" -m venv "$target/venv"; fi
+requirements=(tests/python/requirements*.txt)
+"$target/venv/bin/pip" install --quiet --disable-pip-version-check "${requirements[@]/#/-r}"
+
+group "Rust: build" cargo build --profile quick --workspace --all-targets
+group "Rust: tests" cargo test --profile quick --workspace --no-fail-fast
+if command -v valgrind >/dev/null; then
+    group "C: misuse under Valgrind" cargo test --profile quick --test fmi_abuse -- --ignored
+else
+    skipped "C: misuse under Valgrind" "valgrind is not installed"
+fi
+# The library as it ships, without what only the command needs; it goes into the FMUs that the Python tests load.
+group "Rust: library of the FMUs" cargo build --profile quick --lib --no-default-features
+export KISSPOINT=$PWD/$target/quick/kisspoint KISSPOINT_PROFILE=quick
+[[ $target == /* ]] && KISSPOINT=$target/quick/kisspoint
+group "Python: tests" "$target/venv/bin/python" -m pytest -q -rs tests/python
+
+printf '\n== Summary\n'
+printf '%s\n' "${summary[@]}"
+exit "$failed"

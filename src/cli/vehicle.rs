@@ -1,0 +1,243 @@
+//! `kisspoint vehicle`: drafts a vehicle file, and explains what is implausible in one.
+
+use super::plausible::{self, Finding};
+use crate::control::Settings;
+use crate::vehicle::{NUMBERS, Number, Vehicle};
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+/// Options of `kisspoint vehicle`.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:\n  \
+    kisspoint vehicle new --out vehicle.json\n  \
+    kisspoint vehicle check vehicle.json\n  \
+    kisspoint vehicle check vehicle.json --observer -300 4252\n  \
+    kisspoint vehicle check vehicle.json --json")]
+pub struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(clap::Subcommand, Debug)]
+enum Action {
+    /// Draft a vehicle file with the paper's numbers, each with its unit, meaning and bounds
+    New {
+        /// File to write; without it the draft is printed
+        #[arg(long, value_name = "FILE")]
+        out: Option<PathBuf>,
+        /// Overwrite the file if it exists
+        #[arg(long, requires = "out")]
+        force: bool,
+        /// Leave out the comments: numbers and tolerances alone
+        #[arg(long)]
+        json: bool,
+    },
+    /// Explain what is wrong or implausible in a vehicle file; warnings leave the exit code at 0
+    Check {
+        /// The vehicle file
+        file: PathBuf,
+        /// Gains of the torque observer (9) to check with this vehicle, instead of the controller's own
+        #[arg(long, num_args = 2, value_names = ["L_1", "L_2"], allow_negative_numbers = true)]
+        observer: Option<Vec<f64>>,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+/// What can go wrong.
+#[derive(Debug, thiserror::Error)]
+pub enum VehicleCommandError {
+    /// A file cannot be read or written.
+    #[error("{}: {source}; check path and permissions", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The file to write is there already.
+    #[error("{} exists already; choose another name, or add --force to overwrite it", .0.display())]
+    Exists(PathBuf),
+    /// The vehicle file cannot be used.
+    #[error("{} cannot be used: {what}", path.display())]
+    Unsound {
+        /// The file.
+        path: PathBuf,
+        /// The first thing that is wrong.
+        what: String,
+    },
+}
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// A file that cannot be read or written; a vehicle that cannot be used.
+pub fn run(args: &Args) -> Result<(), VehicleCommandError> {
+    match &args.action {
+        Action::New { out, force, json } => {
+            let text = if *json { format!("{:#}\n", bare()) } else { draft() };
+            match out {
+                Some(path) => write_new(path, &text, *force),
+                None => print(&text),
+            }
+        }
+        Action::Check { file, observer, json } => {
+            let settings = Settings::robust();
+            let gains = observer.as_ref().map_or((settings.l_1, settings.l_2), |g| (g[0], g[1]));
+            check(file, gains, *json)
+        }
+    }
+}
+
+fn check(file: &Path, gains: (f64, f64), as_json: bool) -> Result<(), VehicleCommandError> {
+    let text = std::fs::read_to_string(file).map_err(|source| VehicleCommandError::File { path: file.to_owned(), source })?;
+    let read = serde_json::from_str::<Value>(text.strip_prefix('\u{feff}').unwrap_or(&text))
+        .map_err(|e| format!("it is not JSON: {e}"))
+        .and_then(|document| Vehicle::from_value(&document).map(|vehicle| (document, vehicle)).map_err(|e| e.to_string()));
+    let (document, vehicle) = match read {
+        Ok(pair) => pair,
+        Err(what) => {
+            if as_json {
+                print(&format!("{:#}\n", json!({"file": file.display().to_string(), "usable": false, "error": what, "findings": []})))?;
+            }
+            return Err(VehicleCommandError::Unsound { path: file.to_owned(), what });
+        }
+    };
+    let findings = plausible::findings(&document, &vehicle, gains);
+    let facts = plausible::facts(&vehicle, gains);
+    print(&if as_json {
+        let facts: serde_json::Map<String, Value> = facts.iter().map(|f| (f.name.to_owned(), json!({"value": f.value, "unit": f.unit}))).collect();
+        let findings: Vec<Value> = findings.iter().map(Finding::to_json).collect();
+        let report = json!({"file": file.display().to_string(), "usable": true, "findings": findings, "derived": facts});
+        format!("{report:#}\n")
+    } else {
+        as_text(file, &findings, &facts)
+    })
+}
+
+fn as_text(file: &Path, findings: &[Finding], facts: &[plausible::Fact]) -> String {
+    let mut text = format!("{}: usable\n\nWhat follows from the numbers:\n", file.display());
+    for fact in facts {
+        writeln!(text, "  {:<52}{:>12.4} {}", fact.meaning, fact.value, fact.unit).expect("a String takes any text");
+    }
+    match findings.len() {
+        0 => text.push_str("\nNothing is implausible.\n"),
+        n => writeln!(text, "\n{n} implausible:").expect("a String takes any text"),
+    }
+    for f in findings {
+        writeln!(text, "  {}: {}\n    {}", f.number, f.what, f.remedy).expect("a String takes any text");
+    }
+    text
+}
+
+/// Standard deviations that an engineer usually has: name, `rel` or `abs`, size, why.
+const TOLERANCES: [(&str, &str, f64, &str); 12] = [
+    ("driveline.J_f", "rel", 0.01, "from CAD data and a run-down test"),
+    ("driveline.J_c", "rel", 0.02, "vehicle mass with an unknown load"),
+    ("driveline.b_f", "rel", 0.1, "from run-down tests"),
+    ("driveline.b_c", "rel", 0.1, "from run-down tests"),
+    ("driveline.T_L0", "rel", 0.1, "tyres and oil, warm or cold"),
+    ("actuator.x_cnt", "abs", 0.015, "mm; repeatability of a kiss-point adaptation"),
+    ("cushion_spring.beta", "rel", 0.01, "one factor on the whole force curve"),
+    ("friction.mu", "rel", 0.015, "one factor on the whole friction function"),
+    ("thermal.C_1", "rel", 0.05, "mass and specific heat of the disc"),
+    ("thermal.gamma_1", "rel", 0.05, "from a cooling test"),
+    ("engine.T_e_bias", "abs", 0.2, "N·m; torque that the engine's report leaves out"),
+    ("engine.T_e_gain", "rel", 0.005, "factor on the reported torque"),
+];
+
+/// The paper's vehicle with usual tolerances.
+fn bare() -> Value {
+    let mut document = Vehicle::paper().to_value();
+    document["tolerance"] = TOLERANCES.iter().map(|(name, kind, size, _)| ((*name).to_owned(), json!({*kind: size}))).collect();
+    document
+}
+
+/// The same with a comment on each number; keys that begin with `_` are comments.
+fn draft() -> String {
+    let document = bare();
+    let mut text = String::from("{\n \"_\": \"Vehicle file of kisspoint: replace every number by your car's. Keys that begin with _ are comments.\"");
+    for group in ["friction", "actuator", "cushion_spring", "thermal", "driveline"] {
+        write!(text, ",\n \"{group}\": {{").expect("a String takes any text");
+        let content = document[group].as_object().expect("a group of the vehicle is an object");
+        for (k, key) in keys(group, content).into_iter().enumerate() {
+            let numbers: Vec<&Number> = NUMBERS.iter().filter(|n| belongs(n.name, group, &key)).collect();
+            let comment: Vec<String> = numbers.iter().map(|n| format!("{} [{}], {} to {}", n.meaning, n.unit, n.min, n.max)).collect();
+            let comma = if k == 0 { "" } else { "," };
+            write!(text, "{comma}\n  \"_{key}\": {},\n  \"{key}\": {}", json!(comment.join("; ")), content[&key]).expect("a String takes any text");
+        }
+        text.push_str("\n }");
+    }
+    text.push_str(",\n \"_tolerance\": \"One standard deviation of what you know of a number, rel(ative) or abs(olute); a diagnosis forgives that much.\"");
+    text.push_str(",\n \"tolerance\": {");
+    for (k, (name, kind, size, _)) in TOLERANCES.iter().enumerate() {
+        let comma = if k == 0 { "" } else { "," };
+        write!(text, "{comma}\n  \"{name}\": {{\"{kind}\": {size}}}").expect("a String takes any text");
+    }
+    text.push_str("\n },\n \"_tolerances\": {");
+    for (k, (name, _, _, why)) in TOLERANCES.iter().enumerate() {
+        let comma = if k == 0 { "" } else { "," };
+        write!(text, "{comma}\n  \"{name}\": {}", json!(why)).expect("a String takes any text");
+    }
+    text + "\n }\n}\n"
+}
+
+/// The keys of a group in the order of the model description.
+fn keys(group: &str, content: &serde_json::Map<String, Value>) -> Vec<String> {
+    let mut keys: Vec<String> = content.keys().cloned().collect();
+    keys.sort_by_key(|key| NUMBERS.iter().position(|n| belongs(n.name, group, key)));
+    keys
+}
+
+/// Whether the number of this flat name stands in the file under `group.key`, alone or in the array of that name.
+fn belongs(flat: &str, group: &str, key: &str) -> bool {
+    let Some(name) = flat.strip_prefix(group).and_then(|rest| rest.strip_prefix('.')) else { return false };
+    let stem = if group == "friction" && key == "mu_d" { "m" } else { key };
+    name == key || name.strip_prefix(stem).and_then(|rest| rest.strip_prefix('_')).is_some_and(|n| matches!(n, "0" | "1" | "2" | "3") && key != "mu")
+}
+
+fn write_new(path: &Path, text: &str, force: bool) -> Result<(), VehicleCommandError> {
+    let mut options = std::fs::OpenOptions::new();
+    options.write(true).create(true).truncate(true);
+    if !force {
+        options.create_new(true);
+    }
+    let written = options.open(path).and_then(|mut file| file.write_all(text.as_bytes()));
+    written.map_err(|source| match source.kind() {
+        std::io::ErrorKind::AlreadyExists => VehicleCommandError::Exists(path.to_owned()),
+        _ => VehicleCommandError::File { path: path.to_owned(), source },
+    })?;
+    print(&format!("{}: replace the numbers by your car's, then run `kisspoint vehicle check {}`\n", path.display(), path.display()))
+}
+
+fn print(text: &str) -> Result<(), VehicleCommandError> {
+    // A reader that closes the pipe early, such as `head`, is no error.
+    let _ = std::io::stdout().write_all(text.as_bytes());
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gap::nuisance;
+
+    #[test]
+    fn the_draft_is_the_papers_vehicle_and_explains_every_number() {
+        let document: Value = serde_json::from_str(&draft()).unwrap();
+        assert_eq!(Vehicle::from_value(&document), Ok(Vehicle::paper()));
+        assert_eq!(nuisance::read(&document).unwrap().len(), TOLERANCES.len());
+        for number in &NUMBERS {
+            assert!(draft().contains(number.meaning), "{} is not explained", number.name);
+        }
+    }
+
+    #[test]
+    fn the_draft_is_plausible() {
+        let settings = Settings::robust();
+        let findings = plausible::findings(&bare(), &Vehicle::paper(), (settings.l_1, settings.l_2));
+        assert!(findings.is_empty(), "{findings:?}");
+    }
+}
