@@ -13,7 +13,8 @@ pub fn complete(model: &Model, vehicle: &Vehicle) -> String {
 
 /// The line of a vehicle's number with that vehicle's start value; any other line as it is.
 fn with_start(line: &str, vehicle: &Vehicle) -> String {
-    let number = attribute(line, "name").filter(|_| line.contains("<ScalarVariable")).and_then(|name| NUMBERS.iter().find(|n| n.name == name));
+    let number =
+        attribute(line, "name").filter(|_| line.contains("<ScalarVariable")).and_then(|name| NUMBERS.iter().find(|n| n.name == name));
     match (number, attribute(line, "start")) {
         (Some(number), Some(old)) => line.replace(&format!(" start=\"{old}\""), &format!(" start=\"{:?}\"", (number.get)(vehicle))),
         _ => line.to_owned(),
