@@ -111,8 +111,8 @@ pub const TABLE_II: [Column; 3] = [
 /// What the plant of columns A and B has that the controller's map has not.
 pub fn mismatch() -> Parameters {
     let mut effects = effects::null();
-    effects[param::friction_level::factor] = 0.40708;
-    effects[param::kiss_point_offset::offset] = 0.012013;
+    effects[param::friction_level::factor] = 0.41359;
+    effects[param::kiss_point_offset::offset] = 0.012161;
     effects[param::kiss_point_offset::closed_share] = 1.0;
     effects
 }

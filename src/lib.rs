@@ -21,4 +21,6 @@ pub mod physics;
 pub mod plant;
 #[cfg(feature = "cli")]
 pub mod plots;
+#[cfg(feature = "cli")]
+pub mod report;
 pub mod vehicle;

@@ -247,8 +247,8 @@ mod tests {
     #[test]
     fn errors_name_number_and_remedy() {
         let mut value = Vehicle::paper().to_value();
-        value["driveline"]["J_g"] = 0.2.into();
-        assert_eq!(Vehicle::from_value(&value), Err(VehicleError::Unknown("driveline.J_g".into(), "driveline.J_f".into())));
+        value["driveline"]["J_ff"] = 0.2.into();
+        assert_eq!(Vehicle::from_value(&value), Err(VehicleError::Unknown("driveline.J_ff".into(), "driveline.J_f".into())));
         let mut value = Vehicle::paper().to_value();
         value["driveline"].as_object_mut().unwrap().remove("J_c");
         assert_eq!(Vehicle::from_value(&value), Err(VehicleError::Missing("driveline.J_c".into(), "kg.m2")));

@@ -48,9 +48,13 @@ fn worst_deviation(name: &str, case: &Value, step: f64) -> f64 {
         let Some(row) = case["rows"].as_array().unwrap().iter().find(|r| r["time"].as_f64() == Some(t)) else { continue };
         let found = plant.outputs();
         // A scale of 1 keeps a slip of nearly nothing from counting as a relative error of its own.
-        for (what, value) in
-            [("omega_f", found.omega_f), ("omega_c", found.omega_c), ("theta_c", found.theta_c), ("theta_b", found.theta_b), ("e_d", found.e_d)]
-        {
+        for (what, value) in [
+            ("omega_f", found.omega_f),
+            ("omega_c", found.omega_c),
+            ("theta_c", found.theta_c),
+            ("theta_b", found.theta_b),
+            ("e_d", found.e_d),
+        ] {
             let exact = row[what].as_f64().unwrap();
             let deviation = (value - exact).abs() / exact.abs().max(1.0);
             assert!(deviation < 1e-6, "{name}, {what} at {t} s in steps of {step} s: {value} against {exact}, {deviation:.1e}");

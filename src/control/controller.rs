@@ -233,11 +233,14 @@ impl Controller {
             state.estimate.omega_f = inputs.omega_f;
             state.engine.integral = self.vehicle.driveline.b_f * inputs.omega_f;
         }
+        let before = state.estimate.t_fc;
         if state.guard.believed {
             state.estimate = self.observer.advance(state.estimate, inputs.omega_f, inputs.t_e, h);
         }
         let slipping = state.outputs.phase == Phase::Slipping;
-        let power = if slipping { performance::dissipated_power(state.estimate.t_fc, slip) } else { 0.0 };
+        // The mean of the torque over the sample without the observer's lag.
+        let mean = 0.5 * (before + state.estimate.t_fc) + self.observer.lag() * (state.estimate.t_fc - before) / h;
+        let power = if slipping { performance::dissipated_power(mean, slip) } else { 0.0 };
         let engaged = state.outputs.phase != Phase::Open;
         state.temperatures = self.estimator.advance(state.temperatures, inputs.theta_h, engaged, power, h);
         state.outputs.e_d += power * h;
@@ -277,7 +280,8 @@ impl Controller {
         let reach = Limits { low: -s.x_fb_max, high: s.x_fb_max };
         let x_fb = state.feedback.step(gains, direction * (t_c - state.estimate.t_fc), 0.0, reach, h);
         let v = &self.vehicle;
-        let x = map::inverse(&v.friction, &v.actuator, &v.cushion_spring, t_c.abs(), slip.abs(), state.temperatures.theta_c);
+        let theta_c = state.temperatures.theta_c;
+        let x = map::inverse_above(&v.friction, &v.actuator, &v.cushion_spring, self.xi_0, t_c.abs(), slip.abs(), theta_c);
         state.outputs.t_c_ref = t_c;
         state.outputs.t_e_ref = t_e;
         state.outputs.x_to_fb = x_fb;

@@ -43,6 +43,7 @@ pub struct Observer {
     j_f: f64,
     l_1: f64,
     l_2: f64,
+    lag: f64,
     system: Held,
 }
 
@@ -50,7 +51,13 @@ impl Observer {
     /// Observer with the gains ℓ_1 ≥ 0 and ℓ_2 < 0, which make it stable.
     pub fn new(p: &Driveline, l_1: f64, l_2: f64) -> Self {
         let system = Held::new([[-(p.b_f + l_1) / p.J_f, -1.0 / p.J_f], [-l_2, 0.0]]);
-        Self { j_f: p.J_f, l_1, l_2, system }
+        Self { j_f: p.J_f, l_1, l_2, lag: (p.b_f + l_1) / -l_2, system }
+    }
+
+    /// Time in s by which T̂_fc trails T_fc: (b_f + ℓ_1)/(−ℓ_2), the slow pole. T̂_fc + lag · T̂̇_fc does not trail, but is noisy;
+    /// where it is integrated, as in (10), the noise averages out.
+    pub fn lag(&self) -> f64 {
+        self.lag
     }
 
     /// Estimate `h` seconds later with speed and torque held.

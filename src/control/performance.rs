@@ -22,10 +22,11 @@ pub struct Performance {
     pub slip_acceleration: f64,
 }
 
-/// Friction power in W that heats the clutch: the integrand of (10), never negative.
+/// Friction power in W that heats the clutch: the integrand of (10). Of an estimated torque it may be negative for a moment;
+/// cutting that off would turn noise into heat.
 #[inline]
 pub fn dissipated_power(t_fc: f64, slip: f64) -> f64 {
-    (t_fc * slip).max(0.0)
+    t_fc * slip
 }
 
 /// Slip acceleration ω̇_fc in rad/s², from (7) with the clutch torque `t_fc` in N·m.

@@ -81,16 +81,16 @@ impl Settings {
     /// The set that reproduces Table II of the paper, which gives neither references nor gains; its actuator is ideal.
     pub fn paper() -> Self {
         Self {
-            reference_time: 1.1745,
-            reference_speed: 110.47,
-            reference_slope: 73.167,
-            kp_engine: 7.1957,
-            ki_engine: 590.38,
-            kp_clutch: 11.248,
-            ki_clutch: 0.68413,
-            kp_torque: 9.698e-4,
-            ki_torque: 0.39783,
-            slip_lock: 1.8933,
+            reference_time: 1.1724,
+            reference_speed: 110.46,
+            reference_slope: 73.462,
+            kp_engine: 7.0937,
+            ki_engine: 598.02,
+            kp_clutch: 11.246,
+            ki_clutch: 0.67393,
+            kp_torque: 8.8889e-4,
+            ki_torque: 0.39675,
+            slip_lock: 1.8989,
             rate_open: UNLIMITED_RATE,
             rate_close: UNLIMITED_RATE,
             ..Self::robust()

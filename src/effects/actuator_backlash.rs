@@ -14,6 +14,7 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Actuator,
     amplitudes: &[param::actuator_backlash::play],
     act: Act::Constants(apply),
+    starts: &[&[(param::actuator_backlash::play, 0.05)], &[(param::actuator_backlash::play, 0.2)]],
     shown_by: "a position chirp or a creep sweep, which reverse the bearing; or the bearing position sensor",
 };
 

@@ -12,6 +12,7 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Actuator,
     amplitudes: &[param::actuator_delay::delay],
     act: Act::Constants(apply),
+    starts: &[&[(param::actuator_delay::delay, 0.015)], &[(param::actuator_delay::delay, 0.05)]],
     shown_by: "a position chirp, or the bearing position sensor",
 };
 

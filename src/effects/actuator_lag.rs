@@ -13,6 +13,11 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Actuator,
     amplitudes: &[param::actuator_lag::time_constant],
     act: Act::Constants(apply),
+    starts: &[
+        &[(param::actuator_lag::time_constant, 0.03)],
+        &[(param::actuator_lag::time_constant, 0.1)],
+        &[(param::actuator_lag::time_constant, 0.06), (param::actuator_lag::curvature, 0.25)],
+    ],
     shown_by: "a position chirp, or the bearing position sensor",
 };
 

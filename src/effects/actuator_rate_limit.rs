@@ -14,6 +14,11 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Actuator,
     amplitudes: &[param::actuator_rate_limit::inverse_speed],
     act: Act::Constants(apply),
+    starts: &[
+        &[(param::actuator_rate_limit::inverse_speed, 0.06)],
+        &[(param::actuator_rate_limit::inverse_speed, 0.15)],
+        &[(param::actuator_rate_limit::inverse_speed, 0.3)],
+    ],
     shown_by: "fast strokes: a strong launch and its lock-up, or the bearing position sensor",
 };
 

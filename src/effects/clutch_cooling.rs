@@ -13,6 +13,11 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Thermal,
     amplitudes: &[param::clutch_cooling::body_factor, param::clutch_cooling::air_factor],
     act: Act::Constants(apply),
+    starts: &[
+        &[(param::clutch_cooling::body_factor, 2.0)],
+        &[(param::clutch_cooling::body_factor, 0.5)],
+        &[(param::clutch_cooling::air_factor, 3.0)],
+    ],
     shown_by: "the disc thermocouple after a hard launch",
 };
 

@@ -1,11 +1,13 @@
-//! Torque is transmitted with the clutch open: torque · tanh(ω_fc/ω_0) + viscosity · ω_fc, ω_0 = 2 rad/s.
+//! Torque is transmitted with the clutch open: (torque · tanh(ω_fc/ω_0) + viscosity · ω_fc) · s(F), ω_0 = 2 rad/s.
 //!
-//! It acts in every phase; at zero slip it vanishes.
+//! s falls from 1 to `engaged_share` as the force F presses the faces together, with e^(−F/100 N). At zero slip the drag
+//! vanishes.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
 //! | `torque` | drag at any slip | N·m |
 //! | `viscosity` | drag per slip speed | N·m·s/rad |
+//! | `engaged_share` | share that remains once the faces press | 1 |
 
 use super::{Act, Effect, Parameters, Subsystem, param};
 
@@ -14,12 +16,22 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Friction,
     amplitudes: &[param::clutch_drag::torque, param::clutch_drag::viscosity],
     act: Act::Drag(apply),
+    starts: &[
+        &[(param::clutch_drag::torque, 2.0)],
+        &[(param::clutch_drag::viscosity, 0.02)],
+        &[(param::clutch_drag::torque, 2.0), (param::clutch_drag::engaged_share, 0.2)],
+    ],
     shown_by: "an open-clutch rev, where no torque should pass",
 };
 
 /// Slip over which the drag takes its sign, rad/s.
 const SIGN_SPEED: f64 = 2.0;
 
-fn apply(p: &Parameters, slip: f64) -> f64 {
-    p[param::clutch_drag::torque] * (slip / SIGN_SPEED).tanh() + p[param::clutch_drag::viscosity] * slip
+/// Force that presses the drag away, N.
+const PRESSING_FORCE: f64 = 100.0;
+
+fn apply(p: &Parameters, slip: f64, force: f64) -> f64 {
+    let share = p[param::clutch_drag::engaged_share];
+    let drag = p[param::clutch_drag::torque] * (slip / SIGN_SPEED).tanh() + p[param::clutch_drag::viscosity] * slip;
+    drag * (share + (1.0 - share) * (-force / PRESSING_FORCE).exp())
 }

@@ -12,6 +12,7 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Sensors,
     amplitudes: &[param::clutch_speed_delay::delay],
     act: Act::Constants(apply),
+    starts: &[&[(param::clutch_speed_delay::delay, 0.02)], &[(param::clutch_speed_delay::delay, 0.05)]],
     shown_by: "strong changes of the disc speed while locked, where both speeds should agree",
 };
 

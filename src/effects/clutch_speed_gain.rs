@@ -12,6 +12,7 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Sensors,
     amplitudes: &[param::clutch_speed_gain::gain],
     act: Act::Constants(apply),
+    starts: &[&[(param::clutch_speed_gain::gain, 1.02)], &[(param::clutch_speed_gain::gain, 0.98)]],
     shown_by: "a locked drive, where both speeds should agree",
 };
 

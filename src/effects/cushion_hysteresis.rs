@@ -15,6 +15,10 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::ClutchForce,
     amplitudes: &[param::cushion_hysteresis::width],
     act: Act::Constants(apply),
+    starts: &[
+        &[(param::cushion_hysteresis::width, 0.1)],
+        &[(param::cushion_hysteresis::width, 0.3), (param::cushion_hysteresis::stroke, 0.4)],
+    ],
     shown_by: "a position chirp or a creep sweep, which reverse the bearing",
 };
 

@@ -13,6 +13,7 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::ClutchForce,
     amplitudes: &[param::cushion_stiffness_thermal::slope, param::cushion_stiffness_thermal::curvature],
     act: Act::Force(apply),
+    starts: &[&[(param::cushion_stiffness_thermal::slope, 0.002)], &[(param::cushion_stiffness_thermal::slope, -0.002)]],
     shown_by: "creep sweeps and launches, cold and hot",
 };
 

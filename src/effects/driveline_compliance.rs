@@ -16,6 +16,10 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Driveline,
     amplitudes: &[param::driveline_compliance::compliance],
     act: Act::Constants(apply),
+    starts: &[
+        &[(param::driveline_compliance::compliance, 0.003)],
+        &[(param::driveline_compliance::compliance, 0.015), (param::driveline_compliance::damping, 0.5)],
+    ],
     shown_by: "torque steps with the clutch locked (tip-in, tip-out)",
 };
 

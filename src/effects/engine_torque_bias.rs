@@ -12,6 +12,7 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Engine,
     amplitudes: &[param::engine_torque_bias::torque],
     act: Act::Constants(apply),
+    starts: &[&[(param::engine_torque_bias::torque, 3.0)], &[(param::engine_torque_bias::torque, -3.0)]],
     shown_by: "an open-clutch rev, where the engine balance stands alone",
 };
 

@@ -12,6 +12,7 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Engine,
     amplitudes: &[param::engine_torque_gain::gain],
     act: Act::Constants(apply),
+    starts: &[&[(param::engine_torque_gain::gain, 1.06)], &[(param::engine_torque_gain::gain, 0.94)]],
     shown_by: "an open-clutch rev with several torque levels",
 };
 

@@ -13,6 +13,11 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Engine,
     amplitudes: &[param::engine_torque_lag::time_constant],
     act: Act::Constants(apply),
+    starts: &[
+        &[(param::engine_torque_lag::time_constant, 0.05)],
+        &[(param::engine_torque_lag::time_constant, 0.15)],
+        &[(param::engine_torque_lag::time_constant, 0.1), (param::engine_torque_lag::curvature, 0.25)],
+    ],
     shown_by: "steps of the reported torque, clutch open or locked",
 };
 

@@ -15,6 +15,11 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Friction,
     amplitudes: &[param::friction_fade::depth],
     act: Act::Friction(apply),
+    starts: &[
+        &[(param::friction_fade::depth, 0.25), (param::friction_fade::onset, 120.0)],
+        &[(param::friction_fade::depth, 0.25), (param::friction_fade::onset, 180.0)],
+        &[(param::friction_fade::depth, 0.3), (param::friction_fade::onset, 120.0), (param::friction_fade::width, 100.0)],
+    ],
     shown_by: "hot launches beside cold ones",
 };
 

@@ -12,6 +12,7 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Friction,
     amplitudes: &[param::friction_level::factor],
     act: Act::Constants(apply),
+    starts: &[&[(param::friction_level::factor, 1.15)], &[(param::friction_level::factor, 0.85)]],
     shown_by: "slip at several torque levels, cold and hot",
 };
 

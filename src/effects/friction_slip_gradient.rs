@@ -1,4 +1,4 @@
-//! Friction depends otherwise on slip speed: μ (1 + amplitude (1 − e^(−ω/speed))).
+//! Friction depends otherwise on slip speed: μ (1 + amplitude (e^(−pivot/speed) − e^(−ω/speed))).
 //!
 //! A negative amplitude is the negative slope that excites judder; a large `speed` makes it linear.
 //!
@@ -6,6 +6,7 @@
 //! |---|---|---|
 //! | `amplitude` | relative change at high slip | 1 |
 //! | `speed` | slip speed over which it develops | rad/s |
+//! | `pivot` | slip speed at which friction is as nominal | rad/s |
 //! | ω | slip speed, ≥ 0 | rad/s |
 
 use super::{Act, Effect, Parameters, Subsystem, param};
@@ -15,9 +16,32 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Friction,
     amplitudes: &[param::friction_slip_gradient::amplitude],
     act: Act::Friction(apply),
+    starts: &[
+        &[
+            (param::friction_slip_gradient::amplitude, 0.15),
+            (param::friction_slip_gradient::speed, 50.0),
+            (param::friction_slip_gradient::pivot, 0.0),
+        ],
+        &[
+            (param::friction_slip_gradient::amplitude, -0.15),
+            (param::friction_slip_gradient::speed, 50.0),
+            (param::friction_slip_gradient::pivot, 0.0),
+        ],
+        &[
+            (param::friction_slip_gradient::amplitude, 0.4),
+            (param::friction_slip_gradient::speed, 150.0),
+            (param::friction_slip_gradient::pivot, 60.0),
+        ],
+        &[
+            (param::friction_slip_gradient::amplitude, -0.4),
+            (param::friction_slip_gradient::speed, 150.0),
+            (param::friction_slip_gradient::pivot, 60.0),
+        ],
+    ],
     shown_by: "slip from high speed down to lock-up at constant position",
 };
 
 fn apply(p: &Parameters, omega: f64, _: f64) -> f64 {
-    1.0 + p[param::friction_slip_gradient::amplitude] * (1.0 - (-omega / p[param::friction_slip_gradient::speed]).exp())
+    let decay = |speed: f64| (-speed / p[param::friction_slip_gradient::speed]).exp();
+    1.0 + p[param::friction_slip_gradient::amplitude] * (decay(p[param::friction_slip_gradient::pivot]) - decay(omega))
 }

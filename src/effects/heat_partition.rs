@@ -12,6 +12,7 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Thermal,
     amplitudes: &[param::heat_partition::share_change],
     act: Act::Constants(apply),
+    starts: &[&[(param::heat_partition::share_change, 0.15)], &[(param::heat_partition::share_change, -0.15)]],
     shown_by: "the disc thermocouple during a hard launch",
 };
 

@@ -13,6 +13,12 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::ClutchForce,
     amplitudes: &[param::kiss_point_offset::offset],
     act: Act::Constants(apply),
+    starts: &[
+        &[(param::kiss_point_offset::offset, 0.1)],
+        &[(param::kiss_point_offset::offset, -0.1)],
+        &[(param::kiss_point_offset::offset, 0.2), (param::kiss_point_offset::closed_share, 1.0)],
+        &[(param::kiss_point_offset::offset, -0.2), (param::kiss_point_offset::closed_share, 1.0)],
+    ],
     shown_by: "slow engagement from open at a known temperature: a creep sweep",
 };
 

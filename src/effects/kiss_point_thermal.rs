@@ -14,6 +14,12 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::ClutchForce,
     amplitudes: &[param::kiss_point_thermal::slope, param::kiss_point_thermal::curvature],
     act: Act::Contact(apply),
+    starts: &[
+        &[(param::kiss_point_thermal::slope, 0.002)],
+        &[(param::kiss_point_thermal::slope, -0.002)],
+        &[(param::kiss_point_thermal::slope, 0.002), (param::kiss_point_thermal::closed_share, 1.0)],
+        &[(param::kiss_point_thermal::slope, -0.002), (param::kiss_point_thermal::closed_share, 1.0)],
+    ],
     shown_by: "creep sweeps and launches, cold and hot",
 };
 

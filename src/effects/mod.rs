@@ -90,10 +90,23 @@ pub struct Entry {
 }
 
 impl Entry {
+    /// Largest departure of parameter `k` from its null value among the starts, or its nominal size.
+    pub fn scale(&self, k: usize) -> f64 {
+        let departures =
+            self.effect.starts.iter().flat_map(|s| s.iter()).filter(|(p, _)| *p == k).map(|(_, v)| (v - PARAMETERS[k].null).abs());
+        let largest = departures.fold(0.0, f64::max);
+        if largest > 0.0 { largest } else { PARAMETERS[k].nominal }
+    }
+
     /// Whether every amplitude is at its null value, so that the effect takes no part.
     pub fn is_null(&self, p: &Parameters) -> bool {
         self.effect.amplitudes.iter().all(|&k| p[k] == PARAMETERS[k].null)
     }
+}
+
+/// Registry entry that owns parameter `k`.
+pub fn owner(k: usize) -> &'static Entry {
+    REGISTRY.iter().find(|entry| entry.parameters.contains(&k)).expect("every parameter belongs to an effect")
 }
 
 /// Index in [`REGISTRY`] of the effect `id`.
@@ -109,6 +122,8 @@ pub struct Effect {
     pub amplitudes: &'static [usize],
     /// What it does.
     pub act: Act,
+    /// Sizes that a noticeable effect has, each a list of (parameter, value): where a search for it starts.
+    pub starts: &'static [&'static [(usize, f64)]],
     /// Manoeuvre or channel that shows it best.
     pub shown_by: &'static str,
 }
@@ -125,8 +140,8 @@ pub enum Act {
     Friction(fn(&Parameters, f64, f64) -> f64),
     /// Factor on the torque capacity at a slip angle in rad.
     Pulsation(fn(&Parameters, f64) -> f64),
-    /// Torque in N·m beside the capacity's at a signed slip speed in rad/s.
-    Drag(fn(&Parameters, f64) -> f64),
+    /// Torque in N·m beside the capacity's at a signed slip speed in rad/s and a force on the faces in N.
+    Drag(fn(&Parameters, f64, f64) -> f64),
     /// Load torque in N·m added at a speed in rad/s.
     Load(fn(&Parameters, &Vehicle, f64) -> f64),
 }

@@ -16,6 +16,7 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Driveline,
     amplitudes: &[param::road_load::grade, param::road_load::rolling_torque],
     act: Act::Load(apply),
+    starts: &[&[(param::road_load::grade, 0.02)], &[(param::road_load::grade, -0.02)], &[(param::road_load::rolling_torque, 3.0)]],
     shown_by: "coasting and a locked drive",
 };
 

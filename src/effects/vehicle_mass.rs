@@ -12,6 +12,7 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Driveline,
     amplitudes: &[param::vehicle_mass::factor],
     act: Act::Constants(apply),
+    starts: &[&[(param::vehicle_mass::factor, 1.1)], &[(param::vehicle_mass::factor, 0.9)]],
     shown_by: "acceleration with the clutch locked at several torques",
 };
 

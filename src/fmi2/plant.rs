@@ -6,6 +6,7 @@ use super::words::{Reader, Words, Writer};
 use crate::effects::{self, PARAMETERS, Parameters};
 use crate::physics::lag::LagState;
 use crate::physics::phase::Phase;
+use crate::plant::clutch::Branch;
 use crate::plant::history::CAPACITY;
 use crate::plant::{Inputs, Plant, Start, State};
 use crate::vehicle::Vehicle;
@@ -143,7 +144,8 @@ fn walk_state(state: &mut State, words: &mut impl Words) {
         words.real(value);
         words.real(rate);
     }
-    for x in [limited, bearing, memory, x_to, t_e_ref, theta_h, t_load] {
+    let Branch { x, z } = memory;
+    for x in [limited, bearing, x, z, x_to, t_e_ref, theta_h, t_load] {
         words.real(x);
     }
 }

@@ -5,7 +5,7 @@
 //! not outvote a whole recording. Levenberg–Marquardt; derivatives are finite differences of whole replays.
 
 use super::nuisance::{self, Nuisance};
-use super::predict::{Follow, HORIZON_S, predict};
+use super::predict::{Follow, predict};
 use super::series::Series;
 use crate::effects::{self, PARAMETERS, Parameters, REGISTRY};
 use crate::vehicle::Vehicle;
@@ -27,6 +27,8 @@ pub struct Problem {
     pub vehicle: Vehicle,
     /// Tolerances.
     pub nuisances: Vec<Nuisance>,
+    /// How replays follow their recordings.
+    pub follow: Follow,
 }
 
 /// A point in the space of nuisances, start temperatures and effect parameters.
@@ -34,8 +36,8 @@ pub struct Problem {
 pub struct Point {
     /// Nuisances, in standard deviations.
     pub z: Vec<f64>,
-    /// Shift of the start temperature per recording, K.
-    pub theta_shift: Vec<f64>,
+    /// Shifts of the start temperatures of disc and body per recording, K.
+    pub theta_shift: Vec<[f64; 2]>,
     /// Effect parameters.
     pub effects: Parameters,
 }
@@ -46,7 +48,7 @@ pub type Residuals = Vec<f64>;
 impl Problem {
     /// The nominal car.
     pub fn nominal(&self) -> Point {
-        Point { z: vec![0.0; self.nuisances.len()], theta_shift: vec![0.0; self.series.len()], effects: effects::null() }
+        Point { z: vec![0.0; self.nuisances.len()], theta_shift: vec![[0.0; 2]; self.series.len()], effects: effects::null() }
     }
 
     /// Vehicle and effects at a point.
@@ -58,17 +60,13 @@ impl Problem {
 
     /// Residuals of recording `k`, in standard deviations of each channel's noise.
     pub fn residuals(&self, k: usize, point: &Point) -> Residuals {
-        self.residuals_following(k, point, Follow::Horizon(HORIZON_S))
-    }
-
-    /// As [`Problem::residuals`], with the replay following as told.
-    pub fn residuals_following(&self, k: usize, point: &Point, follow: Follow) -> Residuals {
         let (vehicle, effects) = self.plant_at(point);
         let series = &self.series[k];
-        let predicted = predict(series, &vehicle, &effects, point.theta_shift[k], follow);
+        let predicted = predict(series, &vehicle, &effects, point.theta_shift[k], self.follow);
         let mut all = Vec::with_capacity(5 * series.len());
         for c in 0..5 {
-            all.extend(series.measured[c].iter().zip(&predicted.value[c]).map(|(y, p)| (y - p) / series.noise[c]));
+            let errors = series.measured[c].iter().zip(&predicted.value[c]).map(|(y, p)| (y - p) / series.noise[c]);
+            push_blocks(&mut all, errors, series.block);
         }
         all
     }
@@ -84,10 +82,23 @@ impl Problem {
     }
 }
 
+/// Appends block sums divided by the root of the block's length, so that white noise keeps its variance.
+fn push_blocks(all: &mut Vec<f64>, errors: impl Iterator<Item = f64>, block: usize) {
+    let (mut sum, mut count) = (0.0, 0);
+    for error in errors {
+        sum += error;
+        count += 1;
+        if count == block {
+            all.push(sum / (block as f64).sqrt());
+            (sum, count) = (0.0, 0);
+        }
+    }
+}
+
 /// Cost of the nuisances and start temperatures.
 pub fn prior(point: &Point) -> f64 {
-    let square = |v: &[f64], sigma: f64| v.iter().map(|x| (x / sigma) * (x / sigma)).sum::<f64>();
-    square(&point.z, 1.0) + square(&point.theta_shift, THETA_0_SIGMA_K)
+    let temperatures = point.theta_shift.iter().flatten().map(|t| t / THETA_0_SIGMA_K);
+    point.z.iter().copied().chain(temperatures).map(|x| x * x).sum()
 }
 
 /// Huber's loss; r² near zero.
@@ -109,8 +120,8 @@ pub fn weight(r: f64) -> f64 {
 pub enum Coordinate {
     /// Nuisance k.
     Nuisance(usize),
-    /// Start temperature of recording k.
-    Theta(usize),
+    /// Start temperature of a recording: of the disc (0) or the body (1).
+    Theta(usize, usize),
     /// Effect parameter k.
     Effect(usize),
 }
@@ -119,15 +130,15 @@ impl Coordinate {
     /// Step of a finite difference, in the coordinate's unit.
     pub fn step(self) -> f64 {
         match self {
-            Self::Nuisance(_) => 0.5,
-            Self::Theta(_) => 0.5,
-            Self::Effect(k) => 0.05 * PARAMETERS[k].nominal,
+            Self::Nuisance(_) => 0.1,
+            Self::Theta(..) => 0.1,
+            Self::Effect(k) => 0.01 * effects::owner(k).scale(k),
         }
     }
     fn slot(self, point: &mut Point) -> &mut f64 {
         match self {
             Self::Nuisance(k) => &mut point.z[k],
-            Self::Theta(k) => &mut point.theta_shift[k],
+            Self::Theta(k, node) => &mut point.theta_shift[k][node],
             Self::Effect(k) => &mut point.effects[k],
         }
     }
@@ -135,7 +146,7 @@ impl Coordinate {
     pub fn get(self, point: &Point) -> f64 {
         match self {
             Self::Nuisance(k) => point.z[k],
-            Self::Theta(k) => point.theta_shift[k],
+            Self::Theta(k, node) => point.theta_shift[k][node],
             Self::Effect(k) => point.effects[k],
         }
     }
@@ -153,20 +164,24 @@ impl Coordinate {
     fn precision(self) -> f64 {
         match self {
             Self::Nuisance(_) => 1.0,
-            Self::Theta(_) => 1.0 / (THETA_0_SIGMA_K * THETA_0_SIGMA_K),
+            Self::Theta(..) => 1.0 / (THETA_0_SIGMA_K * THETA_0_SIGMA_K),
             // Wide: an effect may be ten times its nominal size; this keeps shapes that do nothing where they are.
-            Self::Effect(k) => 1.0 / (10.0 * PARAMETERS[k].nominal).powi(2),
+            Self::Effect(k) => 1.0 / (10.0 * effects::owner(k).scale(k)).powi(2),
         }
     }
+    /// Curvature of one unit step: a tolerance, or the size of a noticeable effect.
+    fn unit(self) -> f64 {
+        if let Self::Effect(_) = self { 100.0 * self.precision() } else { self.precision() }
+    }
     fn touches(self, recording: usize) -> bool {
-        !matches!(self, Self::Theta(k) if k != recording)
+        !matches!(self, Self::Theta(k, _) if k != recording)
     }
 }
 
 /// Free coordinates of a hypothesis that holds the effects (indices in the registry).
 pub fn coordinates(problem: &Problem, effects: &[usize]) -> Vec<Coordinate> {
     let nuisances = (0..problem.nuisances.len()).map(Coordinate::Nuisance);
-    let thetas = (0..problem.series.len()).map(Coordinate::Theta);
+    let thetas = (0..problem.series.len()).flat_map(|k| [Coordinate::Theta(k, 0), Coordinate::Theta(k, 1)]);
     let of_effects = effects.iter().flat_map(|&e| REGISTRY[e].parameters.clone()).map(Coordinate::Effect);
     nuisances.chain(thetas).chain(of_effects).collect()
 }
@@ -221,15 +236,21 @@ pub fn normal_equations(point: &Point, residuals: &[Residuals], columns: &Column
             }
         }
     }
+    add_prior(point, coordinates, &mut curvature, &mut gradient);
+    (curvature, gradient)
+}
+
+/// Adds the priors' curvature and gradient.
+pub fn add_prior(point: &Point, coordinates: &[Coordinate], curvature: &mut DMatrix<f64>, gradient: &mut DVector<f64>) {
     for (k, c) in coordinates.iter().enumerate() {
         let centre = if let Coordinate::Effect(p) = c { PARAMETERS[*p].null } else { 0.0 };
         curvature[(k, k)] += c.precision();
         gradient[k] += c.precision() * (c.get(point) - centre);
     }
-    (curvature, gradient)
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+/// Inner product.
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
@@ -248,25 +269,44 @@ pub struct Fit {
     pub curvature: DMatrix<f64>,
 }
 
+/// Iterations between two differentiations along the nuisances.
+const KEEP_NUISANCE_COLUMNS: usize = 1;
+
+/// Differentiates anew along all coordinates but the first `kept`.
+fn refresh(problem: &Problem, point: &Point, residuals: &[Residuals], coordinates: &[Coordinate], kept: usize, columns: &mut Columns) {
+    let fresh = derivatives(problem, point, residuals, &coordinates[kept..]);
+    columns.resize(problem.series.len(), Vec::new());
+    for (own, fresh) in columns.iter_mut().zip(fresh) {
+        own.retain(|(c, _)| *c < kept);
+        own.extend(fresh.into_iter().map(|(c, column)| (c + kept, column)));
+    }
+}
+
 /// Minimises the cost over nuisances, start temperatures and the parameters of `effects`, from `start`.
 pub fn fit(problem: &Problem, effects: &[usize], start: &Point, iterations: usize) -> Fit {
     let coordinates = coordinates(problem, effects);
     let mut point = start.clone();
     let mut residuals = problem.all_residuals(&point);
     let mut cost = problem.cost(&point, &residuals);
-    let mut damping = 1e-3;
+    let of_effects = coordinates.iter().filter(|c| matches!(c, Coordinate::Effect(_))).count();
+    // Damping is in units of tolerances: an effect and the tolerance that it resembles share a valley, flat but for the
+    // prior, along which damping in proportion to the curvature would hardly move.
+    let mut damping = 0.0_f64;
     let mut curvature = DMatrix::identity(coordinates.len(), coordinates.len());
-    for _ in 0..iterations {
-        let columns = derivatives(problem, &point, &residuals, &coordinates);
+    let mut columns = Columns::new();
+    for iteration in 0..iterations {
+        // The nuisances' derivatives change slowly and cost most: they are kept for a few steps.
+        let kept = if iteration % KEEP_NUISANCE_COLUMNS == 0 { 0 } else { coordinates.len() - of_effects };
+        refresh(problem, &point, &residuals, &coordinates, kept, &mut columns);
         let (h, g) = normal_equations(&point, &residuals, &columns, &coordinates);
         let before = cost;
         for _ in 0..5 {
             let mut damped = h.clone();
-            for k in 0..coordinates.len() {
-                damped[(k, k)] *= 1.0 + damping;
+            for (k, c) in coordinates.iter().enumerate() {
+                damped[(k, k)] += damping * c.unit();
             }
             let Some(step) = damped.cholesky().map(|c| c.solve(&g)) else {
-                damping *= 10.0;
+                damping = (damping * 10.0).max(1.0);
                 continue;
             };
             let mut trial = point.clone();
@@ -277,10 +317,10 @@ pub fn fit(problem: &Problem, effects: &[usize], start: &Point, iterations: usiz
             let cost_there = problem.cost(&trial, &there);
             if cost_there < cost {
                 (point, residuals, cost) = (trial, there, cost_there);
-                damping = (damping * 0.2).max(1e-7);
+                damping = if damping < 0.1 { 0.0 } else { damping * 0.1 };
                 break;
             }
-            damping = (damping * 8.0).max(1e-3);
+            damping = (damping * 10.0).max(1.0);
         }
         curvature = h;
         if before - cost < 0.5 {

@@ -1,6 +1,11 @@
 //! Diagnosis of the sim-to-real gap: where the simulation departs from a car, which effect causes it, how far it shrinks.
 
+pub mod balance;
+pub mod decide;
 pub mod fit;
 pub mod nuisance;
 pub mod predict;
+pub mod pulsation;
+pub mod screen;
+pub mod select;
 pub mod series;

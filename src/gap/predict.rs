@@ -14,7 +14,7 @@ use crate::vehicle::Vehicle;
 pub const HORIZON_S: f64 = 0.25;
 
 /// Substep of the plant in a fit, s; the error it adds is far below any sensor's noise.
-const SUBSTEP_S: f64 = 5e-3;
+const SUBSTEP_S: f64 = 1e-2;
 
 /// How a replay follows its recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,7 +38,7 @@ pub struct Prediction {
 const LOCKED_SLIP: f64 = 0.6;
 
 /// Speeds at the first sample; a clutch that is closed on two nearly equal speeds starts locked.
-pub fn start(series: &Series, vehicle: &Vehicle, effects: &Parameters, theta_shift: f64) -> Start {
+pub fn start(series: &Series, vehicle: &Vehicle, effects: &Parameters, theta_shift: [f64; 2]) -> Start {
     use crate::effects::param::clutch_speed_gain::gain;
     let first = |c: Channel| series.measured[c as usize][0];
     let (omega_f, omega_c) = (first(Channel::OmegaF), first(Channel::OmegaC) / effects[gain]);
@@ -50,11 +50,11 @@ pub fn start(series: &Series, vehicle: &Vehicle, effects: &Parameters, theta_shi
     } else {
         (omega_f, omega_c)
     };
-    Start { omega_f, omega_c, theta_c: theta[0] + theta_shift, theta_b: theta[1] + theta_shift }
+    Start { omega_f, omega_c, theta_c: theta[0] + theta_shift[0], theta_b: theta[1] + theta_shift[1] }
 }
 
 /// Replays a recording.
-pub fn predict(series: &Series, vehicle: &Vehicle, effects: &Parameters, theta_shift: f64, follow: Follow) -> Prediction {
+pub fn predict(series: &Series, vehicle: &Vehicle, effects: &Parameters, theta_shift: [f64; 2], follow: Follow) -> Prediction {
     let n = series.len();
     let inputs = |k: usize| Inputs { x_to: series.x_to[k], t_e_ref: series.t_e[k], theta_h: series.theta_h[k], t_load: 0.0 };
     let mut plant = Plant::new(vehicle, effects, &start(series, vehicle, effects, theta_shift), &inputs(0));

@@ -1,7 +1,9 @@
 //! A recording made ready for the fit: at the rate of analysis, with the noise of every channel estimated.
 //!
-//! A recording faster than [`ANALYSIS_RATE_HZ`] is averaged down: inputs over each new sample's interval, which keeps
-//! their integral, speeds around each new instant, which keeps their phase.
+//! Two forms: [`Series::native`] keeps every sample, and only the residuals are averaged over blocks; [`Series::coarse`] averages
+//! a fast recording down to [`ANALYSIS_RATE_HZ`]: inputs over each new sample's interval, which keeps their integral, speeds
+//! around each new instant, which keeps their phase. The coarse form is for searching. It leaves out position and torque of a fast
+//! recording, whose course within a block it cannot follow. A recording at the rate of analysis or below is the same in both.
 
 use crate::campaign::Recording;
 
@@ -48,6 +50,8 @@ pub struct Series {
     pub manoeuvre: String,
     /// Sample interval, s.
     pub dt: f64,
+    /// Samples whose residuals are averaged to one.
+    pub block: usize,
     /// Temperatures at the start: disc, body, °C.
     pub theta_0: [f64; 2],
     /// Reported torque, N·m; held.
@@ -63,25 +67,40 @@ pub struct Series {
 }
 
 impl Series {
-    /// Prepares a recording.
-    pub fn new(recording: &Recording) -> Self {
-        let factor = (recording.sample_rate_hz / ANALYSIS_RATE_HZ).round().max(1.0) as usize;
-        let held = |v: &[f64]| block_means(v, factor);
-        let sensed = |v: &[f64]| centred_means(v, factor);
-        let optional = |v: &Option<Vec<f64>>| v.as_deref().map(sensed).unwrap_or_default();
-        let measured =
-            [sensed(&recording.omega_f), sensed(&recording.omega_c), optional(&recording.x_to), optional(&recording.t_fc), optional(&recording.theta_c)];
-        let noise = std::array::from_fn(|k| noise(&measured[k]).max(LEAST_NOISE[k]));
+    /// Every sample as it was recorded.
+    pub fn native(recording: &Recording) -> Self {
+        let optional = |v: &Option<Vec<f64>>| v.clone().unwrap_or_default();
+        let r = recording;
+        let measured = [r.omega_f.clone(), r.omega_c.clone(), optional(&r.x_to), optional(&r.t_fc), optional(&r.theta_c)];
+        let inputs = [r.t_e.clone(), r.x_to_cmd.clone(), r.theta_h.clone()];
+        Self::assemble(recording, measured, inputs, 1, reduction(recording))
+    }
+
+    /// At the rate of analysis.
+    pub fn coarse(recording: &Recording) -> Self {
+        let factor = reduction(recording);
+        if factor == 1 {
+            return Self::native(recording);
+        }
+        let r = recording;
+        let theta_c = r.theta_c.as_deref().map(|v| centred_means(v, factor)).unwrap_or_default();
+        let measured = [centred_means(&r.omega_f, factor), centred_means(&r.omega_c, factor), Vec::new(), Vec::new(), theta_c];
+        let inputs = [&r.t_e, &r.x_to_cmd, &r.theta_h].map(|v| block_means(v, factor));
+        Self::assemble(recording, measured, inputs, factor, 1)
+    }
+
+    fn assemble(recording: &Recording, measured: [Vec<f64>; 5], [t_e, x_to, theta_h]: [Vec<f64>; 3], factor: usize, block: usize) -> Self {
         Self {
             name: recording.name.clone(),
             manoeuvre: recording.manoeuvre.clone(),
             dt: factor as f64 / recording.sample_rate_hz,
+            block,
             theta_0: [recording.theta_c0, recording.theta_b0],
-            t_e: held(&recording.t_e),
-            x_to: held(&recording.x_to_cmd),
-            theta_h: held(&recording.theta_h),
+            noise: std::array::from_fn(|k| noise(&measured[k]).hypot(if factor > 1 { AVERAGING_ERROR[k] } else { 0.0 }).max(LEAST_NOISE[k])),
+            t_e,
+            x_to,
+            theta_h,
             measured,
-            noise,
         }
     }
 
@@ -98,6 +117,14 @@ impl Series {
 
 /// Least noise that is believed, by channel: a channel finer than this would only be fitted to numerics.
 const LEAST_NOISE: [f64; 5] = [0.01, 0.01, 0.001, 0.05, 0.05];
+
+/// Samples of a recording per sample of the analysis.
+fn reduction(recording: &Recording) -> usize {
+    (recording.sample_rate_hz / ANALYSIS_RATE_HZ).round().max(1.0) as usize
+}
+
+/// What averaging over a block adds to the error of each channel, where the inputs move within it.
+const AVERAGING_ERROR: [f64; 5] = [0.05, 0.03, 0.0, 0.0, 0.1];
 
 fn block_means(v: &[f64], factor: usize) -> Vec<f64> {
     v.chunks(factor).map(|c| c.iter().sum::<f64>() / c.len() as f64).collect()

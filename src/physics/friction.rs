@@ -65,7 +65,7 @@ const GAUSS: [(f64, f64); 4] = [
 ];
 
 /// Equivalent radius R_μ of eq. (3), in m; `omega` ≥ 0 in rad/s, `theta` in °C.
-#[inline]
+#[inline(always)]
 pub fn equivalent_radius(p: &Friction, omega: f64, theta: f64) -> f64 {
     let mean = 0.5 * (p.R_1 + p.R_2);
     let half = 0.5 * (p.R_2 - p.R_1);
@@ -74,10 +74,10 @@ pub fn equivalent_radius(p: &Friction, omega: f64, theta: f64) -> f64 {
         // The integrand is linear in ρ: its mean is its value in the middle.
         return coefficient_at(p, 0.0, mu_d) * mean;
     }
-    let mut sum = 0.0;
+    let (mut sum, scale) = (0.0, omega / mean);
     for (node, weight) in GAUSS {
         let rho = mean + half * node;
-        sum += weight * coefficient_at(p, omega * rho / mean, mu_d) * rho;
+        sum += weight * coefficient_at(p, scale * rho, mu_d) * rho;
     }
     0.5 * sum
 }

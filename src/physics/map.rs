@@ -65,8 +65,14 @@ pub fn torque_capacity(p: &Friction, force: f64, omega: f64, theta: f64) -> f64 
 /// Throwout position in mm at which the nominal clutch carries `torque` ≥ 0 N·m: the inverse of eq. (1) on its monotone
 /// branch, between the true contact point and the closed point.
 pub fn inverse(f: &Friction, a: &Actuator, c: &CushionSpring, torque: f64, omega: f64, theta: f64) -> f64 {
+    inverse_above(f, a, c, cushion::contact_point(c), torque, omega, theta)
+}
+
+/// As [`inverse`], with the true contact point `xi_0` known: for those who ask again and again.
+#[inline]
+pub fn inverse_above(f: &Friction, a: &Actuator, c: &CushionSpring, xi_0: f64, torque: f64, omega: f64, theta: f64) -> f64 {
     let contact = contact(a, theta);
     let force = torque / (FACES * friction::equivalent_radius(f, omega, theta));
-    let xi = cushion::inverse(c, cushion::contact_point(c), force);
+    let xi = cushion::inverse(c, xi_0, force);
     contact.x_cnt + xi * (contact.x_cls - contact.x_cnt)
 }

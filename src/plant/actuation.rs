@@ -4,6 +4,7 @@
 //! a substep, so the chain is solved exactly at its start, middle and end and no lag, however short, is stiff.
 
 use super::State;
+use super::clutch::Branch;
 use super::config::Config;
 use crate::physics::lag::{self, LagState};
 
@@ -40,6 +41,13 @@ impl Chain {
         state.lagged = self.lagged;
         state.bearing = self.bearing;
     }
+}
+
+/// Whether engine and bearing follow their commands at once: a held command then gives one and the same drive throughout a substep.
+#[inline]
+pub fn immediate(config: &Config) -> bool {
+    let c = &config.constants;
+    c.engine_lag.time_constant <= 0.0 && c.actuator_lag.time_constant <= 0.0 && c.inverse_speed <= 0.0
 }
 
 /// Torque on the crankshaft that the report asks for, N·m.
@@ -89,12 +97,12 @@ pub fn rest(config: &Config, state: &mut State) {
     state.limited = x;
     state.lagged = at(x);
     state.bearing = x;
-    state.memory = x;
+    state.memory = Branch { x, z: 0.0 };
 }
 
 /// When effects are set while running, a state that was not in use starts where its signal is.
 pub fn carry_over(old: &Config, new: &Config, state: &mut State) {
     if old.constants.hysteresis_width == 0.0 && new.constants.hysteresis_width != 0.0 {
-        state.memory = state.bearing;
+        state.memory = Branch { x: state.bearing, z: 0.0 };
     }
 }

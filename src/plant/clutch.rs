@@ -22,31 +22,49 @@ pub fn engaged(config: &Config, x: f64, theta: f64) -> bool {
     normalised_position(config, x, theta) > config.xi_0
 }
 
-/// Memory of the force hysteresis after the bearing came to `x` mm.
-#[inline]
-pub fn hysteresis_memory(config: &Config, memory: f64, x: f64) -> f64 {
-    let reach = 0.5 * config.constants.hysteresis_stroke;
-    memory.clamp(x - reach, x + reach)
+/// Memory of the force hysteresis: where the bearing was, and on which branch.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Branch {
+    /// Bearing position, mm.
+    pub x: f64,
+    /// −1 on the opening branch, +1 on the closing one.
+    pub z: f64,
 }
 
-/// Torque capacity in N·m: at bearing position `x` mm, hysteresis memory `memory` mm, slip speed `slip` ≥ 0 rad/s.
+/// Memory after the bearing came to `x` mm: each branch is approached exponentially over half the stroke, as in Dahl's model.
 #[inline]
-pub fn capacity(config: &Config, x: f64, memory: f64, slip: f64, y: &Motion) -> f64 {
-    let theta = y[index::THETA_C];
+pub fn advance_branch(config: &Config, memory: Branch, x: f64) -> Branch {
+    let travel = x - memory.x;
+    if travel == 0.0 {
+        return memory;
+    }
+    let target = travel.signum();
+    let kept = (-2.0 * travel.abs() / config.constants.hysteresis_stroke).exp();
+    Branch { x, z: target + (memory.z - target) * kept }
+}
+
+/// Force on the faces in N at bearing position `x` mm, hysteresis memory `memory` and disc temperature `theta` °C.
+#[inline]
+pub fn force(config: &Config, x: f64, memory: Branch, theta: f64) -> f64 {
     let xi = normalised_position(config, x, theta);
     let mut force = cushion::force(&config.vehicle.cushion_spring, config.xi_0, xi);
-    if force == 0.0 {
-        return 0.0;
-    }
-    let c = &config.constants;
-    if c.hysteresis_width != 0.0 {
-        let z = (x - hysteresis_memory(config, memory, x)) / (0.5 * c.hysteresis_stroke);
-        force *= 1.0 + 0.5 * c.hysteresis_width * z;
+    if config.constants.hysteresis_width != 0.0 {
+        force *= 1.0 + 0.5 * config.constants.hysteresis_width * advance_branch(config, memory, x).z;
     }
     for effect in config.force.iter() {
         force *= effect(&config.parameters, theta);
     }
-    let mut torque = c.friction_factor * map::torque_capacity(&config.vehicle.friction, force, slip, theta);
+    force
+}
+
+/// Torque capacity in N·m under a force in N at slip speed `slip` ≥ 0 rad/s, eq. (1).
+#[inline]
+pub fn capacity_under(config: &Config, force: f64, slip: f64, y: &Motion) -> f64 {
+    if force == 0.0 {
+        return 0.0;
+    }
+    let theta = y[index::THETA_C];
+    let mut torque = config.constants.friction_factor * map::torque_capacity(&config.vehicle.friction, force, slip, theta);
     for effect in config.friction.iter() {
         torque *= effect(&config.parameters, slip, theta);
     }
@@ -56,8 +74,16 @@ pub fn capacity(config: &Config, x: f64, memory: f64, slip: f64, y: &Motion) -> 
     torque.max(0.0)
 }
 
-/// Torque beside the capacity's at the signed slip speed `slip` rad/s, N·m.
+/// Torque capacity in N·m at bearing position `x` mm and slip speed `slip` ≥ 0 rad/s, eq. (1).
 #[inline]
-pub fn drag(config: &Config, slip: f64) -> f64 {
-    config.drag.iter().map(|effect| effect(&config.parameters, slip)).sum()
+pub fn capacity(config: &Config, x: f64, memory: Branch, slip: f64, y: &Motion) -> f64 {
+    capacity_under(config, force(config, x, memory, y[index::THETA_C]), slip, y)
+}
+
+/// Torque of a slipping clutch in N·m: capacity in the `direction` ±1 of slip, and drag; `slip` is signed, rad/s.
+#[inline]
+pub fn slipping_torque(config: &Config, x: f64, memory: Branch, direction: f64, slip: f64, y: &Motion) -> f64 {
+    let force = force(config, x, memory, y[index::THETA_C]);
+    let drag: f64 = config.drag.iter().map(|effect| effect(&config.parameters, slip, force)).sum();
+    direction * capacity_under(config, force, (direction * slip).max(0.0), y) + drag
 }

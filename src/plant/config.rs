@@ -46,7 +46,7 @@ pub struct Config {
     /// See [`Act::Pulsation`].
     pub pulsation: List<fn(&Parameters, f64) -> f64>,
     /// See [`Act::Drag`].
-    pub drag: List<fn(&Parameters, f64) -> f64>,
+    pub drag: List<fn(&Parameters, f64, f64) -> f64>,
     /// See [`Act::Load`].
     pub load: List<fn(&Parameters, &Vehicle, f64) -> f64>,
 }

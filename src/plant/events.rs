@@ -54,7 +54,7 @@ pub fn initial(start: &Start, inputs: &Inputs) -> State {
         limited: 0.0,
         lagged: Default::default(),
         bearing: 0.0,
-        memory: 0.0,
+        memory: Default::default(),
         inputs: *inputs,
     }
 }
@@ -187,6 +187,9 @@ fn substep(plant: &mut Plant, until: f64, delayed: bool) {
 
 /// Shortens `h` to the moment at which a moving bearing makes or breaks contact.
 fn until_contact(config: &Config, state: &State, x_cmd: f64, h: f64) -> f64 {
+    if actuation::immediate(config) {
+        return h;
+    }
     let theta = state.y[index::THETA_C];
     let end = actuation::advance(config, state, x_cmd, h).drive().x;
     let begin = actuation::advance(config, state, x_cmd, 0.0).drive().x;
@@ -220,6 +223,9 @@ fn setting(config: &Config, state: &State, x_cmd: f64, h: f64) -> Setting {
 
 fn integrate(config: &Config, state: &State, setting: &Setting, x_cmd: f64, h: f64) -> (Motion, Chain) {
     let chain = actuation::advance(config, state, x_cmd, h);
+    if actuation::immediate(config) {
+        return (motion::runge_kutta(config, setting, &state.y, [chain.drive(); 3], h), chain);
+    }
     let begin = actuation::advance(config, state, x_cmd, 0.0).drive();
     let middle = actuation::advance(config, state, x_cmd, 0.5 * h).drive();
     (motion::runge_kutta(config, setting, &state.y, [begin, middle, chain.drive()], h), chain)
@@ -230,7 +236,7 @@ fn accept(config: &Config, state: &mut State, y: Motion, chain: &Chain, h: f64) 
     state.time += h;
     chain.store(state);
     if config.constants.hysteresis_width != 0.0 {
-        state.memory = clutch::hysteresis_memory(config, state.memory, state.bearing);
+        state.memory = clutch::advance_branch(config, state.memory, state.bearing);
     }
 }
 

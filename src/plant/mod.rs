@@ -111,8 +111,8 @@ pub struct State {
     pub lagged: LagState,
     /// Position behind the play: the bearing's, mm.
     pub bearing: f64,
-    /// Memory of the force hysteresis, mm.
-    pub memory: f64,
+    /// Memory of the force hysteresis.
+    pub memory: clutch::Branch,
     /// Inputs of the last step.
     pub inputs: Inputs,
 }

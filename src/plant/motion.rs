@@ -5,7 +5,7 @@
 //! energy books.
 
 use super::actuation::Drive;
-use super::clutch;
+use super::clutch::{self, Branch};
 use super::config::Config;
 use crate::physics::{driveline, thermal};
 
@@ -49,8 +49,8 @@ pub struct Setting {
     pub direction: f64,
     /// The faces touch.
     pub engaged: bool,
-    /// Memory of the force hysteresis, mm.
-    pub memory: f64,
+    /// Memory of the force hysteresis.
+    pub memory: Branch,
     /// Housing air, °C.
     pub theta_h: f64,
     /// Load torque added, N·m.
@@ -76,9 +76,8 @@ fn vehicle_resistance(config: &Config, omega: f64, t_load: f64) -> f64 {
 
 /// Clutch torque in N·m while slipping in `direction`, eq. (1).
 #[inline]
-pub fn slipping_torque(config: &Config, y: &Motion, direction: f64, memory: f64, x: f64) -> f64 {
-    let slip = y[OMEGA_F] - y[OMEGA_C];
-    direction * clutch::capacity(config, x, memory, (direction * slip).max(0.0), y) + clutch::drag(config, slip)
+pub fn slipping_torque(config: &Config, y: &Motion, direction: f64, memory: Branch, x: f64) -> f64 {
+    clutch::slipping_torque(config, x, memory, direction, y[OMEGA_F] - y[OMEGA_C], y)
 }
 
 /// Clutch torque in N·m that keeps a stuck clutch together, eq. (7).
@@ -89,7 +88,7 @@ pub fn sticking_torque(config: &Config, y: &Motion, t_e: f64, t_load: f64) -> f6
 }
 
 /// Rates of all states.
-#[inline]
+#[inline(always)]
 fn rates(config: &Config, set: &Setting, y: &Motion, drive: Drive) -> Motion {
     let c = &config.constants;
     let d = &c.driveline;

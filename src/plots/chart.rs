@@ -102,7 +102,8 @@ fn draw_panel(svg: &mut String, panel: &Panel, top: f64) {
         writeln!(svg, "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{text}</text>", LEFT - 6.0, at + 4.5).unwrap();
     }
     writeln!(svg, "<rect x=\"{LEFT}\" y=\"{top}\" width=\"{width}\" height=\"{height}\" fill=\"none\" stroke=\"#404040\"/>").unwrap();
-    writeln!(svg, "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>", LEFT + 0.5 * width, bottom + 36.0, panel.x_label).unwrap();
+    writeln!(svg, "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>", LEFT + 0.5 * width, bottom + 36.0, panel.x_label)
+        .unwrap();
     let middle = top + 0.5 * height;
     writeln!(svg, "<text transform=\"translate(18 {middle:.1}) rotate(-90)\" text-anchor=\"middle\">{}</text>", panel.y_label).unwrap();
     for (k, series) in panel.series.iter().enumerate() {

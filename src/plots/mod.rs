@@ -101,14 +101,10 @@ fn torques(launch: &Launch) -> String {
 }
 
 fn temperatures(launch: &Launch) -> String {
-    let disc = vec![
-        series("clutch θ_c", launch, false, |r| r.plant.theta_c),
-        series("estimate of θ_c", launch, true, |r| r.controller.theta_c),
-    ];
-    let body = vec![
-        series("body θ_b", launch, false, |r| r.plant.theta_b),
-        series("estimate of θ_b", launch, true, |r| r.controller.theta_b),
-    ];
+    let disc =
+        vec![series("clutch θ_c", launch, false, |r| r.plant.theta_c), series("estimate of θ_c", launch, true, |r| r.controller.theta_c)];
+    let body =
+        vec![series("body θ_b", launch, false, |r| r.plant.theta_b), series("estimate of θ_b", launch, true, |r| r.controller.theta_b)];
     let panels = [panel("clutch [°C]", disc), panel("body [°C]", body)];
     chart::render("Figure 7: temperatures of clutch and body (column B)", &panels)
 }

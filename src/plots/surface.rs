@@ -42,7 +42,9 @@ fn project(a: f64, b: f64, up: f64) -> (f64, f64) {
 pub fn render(title: &str, first: Axis, second: Axis, up_label: &str, surfaces: &[Surface]) -> String {
     let mut svg = chart::begin(title, HEIGHT);
     let shares = || (0..=MESHES).map(|k| k as f64 / MESHES as f64);
-    let corner = |s: &Surface| shares().flat_map(|a| shares().map(move |b| (a, b))).map(|(a, b)| (s.height)(first.at(a), second.at(b))).fold(0.0, f64::max);
+    let corner = |s: &Surface| {
+        shares().flat_map(|a| shares().map(move |b| (a, b))).map(|(a, b)| (s.height)(first.at(a), second.at(b))).fold(0.0, f64::max)
+    };
     let highest = surfaces.iter().map(corner).fold(1e-9, f64::max);
     draw_axes(&mut svg, first, second, up_label, highest);
     for (k, surface) in surfaces.iter().enumerate() {
@@ -64,7 +66,8 @@ pub fn render(title: &str, first: Axis, second: Axis, up_label: &str, surfaces: 
             }
         }
         let at = 66.0 + 20.0 * k as f64;
-        writeln!(svg, "<rect x=\"84\" y=\"{}\" width=\"26\" height=\"12\" fill=\"{}\" fill-opacity=\"0.5\"/>", at - 10.0, COLOURS[k]).unwrap();
+        writeln!(svg, "<rect x=\"84\" y=\"{}\" width=\"26\" height=\"12\" fill=\"{}\" fill-opacity=\"0.5\"/>", at - 10.0, COLOURS[k])
+            .unwrap();
         writeln!(svg, "<text x=\"118\" y=\"{at}\">{}</text>", surface.name).unwrap();
     }
     svg.push_str("</svg>\n");

@@ -1,0 +1,261 @@
+/* The controller by hand in C: the yardstick of benches/step.rs. Same scheme as the Rust controller: guard of the inputs, exact
+ * observer and thermal model, references, three PI controllers with anti-windup, inverse map, rate limits.
+ * Prints nanoseconds per step (median of batches) and final outputs. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+
+#define STEPS 1100
+#define LAUNCHES 200
+
+typedef struct {
+  double omega_f, omega_c, t_e, theta_h;
+  int engage;
+} Inputs;
+
+typedef struct {
+  double phi[2][2], gamma[2][2];
+} Held;
+
+typedef struct {
+  int mode, observing, phase, started, believed, fault;
+  double elapsed, duration, c0, f0, end, slope;
+  double i_engine, i_clutch, i_torque, omega_hat, t_hat, theta_c, theta_b, last_slip;
+  Inputs good;
+  double last[2], bad_for, agree_for, unchanged_for;
+  double x_to, t_e_ref, t_c_ref, x_fb, e_d;
+} State;
+
+/* Vehicle and the default settings. */
+static double R_1 = 0.074, R_2 = 0.108, mu_0 = 0.15, alpha_1 = 0.02, alpha_2 = 0.3, m_0 = 0.1834, m_1 = 0.0024, m_2 = -7.06e-06;
+static double x_cnt[3] = {4.02, 0, 0}, x_cls[3] = {7.78, 0, 0}, beta[3] = {26.1195, -1304.6, 5818.5}, xi_0;
+static double C_1 = 70.0, C_b = 6928.0, gamma_1 = 14.58, gamma_2 = 25.0, gamma_3 = 0.5, J_f = 0.189, J_c = 0.578, b_f = 0.03;
+static double t_r = 1.3, w_end = 111.0, end_slope = 40.0, least_share = 0.3, idle = 104.71975511965978;
+static double kpf = 2.0, kif = 4.0, kpc = 4.0, kic = 1.5, kpt = 0.003, kit = 0.04, l_1 = 300.0, l_2 = -4252.0;
+static double slip_lock = 1.5, slip_release = 5.0, t_max = 180.0, te_min = -30.0, te_max = 180.0, x_open = 0.0, x_max = 9.0;
+static double rate_open = 60.0, rate_close = 200.0, fb_max = 1.5, stall = 50.0, stall_margin = 20.0;
+static double hold = 0.05, recover = 0.1, freeze = 0.2, jump = 20.0, acceleration = 3000.0;
+static Held observer, engaged_system, open_system;
+
+static void product(double a[2][2], double b[2][2], double out[2][2]) {
+  double r[2][2];
+  for (int i = 0; i < 2; i++)
+    for (int j = 0; j < 2; j++) r[i][j] = a[i][0] * b[0][j] + a[i][1] * b[1][j];
+  for (int i = 0; i < 2; i++)
+    for (int j = 0; j < 2; j++) out[i][j] = r[i][j];
+}
+
+static Held transition(double a00, double a01, double a10, double a11, double h) {
+  int doublings = 12;
+  double f = h / (1 << doublings), m[2][2] = {{a00 * f, a01 * f}, {a10 * f, a11 * f}}, p[2][2] = {{1, 0}, {0, 1}}, e[2][2], s[2][2];
+  for (int k = 13; k >= 2; k--) {
+    product(m, p, p);
+    for (int i = 0; i < 2; i++)
+      for (int j = 0; j < 2; j++) p[i][j] = p[i][j] / k + (i == j);
+  }
+  product(m, p, e);
+  e[0][0] += 1;
+  e[1][1] += 1;
+  for (int d = 0; d < doublings; d++) {
+    for (int i = 0; i < 2; i++)
+      for (int j = 0; j < 2; j++) s[i][j] = 0.5 * (e[i][j] + (i == j));
+    product(s, p, p);
+    product(e, e, e);
+  }
+  Held held;
+  for (int i = 0; i < 2; i++)
+    for (int j = 0; j < 2; j++) held.phi[i][j] = e[i][j], held.gamma[i][j] = h * p[i][j];
+  return held;
+}
+
+static void advance(const Held *s, double *x, double *y, double b0, double b1) {
+  double x0 = *x, y0 = *y;
+  *x = s->phi[0][0] * x0 + s->phi[0][1] * y0 + s->gamma[0][0] * b0 + s->gamma[0][1] * b1;
+  *y = s->phi[1][0] * x0 + s->phi[1][1] * y0 + s->gamma[1][0] * b0 + s->gamma[1][1] * b1;
+}
+
+static double bound(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
+
+static double pi(double *integral, double p, double i, double e, double feed, double low, double high, double h) {
+  double wanted = p * e + *integral + feed;
+  if (!((wanted > high && e > 0) || (wanted < low && e < 0))) *integral += i * e * h;
+  *integral = bound(*integral, fmin(low - feed, 0), fmax(high - feed, 0));
+  return bound(p * e + *integral + feed, low, high);
+}
+
+static double coefficient(double w, double mu_d) {
+  double mu = mu_d + (mu_0 - mu_d + alpha_1 * w) * exp(-alpha_2 * w);
+  return mu > 0.02 ? mu : 0.02;
+}
+
+static double radius(double w, double theta) {
+  static const double node[4] = {-0.8611363115940526, -0.33998104358485626, 0.33998104358485626, 0.8611363115940526};
+  static const double weight[4] = {0.34785484513745385, 0.6521451548625461, 0.6521451548625461, 0.34785484513745385};
+  double mean = 0.5 * (R_1 + R_2), half = 0.5 * (R_2 - R_1), mu_d = m_0 + theta * (m_1 + theta * m_2), sum = 0.0;
+  if (w == 0.0) return coefficient(0.0, mu_d) * mean;
+  double scale = w / mean;
+  for (int i = 0; i < 4; i++) {
+    double rho = mean + half * node[i];
+    sum += weight[i] * coefficient(scale * rho, mu_d) * rho;
+  }
+  return 0.5 * sum;
+}
+
+static double spring_inverse(double wanted) {
+  if (wanted <= 0) return xi_0;
+  if (wanted >= beta[0] + beta[1] + beta[2]) return 1.0;
+  double low = xi_0, high = 1.0, xi = 1.0;
+  for (int k = 0; k < 64; k++) {
+    double excess = xi * (beta[0] + xi * (beta[1] + xi * beta[2])) - wanted;
+    if (excess > 0) high = xi; else low = xi;
+    double newton = xi - excess / (beta[0] + xi * (2 * beta[1] + 3 * xi * beta[2]));
+    double next = newton > low && newton < high ? newton : 0.5 * (low + high);
+    if (fabs(next - xi) <= 2.220446049250313e-16) return next;
+    xi = next;
+  }
+  return xi;
+}
+
+static double at_xi(double xi, double theta) {
+  double d = theta - 25.0;
+  double a = x_cnt[0] + d * (x_cnt[1] + d * x_cnt[2]), b = x_cls[0] + d * (x_cls[1] + d * x_cls[2]);
+  return a + xi * (b - a);
+}
+
+static int near(const Inputs *u, double f, double c, double reach) { return fabs(u->omega_f - f) <= reach && fabs(u->omega_c - c) <= reach; }
+
+static void guard(State *s, const Inputs *u, double h) {
+  int slipping = s->mode == 1 && s->phase == 2;
+  double reach = jump + acceleration * h;
+  int valid = fabs(u->omega_f) <= 1e4 && fabs(u->omega_c) <= 1e4 && fabs(u->t_e) <= 1e4;
+  int same = u->omega_f == s->last[0] && u->omega_c == s->last[1];
+  int agrees = valid && near(u, s->last[0], s->last[1], reach) && !(same && s->fault == 4);
+  s->agree_for = agrees ? s->agree_for + h : 0;
+  s->unchanged_for = same && (slipping || s->fault == 4) ? s->unchanged_for + h : 0;
+  if (valid) s->last[0] = u->omega_f, s->last[1] = u->omega_c;
+  int settled = s->agree_for >= recover, verdict = 1;
+  if (!valid) verdict = 2;
+  else if (s->unchanged_for > freeze) verdict = 4;
+  else if (s->started && !near(u, s->good.omega_f, s->good.omega_c, reach) && !settled) verdict = 3;
+  s->believed = verdict == 1;
+  if (s->believed) {
+    double theta_h = fabs(u->theta_h) <= 1e3 ? u->theta_h : s->good.theta_h;
+    s->good = *u;
+    s->good.theta_h = theta_h;
+    s->started = 1;
+    if ((s->fault != 4 && s->bad_for <= hold) || settled) s->fault = 1, s->bad_for = 0;
+  } else {
+    s->fault = verdict;
+    s->bad_for += h;
+  }
+  s->good.engage = u->engage;
+}
+
+static void references(const State *s, double *f, double *c) {
+  double a = s->elapsed / s->duration;
+  *f = *c = s->end;
+  if (a >= 1) return;
+  double rise = a * a * (3 - 2 * a);
+  *f = s->f0 + (s->end - s->f0) * rise;
+  *c = s->c0 + (s->end - s->c0) * rise + s->slope * s->duration * a * a * (a - 1);
+}
+
+static void move_to(State *s, double target, double h) {
+  target = bound(target, x_open, x_max);
+  s->x_to = fmin(fmax(target, s->x_to - rate_open * h), s->x_to + rate_close * h);
+}
+
+static void step(State *s, const Inputs *raw, double h) {
+  guard(s, raw, h);
+  Inputs u = s->good;
+  double slip = u.omega_f - u.omega_c;
+  int trusted = s->started && (s->fault == 1 || (s->fault != 4 && s->bad_for <= hold)), stalling = trusted && u.omega_f < stall;
+  if (s->mode == 0) {
+    if (trusted && s->believed && u.engage && u.omega_f >= stall + stall_margin) {
+      s->mode = 1;
+      s->elapsed = 0;
+      s->end = fmax(w_end, u.omega_c);
+      double left = fmin((s->end - u.omega_c) / w_end, 1);
+      s->duration = t_r * fmax(left, least_share);
+      s->slope = end_slope * left;
+      s->c0 = u.omega_c, s->f0 = u.omega_f;
+      s->i_clutch = s->i_torque = s->e_d = 0;
+      s->last_slip = slip;
+    }
+  } else if (s->mode == 1) {
+    if (!u.engage || !trusted || stalling) s->mode = 0;
+    else if (fabs(slip) <= slip_lock || slip * s->last_slip < 0) s->i_engine += s->t_c_ref, s->mode = 2;
+  } else if (!u.engage || stalling) s->i_engine -= s->t_hat, s->mode = 0;
+  if (s->started) {
+    if (!s->observing) s->observing = 1, s->omega_hat = u.omega_f, s->i_engine = b_f * u.omega_f;
+    double before = s->t_hat;
+    if (s->believed) advance(&observer, &s->omega_hat, &s->t_hat, (u.t_e + l_1 * u.omega_f) / J_f, l_2 * u.omega_f);
+    double mean = 0.5 * (before + s->t_hat) + (b_f + l_1) / -l_2 * (s->t_hat - before) / h;
+    double power = s->phase == 2 ? mean * slip : 0;
+    if (s->phase != 1) advance(&engaged_system, &s->theta_c, &s->theta_b, gamma_3 * power / C_1, (gamma_2 * u.theta_h + (1 - gamma_3) * power) / C_b);
+    else advance(&open_system, &s->theta_c, &s->theta_b, gamma_2 * u.theta_h / C_1, 2 * gamma_2 * u.theta_h / C_b);
+    s->e_d += power * h;
+  }
+  if (s->mode == 0) {
+    double feed = s->x_to > at_xi(xi_0, s->theta_c) ? s->t_hat : 0;
+    s->t_e_ref = s->believed ? pi(&s->i_engine, kpf, kif, idle - u.omega_f, feed, te_min, te_max, h) : bound(b_f * idle, te_min, te_max);
+    s->t_c_ref = s->x_fb = 0;
+    move_to(s, x_open, h);
+  } else if (s->mode == 1 && s->believed) {
+    double wf, wc, low = 0, high = 0, direction = slip < 0 ? -1 : 1;
+    s->elapsed += h;
+    references(s, &wf, &wc);
+    if (slip < 0) low = -t_max; else high = bound((u.omega_f - stall) / stall_margin, 0, 1) * t_max;
+    s->t_c_ref = pi(&s->i_clutch, kpc, kic, wc - u.omega_c, 0, low, high, h);
+    s->t_e_ref = pi(&s->i_engine, kpf, kif, wf - u.omega_f, s->t_c_ref, te_min, te_max, h);
+    s->x_fb = pi(&s->i_torque, kpt, kit, direction * (s->t_c_ref - s->t_hat), 0, -fb_max, fb_max, h);
+    move_to(s, at_xi(spring_inverse(fabs(s->t_c_ref) / (2 * radius(fabs(slip), s->theta_c))), s->theta_c) + s->x_fb, h);
+  } else if (s->mode == 2) {
+    if (s->believed) {
+      double wf, wc;
+      s->elapsed += h;
+      references(s, &wf, &wc);
+      s->t_e_ref = pi(&s->i_engine, kpf, kif * J_f / (J_f + J_c), wf - u.omega_f, 0, te_min, te_max, h);
+    }
+    s->t_c_ref = s->t_hat;
+    s->x_fb = 0;
+    move_to(s, x_max, h);
+  }
+  s->last_slip = slip;
+  s->phase = s->mode == 2 && fabs(slip) <= slip_release ? 3 : s->x_to > at_xi(xi_0, s->theta_c) ? 2 : 1;
+}
+
+static double now(void) {
+  struct timespec t;
+  clock_gettime(CLOCK_MONOTONIC, &t);
+  return 1e9 * t.tv_sec + t.tv_nsec;
+}
+
+static int ascending(const void *a, const void *b) {
+  double d = *(const double *)a - *(const double *)b;
+  return d < 0 ? -1 : d > 0;
+}
+
+int main(void) {
+  xi_0 = -0.5 * (beta[1] - sqrt(beta[1] * beta[1] - 4.0 * beta[0] * beta[2])) / beta[2];
+  observer = transition(-(b_f + l_1) / J_f, -1 / J_f, -l_2, 0, 1e-3);
+  engaged_system = transition(-gamma_1 / C_1, gamma_1 / C_1, gamma_1 / C_b, -(gamma_1 + gamma_2) / C_b, 1e-3);
+  open_system = transition(-gamma_2 / C_1, 0, 0, -2 * gamma_2 / C_b, 1e-3);
+  static Inputs inputs[STEPS];
+  for (int k = 0; k < STEPS; k++) {
+    double t = k * 1e-3, a = t / 1.2;
+    inputs[k] = (Inputs){104.7 + 4.0 * a, 100.0 * a * a, 3.0 + 60.0 * a, 25.0, 1};
+  }
+  static double batch[LAUNCHES];
+  State s;
+  for (int b = 0; b < LAUNCHES; b++) {
+    s = (State){.phase = 1, .fault = 1, .theta_c = 25.0, .theta_b = 25.0, .good = {0, 0, 0, 25.0, 0}};
+    double begin = now();
+    for (int k = 0; k < STEPS; k++) step(&s, &inputs[k], 1e-3);
+    batch[b] = (now() - begin) / STEPS;
+  }
+  qsort(batch, LAUNCHES, sizeof batch[0], ascending);
+  printf("%.2f %.12g %.12g %.12g\n", batch[LAUNCHES / 2], s.x_to, s.theta_c, s.t_e_ref);
+  return 0;
+}

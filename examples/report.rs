@@ -1,0 +1,14 @@
+//! Writes the report of a made-up campaign: `cargo run --example report -- report.html`.
+
+#[path = "../tests/report/campaign.rs"]
+mod campaign;
+
+fn main() -> std::io::Result<()> {
+    let target = std::env::args().nth(1).unwrap_or_else(|| "report.html".to_owned());
+    let made = campaign::campaign();
+    let input = kisspoint::report::Input { diagnosis: &made.diagnosis, overlays: &made.overlays, provenance: &made.provenance };
+    let html = kisspoint::report::html(&input);
+    std::fs::write(&target, &html)?;
+    println!("{target}: {} bytes", html.len());
+    Ok(())
+}

@@ -1,0 +1,176 @@
+//! Draws a car: its vehicle, its effects, its campaign, and recordings that the campaign does not hold.
+
+use crate::bed::Bed;
+use crate::catalogue;
+use crate::channels::Recording;
+use crate::effects::{Deviation, Dice};
+use rand::rngs::StdRng;
+use rand::seq::IndexedRandom;
+use rand::{RngExt, SeedableRng};
+
+/// How many cars, and which.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Seed of the whole draw.
+    pub seed: u64,
+    /// Number of cars.
+    pub cars: usize,
+}
+
+/// What a car carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Nothing beyond the tolerances.
+    Healthy,
+    /// One effect of the library.
+    Single(&'static str),
+    /// Two effects of the library.
+    Pair(&'static str, &'static str),
+    /// One effect that no library holds.
+    Outside(&'static str),
+}
+
+/// One effect of a car.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrueEffect {
+    /// Its id.
+    pub id: &'static str,
+    /// Where it acts.
+    pub subsystem: &'static str,
+    /// Whether the library holds it.
+    pub in_library: bool,
+    /// The shape and magnitude that it took, for people.
+    pub shape: String,
+}
+
+/// The answer: what was withheld.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Truth {
+    /// The effects; none in a healthy car.
+    pub effects: Vec<TrueEffect>,
+}
+
+/// What the diagnosis is handed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Campaign {
+    /// The vehicle file: what the engineer believes.
+    pub vehicle_json: String,
+    /// The recordings, in the order of their files.
+    pub recordings: Vec<Recording>,
+}
+
+/// A car with its campaign, its truth, and what the campaign does not show.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Car {
+    /// What the diagnosis is handed.
+    pub campaign: Campaign,
+    /// Three further recordings of the same car: two launches of other strengths and a creep.
+    pub unseen: Vec<Recording>,
+    /// What was withheld.
+    pub truth: Truth,
+}
+
+/// All cars of a draw, one after the other.
+pub fn draw(settings: Settings) -> impl Iterator<Item = Car> {
+    (0..settings.cars).map(move |index| draw_car(settings.seed, index))
+}
+
+/// The car of this index: 15 % healthy, 50 % with one effect (all in turn), 20 % with two, 15 % outside the library.
+pub fn draw_car(seed: u64, index: usize) -> Car {
+    draw_car_of(seed, index, kind(seed, index))
+}
+
+/// What the car of this index carries, unless told otherwise.
+pub fn kind(seed: u64, index: usize) -> Kind {
+    // Each score of cars holds 3 healthy, 10 singles, 4 pairs and 3 others, in an order of its own.
+    let score = index / 20;
+    let mut rng = StdRng::seed_from_u64(mix(seed, 0x5c0e, score));
+    let mut places: Vec<usize> = (0..20).collect();
+    for i in (1..20).rev() {
+        places.swap(i, rng.random_range(0..=i));
+    }
+    let mut rng = StdRng::seed_from_u64(mix(seed, 0x1d, index));
+    match places[index % 20] {
+        0..3 => Kind::Healthy,
+        p @ 3..13 => Kind::Single(turn(seed, &catalogue::LIBRARY, score * 10 + p - 3)),
+        13..17 => pair(&mut rng),
+        p => Kind::Outside(turn(seed, &catalogue::OUTSIDE, score * 3 + p - 17)),
+    }
+}
+
+/// The car of this index with effects of this kind.
+///
+/// # Panics
+/// If an id is not in the catalogue.
+pub fn draw_car_of(seed: u64, index: usize, kind: Kind) -> Car {
+    draw_car_sized(seed, index, kind, 1.0)
+}
+
+/// As [`draw_car_of`], every magnitude scaled by `size`: at 0 the car is the healthy car of that index.
+pub fn draw_car_sized(seed: u64, index: usize, kind: Kind, size: f64) -> Car {
+    let ids: &[&'static str] = match &kind {
+        Kind::Healthy => &[],
+        Kind::Single(a) | Kind::Outside(a) => std::slice::from_ref(a),
+        Kind::Pair(a, b) => &[*a, *b],
+    };
+    let mut deviation = Deviation::default();
+    let mut effects = Vec::new();
+    for id in ids {
+        let (id, subsystem, in_library) =
+            catalogue::find(id).unwrap_or_else(|| panic!("`{id}` is not in the catalogue"));
+        let mut dice = Dice::new(mix(seed, hash(id), index), size);
+        let shape = deviation.set(id, &mut dice);
+        effects.push(TrueEffect {
+            id,
+            subsystem,
+            in_library,
+            shape,
+        });
+    }
+    let (campaign, unseen) = Bed::draw(seed, index, ids).record(&deviation);
+    Car {
+        campaign,
+        unseen,
+        truth: Truth { effects },
+    }
+}
+
+/// Two effects of different subsystems, of which each can be told beside the other.
+fn pair(rng: &mut StdRng) -> Kind {
+    loop {
+        let (a, in_a) = catalogue::LIBRARY[rng.random_range(0..24)];
+        let (b, in_b) = *catalogue::LIBRARY
+            .choose(rng)
+            .unwrap_or(&catalogue::LIBRARY[0]);
+        // Where the heat goes is the faintest of all: beside another effect nobody could tell.
+        if in_a != in_b && in_a != "thermal" && in_b != "thermal" {
+            return Kind::Pair(a, b);
+        }
+    }
+}
+
+/// The list in an order of the seed, round and round.
+fn turn(seed: u64, list: &'static [(&'static str, &'static str)], n: usize) -> &'static str {
+    let round = n / list.len();
+    let mut rng = StdRng::seed_from_u64(mix(seed, 0x7a4, round));
+    let mut order: Vec<usize> = (0..list.len()).collect();
+    for i in (1..order.len()).rev() {
+        order.swap(i, rng.random_range(0..=i));
+    }
+    list[order[n % list.len()]].0
+}
+
+/// A seed of its own for each purpose and car.
+pub(crate) fn mix(seed: u64, purpose: u64, index: usize) -> u64 {
+    let mut z = seed
+        ^ purpose.wrapping_mul(0xd6e8_feb8_6659_fd93)
+        ^ (index as u64).wrapping_mul(0xa076_1d64_78bd_642f);
+    z = (z ^ (z >> 32)).wrapping_mul(0xe703_7ed1_a0b4_28db);
+    z ^ (z >> 29)
+}
+
+fn hash(id: &str) -> u64 {
+    id.bytes().fold(0xcbf2_9ce4_8422_2325, |h, b| {
+        (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01b3)
+    })
+}

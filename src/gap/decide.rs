@@ -1,0 +1,91 @@
+//! From the search to a verdict.
+//!
+//! The thresholds were set on drawn cars whose effects are known, by the procedure that the docs of the method describe; they are
+//! never set on a case at hand.
+
+use super::fit::prior;
+use super::select::{Hypothesis, Search};
+
+/// Verdict on a campaign, as the answer's schema names it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Nothing beyond noise and tolerances.
+    NoGap,
+    /// The effects leave nothing structured.
+    Explained,
+    /// The effects help and something structured remains.
+    PartlyExplained,
+    /// A gap that no library effect accounts for.
+    Unexplained,
+}
+
+/// Gain in cost that a first effect needs: on cars within their tolerances the best of all candidates stays below it.
+pub const FIRST_GAIN: f64 = 20.0;
+/// Gain in cost that a second effect needs.
+pub const SECOND_GAIN: f64 = 30.0;
+/// Share of the first effect's excess that a second effect has to take.
+pub const SECOND_SHARE: f64 = 0.6;
+/// Share of what the first effect explains below which a second one is a trifle: a difference of form.
+pub const TRIFLE: f64 = 0.004;
+/// Cost per residual above which something structured is there.
+pub const STRUCTURED: f64 = 1.3;
+/// Share of the base's excess that an explanation may leave.
+pub const LEFT: f64 = 0.12;
+/// Share of the base's excess above which an effect explains nothing worth naming.
+pub const HELPS: f64 = 0.5;
+
+/// What was decided.
+#[derive(Clone, Debug)]
+pub struct Decision {
+    /// Verdict.
+    pub verdict: Verdict,
+    /// The hypothesis that stands, with the effects of the verdict.
+    pub chosen: Hypothesis,
+    /// Cost that the chosen hypothesis leaves above the noise, relative to what the tolerances alone leave.
+    pub left: f64,
+}
+
+/// Whether a second effect is there, and not only the first one's form that differs.
+///
+/// Two signs count: the first effect alone pulls tolerances far beyond their size and the second sets them free, or the second takes
+/// most of the structure that the first left, and not a trifle beside what the first explains.
+fn second_is_needed(search: &Search, single: &Hypothesis, pair: &Hypothesis, dispersion: f64) -> bool {
+    let split = |h: &Hypothesis| (prior(&h.fit.point), h.fit.cost - prior(&h.fit.point));
+    let ((pulled_1, data_1), (pulled_2, data_2)) = (split(single), split(pair));
+    let (freed, gained) = (pulled_1 - pulled_2, data_1 - data_2);
+    let structure = data_1 - data_2.min(search.samples as f64);
+    let explained = search.base.fit.cost - single.fit.cost;
+    let takes_the_rest = gained > SECOND_SHARE * structure && gained > TRIFLE * explained && gained / dispersion > SECOND_GAIN;
+    (freed + gained) / dispersion > SECOND_GAIN && (freed > SECOND_GAIN || takes_the_rest)
+}
+
+/// Decides.
+pub fn decide(search: &Search) -> Decision {
+    let n = search.samples as f64;
+    let base = &search.base;
+    let excess = |h: &Hypothesis| (h.fit.cost - n).max(0.0);
+    let best_cost = search.pairs.iter().chain(&search.singles).map(|h| h.fit.cost).fold(base.fit.cost, f64::min);
+    // Noise that is larger than estimated weakens all evidence alike.
+    let dispersion = (best_cost / n).max(1.0);
+    let mut chosen = base.clone();
+    if let Some(single) = search.singles.first().filter(|s| (base.fit.cost - s.fit.cost) / dispersion > FIRST_GAIN) {
+        chosen = single.clone();
+        if let Some(pair) = search.pairs.first().filter(|pair| second_is_needed(search, single, pair, dispersion)) {
+            chosen = pair.clone();
+        }
+    }
+    let structured = chosen.fit.cost > STRUCTURED * n;
+    let left = if excess(base) > 0.0 { excess(&chosen) / excess(base) } else { 0.0 };
+    let verdict = match (chosen.effects.is_empty(), structured) {
+        (true, false) => Verdict::NoGap,
+        (true, true) => Verdict::Unexplained,
+        (false, false) => Verdict::Explained,
+        (false, true) if left < LEFT => Verdict::Explained,
+        (false, true) if left < HELPS => Verdict::PartlyExplained,
+        (false, true) => {
+            chosen = base.clone();
+            Verdict::Unexplained
+        }
+    };
+    Decision { verdict, chosen, left }
+}

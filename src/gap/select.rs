@@ -1,0 +1,135 @@
+//! Choosing the effects: none, one, or a pair, by what they explain.
+//!
+//! Every hypothesis is fitted together with all nuisances, so that costs compare. A first effect is accepted when it
+//! lowers the cost by more than chance does on cars within their tolerances; a second one when it takes most of what the first
+//! left. Thresholds are set on drawn cars whose effects are known (see the docs of the method), never on a case at hand.
+
+use super::fit::{Fit, Point, Problem, fit, prior};
+use crate::effects::REGISTRY;
+use super::screen::{Anchor, Candidate, screen};
+use rayon::prelude::*;
+
+/// A set of effects with its fit.
+#[derive(Clone, Debug)]
+pub struct Hypothesis {
+    /// Places in the registry, in the order of their acceptance.
+    pub effects: Vec<usize>,
+    /// The fit.
+    pub fit: Fit,
+}
+
+/// Cost that a parameter of an effect has to earn: about the logarithm of the number of independent residuals.
+const PARAMETER_COST: f64 = 6.0;
+
+impl Hypothesis {
+    /// Cost with what its parameters have to earn; hypotheses are ranked by it.
+    pub fn score(&self) -> f64 {
+        let parameters: usize = self.effects.iter().map(|&e| REGISTRY[e].parameters.len()).sum();
+        self.fit.cost + PARAMETER_COST * parameters as f64
+    }
+}
+
+/// Everything that was tried.
+#[derive(Clone, Debug)]
+pub struct Search {
+    /// Nuisances alone.
+    pub base: Hypothesis,
+    /// Single effects that were fitted, best first.
+    pub singles: Vec<Hypothesis>,
+    /// Pairs that were fitted, best first.
+    pub pairs: Vec<Hypothesis>,
+    /// Every candidate of the screening for one effect, best first.
+    pub screened: Vec<Candidate>,
+    /// Number of residuals.
+    pub samples: usize,
+}
+
+/// Single effects that are fitted after the screening, for each anchor.
+const SINGLES: usize = 6;
+/// Single effects that are tried as the first of a pair.
+const FIRSTS: usize = 2;
+/// Candidates that are fitted whatever they promise.
+const SURE: usize = 3;
+/// A candidate whose cost is so many times the best one's is not worth a fit.
+const HOPELESS: f64 = 4.0;
+/// Second effects that are fitted for each first one.
+const SECONDS: usize = 4;
+/// Iterations that every candidate gets.
+const FIRST_ITERATIONS: usize = 3;
+/// Candidates that are fitted to the end.
+const FINALISTS: usize = 3;
+/// Further iterations for these.
+const ITERATIONS: usize = 5;
+/// A single effect that leaves less than this cost per residual, and pulls no tolerance beyond [`PULLED`], needs no second one.
+const SETTLED: f64 = 1.04;
+/// Cost of the nuisances that a car within its tolerances hardly reaches.
+const PULLED: f64 = 32.0;
+/// Base cost per residual above which the nuisances are taken for dragged away.
+const DRAGGED: f64 = 1.6;
+
+/// Searches for up to two effects. `progress` is told what is being fitted, with the share of the work done.
+pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Search {
+    progress("tolerances", 0.0);
+    let base = fit(problem, &[], &problem.nominal(), ITERATIONS + FIRST_ITERATIONS);
+    let samples = base.residuals.iter().map(Vec::len).sum();
+    progress("single effects", 0.1);
+    let mut anchors = vec![Anchor::at(problem, &base, &[])];
+    // A large gap has dragged the nuisances away from where the car is: the nominal car is then the better place to look from.
+    if base.cost > DRAGGED * samples as f64 {
+        anchors.push(Anchor::new(problem, &problem.nominal(), &[], false));
+    }
+    let screened = screen(problem, &anchors, &[]);
+    let singles = fit_all(problem, &[], worthwhile(&screened, SINGLES * anchors.len()));
+    progress("pairs of effects", 0.5);
+    let mut pairs: Vec<Hypothesis> = Vec::new();
+    let settled = |h: &Hypothesis| h.fit.cost < SETTLED * samples as f64 && prior(&h.fit.point) < PULLED;
+    let firsts = if singles.first().is_none_or(settled) { 0 } else { FIRSTS };
+    let rivals = |h: &&Hypothesis| h.fit.cost < HOPELESS * singles[0].fit.cost;
+    for (k, first) in singles.iter().take(firsts).filter(rivals).enumerate() {
+        let candidates = screen(problem, &[Anchor::at(problem, &first.fit, &first.effects)], &first.effects);
+        let fresh: Vec<Candidate> = candidates.into_iter().filter(|c| !tried(&pairs, first.effects[0], c.effect)).collect();
+        pairs.extend(fit_all(problem, &first.effects, worthwhile(&fresh, SECONDS)));
+        progress("pairs of effects", 0.5 + 0.25 * (k + 1) as f64);
+    }
+    pairs.sort_by(|a, b| a.score().total_cmp(&b.score()));
+    Search { base: Hypothesis { effects: Vec::new(), fit: base }, singles, pairs, screened, samples }
+}
+
+/// Where a candidate fits best: at its promised start, there with all nuisances nominal (a large gap drags them away), or as it was
+/// replayed with all nuisances nominal.
+fn better_start(problem: &Problem, candidate: &Candidate) -> Point {
+    let undragged = |effects| Point { effects, ..problem.nominal() };
+    let options = [candidate.start.clone(), undragged(candidate.start.effects), undragged(candidate.replayed)];
+    let cost = |p: &Point| problem.cost(p, &problem.all_residuals(p));
+    options.into_iter().map(|p| (cost(&p), p)).min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(|| problem.nominal(), |(_, p)| p)
+}
+
+/// The most promising candidates: at most `most`, and beyond the first three none that promises far less than the best.
+fn worthwhile(candidates: &[Candidate], most: usize) -> &[Candidate] {
+    let hopeless = |c: &Candidate| c.promise > HOPELESS * candidates[0].promise;
+    let count = candidates.iter().enumerate().take_while(|(k, c)| *k < SURE || !hopeless(c)).count();
+    &candidates[..count.min(most)]
+}
+
+fn tried(pairs: &[Hypothesis], a: usize, b: usize) -> bool {
+    pairs.iter().any(|p| p.effects.contains(&a) && p.effects.contains(&b))
+}
+
+/// Fits candidates on top of `already`, the better half of them to the end; best first.
+fn fit_all(problem: &Problem, already: &[usize], candidates: &[Candidate]) -> Vec<Hypothesis> {
+    let first = |c: &Candidate| {
+        let mut effects = already.to_vec();
+        effects.push(c.effect);
+        Hypothesis { fit: fit(problem, &effects, &better_start(problem, c), FIRST_ITERATIONS), effects }
+    };
+    let by_cost = |a: &Hypothesis, b: &Hypothesis| a.score().total_cmp(&b.score());
+    let mut all: Vec<Hypothesis> = candidates.par_iter().map(first).collect();
+    all.sort_by(by_cost);
+    // Of two starts of the same effect the better one goes on.
+    let mut seen: Vec<Vec<usize>> = Vec::new();
+    all.retain(|h| !seen.contains(&h.effects) && { seen.push(h.effects.clone()); true });
+    let finalists = all.len().min(FINALISTS);
+    all[..finalists].par_iter_mut().for_each(|h| h.fit = fit(problem, &h.effects, &h.fit.point, ITERATIONS));
+    all.sort_by(by_cost);
+    all
+}

@@ -1,0 +1,113 @@
+//! `report.html`: the answer of a diagnosis as an engineer takes it to the review.
+//!
+//! One file that needs no network: style, script and data are inside. The order is that of the questions asked in a review:
+//! the verdict, the curves, where, which, how far, what stays open, how it was computed. Figures exist twice: still ones for
+//! paper and for browsers without scripts, and a viewer with linked cursor and zoom that the script draws from [`series`].
+//!
+//! - [`text`]: escaping and numbers as people read them
+//! - [`json`]: reading diagnosis.json leniently, since a part that is missing must be said and not guessed
+//! - [`chart`]: scales, ticks and paths of the still figures
+//! - [`series`]: curves as small integers, thinned where they are long
+//! - one file per section: [`verdict`], [`curves`], [`residual_map`], [`causes`], [`shrinkage`], [`open_questions`], [`provenance`]
+//!
+//! The same input gives the same bytes.
+
+pub mod causes;
+pub mod chart;
+pub mod curves;
+pub mod json;
+pub mod open_questions;
+pub mod provenance;
+pub mod residual_map;
+pub mod series;
+pub mod shrinkage;
+pub mod text;
+pub mod verdict;
+
+use serde_json::Value;
+
+/// What the report shows.
+pub struct Input<'a> {
+    /// Content of diagnosis.json.
+    pub diagnosis: &'a Value,
+    /// Curves of each recording.
+    pub overlays: &'a [Overlay],
+    /// Versions, settings, fingerprint of the data: name and value.
+    pub provenance: &'a [(String, String)],
+}
+
+/// One recording: the car beside the model as it was and as it is now.
+pub struct Overlay {
+    /// Name of the recording.
+    pub recording: String,
+    /// What was driven.
+    pub manoeuvre: String,
+    /// Took no part in choosing or fitting.
+    pub held_out: bool,
+    /// Time between samples, s.
+    pub dt: f64,
+    /// Channels measured.
+    pub channels: Vec<OverlayChannel>,
+}
+
+/// One channel of a recording.
+pub struct OverlayChannel {
+    /// Column of the recording.
+    pub column: &'static str,
+    /// Unit of the values.
+    pub unit: &'static str,
+    /// As measured; a value that is not finite is a gap.
+    pub real: Vec<f64>,
+    /// As the nominal model says.
+    pub before: Vec<f64>,
+    /// As the retuned model says.
+    pub after: Vec<f64>,
+}
+
+const STYLE: &str = include_str!("report.css");
+const PLOT: &str = include_str!("plot.js");
+const VIEWER: &str = include_str!("viewer.js");
+const INPUT: &str = include_str!("input.js");
+
+/// Nothing may be loaded from anywhere, and the browser is told so.
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:";
+
+/// The sections below the verdict: anchor, title, content.
+type Section = (&'static str, &'static str, String);
+
+/// The whole report as one HTML document.
+pub fn html(input: &Input) -> String {
+    let sections: [Section; 6] = [
+        ("curves", "Real, before and after", curves::section(input)),
+        ("where", "Where the gap lies", residual_map::section(input.diagnosis)),
+        ("which", "Which effect causes it", causes::section(input.diagnosis)),
+        ("how-far", "How far the gap shrinks", shrinkage::section(input.diagnosis)),
+        ("open", "Not judged, and what to measure next", open_questions::section(input.diagnosis)),
+        ("computed", "How this was computed", provenance::section(input)),
+    ];
+    let links: String = sections.iter().map(|(id, title, _)| format!("<li><a href=\"#{id}\">{title}</a></li>")).collect();
+    let body: String = sections
+        .iter()
+        .map(|(id, title, content)| {
+            format!("<section id=\"{id}\" aria-labelledby=\"{id}-title\"><h2 id=\"{id}-title\">{title}</h2>\n{content}</section>\n")
+        })
+        .collect();
+    format!(
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n<link rel=\"icon\" href=\"data:,\">\n\
+         <title>Kisspoint: {title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
+         <a class=\"skip\" href=\"#main\">Skip to the result</a>\n\
+         <main id=\"main\" tabindex=\"-1\">\n{verdict}<nav aria-label=\"Contents\"><ol>{links}</ol></nav>\n{body}</main>\n\
+         <script type=\"application/json\" id=\"series\">{data}</script>\n<script>\n(() => {{\n\"use strict\";\n{PLOT}{VIEWER}{INPUT}}})();\n</script>\n</body>\n</html>\n",
+        title = text::escape(&verdict::sentence(input.diagnosis)),
+        verdict = verdict::section(input.diagnosis),
+        data = series::embedded(input),
+    )
+}
+
+/// A line that says that something is absent, so that nobody takes silence for a good result.
+fn absent(what: &str) -> String {
+    format!("<p class=\"absent\">{}</p>\n", text::escape(what))
+}

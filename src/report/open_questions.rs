@@ -1,0 +1,79 @@
+//! What could not be judged, and what to measure so that it can.
+
+use serde_json::Value;
+
+use super::absent;
+use super::json::{list, text, texts};
+use super::text::{enumeration, escape, title, words};
+use crate::effects::{REGISTRY, find};
+
+/// The section.
+pub fn section(diagnosis: &Value) -> String {
+    let which = &diagnosis["which"];
+    let mut out = next(which);
+    if which["not_assessable"].is_array() {
+        out += &not_assessable(list(which, "not_assessable"));
+    } else {
+        out += &absent("Which effects the data can’t show was not handed over.");
+    }
+    let left: Vec<String> = list(diagnosis, "left_out")
+        .iter()
+        .map(|l| {
+            format!(
+                "<b>{}</b>: {}",
+                escape(text(l, "recording").unwrap_or("unnamed")),
+                escape(text(l, "reason").unwrap_or("no reason stated"))
+            )
+        })
+        .collect();
+    out += &items("Recordings left out", &left);
+    let notes: Vec<String> = texts(diagnosis, "notes").iter().map(|n| escape(n)).collect();
+    out += &items("Notes", &notes);
+    out
+}
+
+fn items(heading: &str, items: &[String]) -> String {
+    if items.is_empty() {
+        return String::new();
+    }
+    let list: String = items.iter().map(|i| format!("<li>{i}</li>")).collect();
+    format!("<h3>{heading}</h3>\n<ul>{list}</ul>\n")
+}
+
+/// What would split the ambiguity groups.
+fn next(which: &Value) -> String {
+    let splits: Vec<String> = list(which, "effects")
+        .iter()
+        .filter_map(|e| {
+            let group: Vec<String> = text(e, "id").into_iter().chain(texts(e, "ambiguous_with")).map(|id| escape(&words(id))).collect();
+            let how = text(e, "separated_by").filter(|_| group.len() > 1)?;
+            Some(format!("{}: this would tell {} apart.", escape(&title(how.trim_end_matches('.'))), enumeration(&group)))
+        })
+        .collect();
+    items("Measure next", &splits)
+}
+
+/// Grouped by what to measure, since that is what gets planned.
+fn not_assessable(entries: &[Value]) -> String {
+    if entries.is_empty() {
+        return "<p>Every effect of the library could be judged from these recordings.</p>\n".to_owned();
+    }
+    let mut groups: Vec<(&str, Vec<String>)> = Vec::new();
+    for entry in entries {
+        let id = text(entry, "id").or(entry.as_str()).unwrap_or("unnamed");
+        let known = find(id).map(|k| REGISTRY[k].effect.shown_by);
+        let measure = text(entry, "measure").or(known).unwrap_or("not stated");
+        match groups.iter_mut().find(|g| g.0 == measure) {
+            Some(group) => group.1.push(escape(&title(id))),
+            None => groups.push((measure, vec![escape(&title(id))])),
+        }
+    }
+    let rows: String = groups
+        .iter()
+        .map(|(measure, ids)| format!("<tr><th scope=\"row\">{}</th><td>{}</td></tr>", ids.join(", "), escape(measure)))
+        .collect();
+    format!(
+        "<h3>Not assessable from these recordings</h3>\n<table class=\"plain\"><thead><tr><th scope=\"col\">Effect</th><th scope=\"col\">What to measure</th></tr></thead>\
+         <tbody>{rows}</tbody></table>\n"
+    )
+}

@@ -1,0 +1,177 @@
+//! How far: gap before and after against the noise floor, and what an engagement costs.
+
+use serde_json::Value;
+
+use super::absent;
+use super::chart::Scale;
+use super::json::{list, real, text, texts};
+use super::text::{channel, escape, fixed, number, percent, signed, unit};
+
+/// The section.
+pub fn section(diagnosis: &Value) -> String {
+    let far = &diagnosis["how_far"];
+    format!("{}{}{}", summary(far), per_recording(far), engagement(far))
+}
+
+fn summary(far: &Value) -> String {
+    let (Some(before), Some(after)) = (real(far, "before"), real(far, "after")) else {
+        return absent("The gap before and after was not handed over.");
+    };
+    let metric = text(far, "metric").unwrap_or("metric not named");
+    let floor = real(far, "noise_floor");
+    let most = before.max(after).max(floor.unwrap_or(0.0));
+    let row = |name: &str, class: &str, value: f64| {
+        format!(
+            "<tr><th scope=\"row\">{name}</th><td class=\"num\">{}</td><td class=\"wide\"><span class=\"bar {class}\"><i style=\"width:{:.1}%\"></i></span></td></tr>",
+            number(value, 3),
+            if most > 0.0 { (100.0 * value / most).clamp(0.0, 100.0) } else { 0.0 }
+        )
+    };
+    let noise = floor.map_or_else(|| absent("The noise floor was not stated."), |f| row("Noise floor", "floor", f));
+    let (row_noise, said) = if floor.is_some() { (noise, String::new()) } else { (String::new(), noise) };
+    let held = texts(far, "held_out");
+    let held = if held.is_empty() { "No recording was held out.".to_owned() } else { format!("Held out: {}.", escape(&held.join(", "))) };
+    let closed = real(far, "closed_fraction")
+        .map_or_else(String::new, |c| format!(" <b>{}</b> of what stood above the noise floor is closed.", percent(c)));
+    format!(
+        "<p>{held}{closed}</p>\n<table class=\"bars\"><caption>{}</caption><thead class=\"unseen\"><tr><th scope=\"col\">Model</th><th scope=\"col\">Gap</th>\
+         <th scope=\"col\">Bar</th></tr></thead><tbody>{}{}{row_noise}</tbody></table>\n{said}",
+        escape(metric),
+        row("Before", "before", before),
+        row("After", "after", after),
+    )
+}
+
+fn per_recording(far: &Value) -> String {
+    let entries = list(far, "per_recording");
+    if entries.is_empty() {
+        return absent("The gap per recording was not handed over.");
+    }
+    let ratios: Vec<f64> = entries
+        .iter()
+        .flat_map(|e| {
+            let n = real(e, "noise");
+            ["before", "after"].map(|k| Some(real(e, k)? / n?))
+        })
+        .flatten()
+        .filter(|r| r.is_finite() && *r > 0.0)
+        .collect();
+    let low = ratios.iter().fold(0.7, |a: f64, b| a.min(*b));
+    let high = ratios.iter().fold(3.0, |a: f64, b| a.max(*b));
+    let x = Scale { low: low.ln(), high: high.ln(), a: 8.0, b: 232.0 };
+    let held = texts(far, "held_out");
+    let rows = grouped(entries, &held, &x);
+    format!(
+        "<h3>Per recording and channel</h3>\n<div class=\"scroll\" role=\"region\" aria-label=\"Gap per recording\" tabindex=\"0\"><table class=\"shrink\"><thead><tr>\
+         <th scope=\"col\">Recording</th><th scope=\"col\">Channel</th><th scope=\"col\"><span class=\"t-before\">Before</span></th>\
+         <th scope=\"col\"><span class=\"t-after\">After</span></th><th scope=\"col\">Noise</th><th scope=\"col\">In multiples of noise{}</th></tr></thead>{rows}</table></div>\n",
+        ruler(&x)
+    )
+}
+
+/// Decades of the logarithmic scale.
+fn ruler(x: &Scale) -> String {
+    let marks = [0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0, 1e4];
+    let inside = marks.iter().filter(|m| (x.low - 1e-9..=x.high + 1e-9).contains(&f64::ln(**m)));
+    let texts: String = inside
+        .map(|m| {
+            format!(
+                "<text class=\"tick\" x=\"{:.1}\" y=\"12\" text-anchor=\"middle\">{}</text>",
+                x.at(m.ln()),
+                if *m < 1.0 { fixed(*m, 1) } else { fixed(*m, 0) }
+            )
+        })
+        .collect();
+    format!("<svg class=\"ruler\" viewBox=\"0 0 240 16\" aria-hidden=\"true\">{texts}</svg>")
+}
+
+/// One body per recording, its name once.
+fn grouped(entries: &[Value], held: &[&str], x: &Scale) -> String {
+    let mut out = String::new();
+    for group in entries.chunk_by(|a, b| a["recording"] == b["recording"]) {
+        let name = text(&group[0], "recording").unwrap_or("unnamed");
+        let mark = if held.contains(&name) { " <em>held out</em>" } else { "" };
+        let mut head = format!("<th scope=\"rowgroup\" rowspan=\"{}\">{}{mark}</th>", group.len(), escape(name));
+        out += "<tbody>";
+        for entry in group {
+            out += &format!("<tr>{}{}</tr>", std::mem::take(&mut head), recording_row(entry, x));
+        }
+        out += "</tbody>";
+    }
+    out
+}
+
+fn recording_row(e: &Value, x: &Scale) -> String {
+    let unit = escape(&unit(text(e, "unit").unwrap_or("")));
+    let value = |key: &str| real(e, key).map_or_else(|| "–".to_owned(), |v| number(v, 2));
+    let drawn = match (real(e, "before"), real(e, "after"), real(e, "noise")) {
+        (Some(b), Some(a), Some(n)) if n > 0.0 && a > 0.0 && b > 0.0 => dumbbell(b / n, a / n, x),
+        _ => String::new(),
+    };
+    format!(
+        "<th scope=\"row\">{}</th><td class=\"num\">{}</td><td class=\"num\">{}</td><td class=\"num\">{} {unit}</td><td class=\"drawn\">{drawn}</td>",
+        escape(&channel(text(e, "channel").unwrap_or("unnamed"))),
+        value("before"),
+        value("after"),
+        value("noise"),
+    )
+}
+
+fn dumbbell(before: f64, after: f64, x: &Scale) -> String {
+    let (b, a, one) = (x.at(before.ln()), x.at(after.ln()), x.at(0.0));
+    format!(
+        "<svg viewBox=\"0 0 240 18\" aria-hidden=\"true\"><path class=\"null\" d=\"M{one:.1} 0v18\"/><path class=\"link\" d=\"M{b:.1} 9H{a:.1}\"/>\
+         <rect class=\"f-before\" x=\"{:.1}\" y=\"5\" width=\"8\" height=\"8\"/><circle class=\"f-after\" cx=\"{a:.1}\" cy=\"9\" r=\"4.5\"/></svg>",
+        b - 4.0
+    )
+}
+
+/// Key, name, unit, factor from the key's unit.
+const FIGURES: [(&str, &str, &str, f64); 3] = [
+    ("engagement_time_s", "Engagement time", "s", 1.0),
+    ("dissipated_energy_J", "Dissipated energy", "kJ", 1e-3),
+    ("slip_acceleration_rad_s2", "Slip acceleration at lock-up", "rad/s²", 1.0),
+];
+
+fn engagement(far: &Value) -> String {
+    let recordings = far["kpi"].as_object().filter(|map| !map.is_empty());
+    let Some(recordings) = recordings else {
+        return absent("No engagement figures: no recording holds an engagement up to lock-up, or they were not handed over.");
+    };
+    let held = texts(far, "held_out");
+    let mut rows = String::new();
+    for (name, figures) in recordings {
+        let found: Vec<_> = FIGURES.iter().filter(|f| figures[f.0].is_object()).collect();
+        for (k, (key, title, unit, factor)) in found.iter().enumerate() {
+            let mark = if held.contains(&name.as_str()) { " <em>held out</em>" } else { "" };
+            let group = if k == 0 {
+                format!("<th scope=\"rowgroup\" rowspan=\"{}\">{}{mark}</th>", found.len(), escape(name))
+            } else {
+                String::new()
+            };
+            let values = ["real", "before", "after"].map(|k| real(&figures[*key], k).map(|v| v * factor));
+            rows += &format!("<tr>{group}<th scope=\"row\">{title}, {unit}</th>{}</tr>", cells(values));
+        }
+        rows += "</tbody><tbody>";
+    }
+    let rows = rows.trim_end_matches("<tbody>").trim_end_matches("</tbody>");
+    format!(
+        "<h3>Engagement figures</h3>\n<div class=\"scroll\" role=\"region\" aria-label=\"Engagement figures\" tabindex=\"0\"><table class=\"figures-table\"><thead><tr>\
+         <th scope=\"col\">Recording</th><th scope=\"col\">Figure</th><th scope=\"col\">Real</th><th scope=\"col\"><span class=\"t-before\">Before</span></th>\
+         <th scope=\"col\"><span class=\"t-after\">After</span></th></tr></thead><tbody>{rows}</tbody></table></div>\n"
+    )
+}
+
+/// The model's values with how far they are off the car's.
+fn cells(values: [Option<f64>; 3]) -> String {
+    let real = values[0];
+    let off = |v: f64| match real {
+        Some(r) if r.abs() > 1e-9 => format!("<small>{}&#8239;%</small>", signed(100.0 * (v - r) / r.abs(), 1)),
+        _ => String::new(),
+    };
+    let cell = |v: Option<f64>, compare: bool| match v {
+        Some(v) => format!("<td class=\"num\">{}{}</td>", number(v, 4), if compare { off(v) } else { String::new() }),
+        None => "<td class=\"num\">–</td>".to_owned(),
+    };
+    cell(real, false) + &cell(values[1], true) + &cell(values[2], true)
+}

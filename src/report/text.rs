@@ -1,0 +1,155 @@
+//! Text for people: escaping, numbers, names.
+
+/// `text` safe in HTML content and in quoted attributes.
+pub fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            _ => out.push(c),
+        }
+    }
+    out
+}
+
+/// A number with `digits` significant digits, a true minus sign and grouped thousands; a dash for what is no number.
+pub fn number(value: f64, digits: i32) -> String {
+    if !value.is_finite() {
+        return "–".to_owned();
+    }
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    let magnitude = value.abs().log10().floor() as i32;
+    if !(-4..9).contains(&magnitude) {
+        return format!("{value:.*e}", digits.max(1) as usize - 1).replace('-', "−");
+    }
+    fixed(value, (digits - 1 - magnitude).clamp(0, 9) as usize)
+}
+
+/// A number with up to six significant digits and no padding: a setting to copy.
+pub fn plain(value: f64) -> String {
+    let text = number(value, 6);
+    match text.contains('.') && !text.contains('e') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text,
+    }
+}
+
+/// A number with so many decimals, otherwise as [`number`].
+pub fn fixed(value: f64, decimals: usize) -> String {
+    let plain = format!("{:.decimals$}", value.abs());
+    let (whole, fraction) = plain.split_once('.').map_or((plain.as_str(), ""), |(w, f)| (w, f));
+    let mut out = String::new();
+    if value < 0.0 && plain.bytes().any(|b| (b'1'..=b'9').contains(&b)) {
+        out.push('−');
+    }
+    for (k, digit) in whole.chars().enumerate() {
+        if k > 0 && whole.len() > 4 && (whole.len() - k) % 3 == 0 {
+            out.push('\u{202f}');
+        }
+        out.push(digit);
+    }
+    if !fraction.is_empty() {
+        out.push('.');
+        out.push_str(fraction);
+    }
+    out
+}
+
+/// Like [`fixed`], with a plus sign too.
+pub fn signed(value: f64, decimals: usize) -> String {
+    let text = fixed(value, decimals);
+    if text.starts_with('−') || !text.bytes().any(|b| (b'1'..=b'9').contains(&b)) { text } else { format!("+{text}") }
+}
+
+/// A share as percent, never rounded up to a certainty that it is not.
+pub fn percent(share: f64) -> String {
+    let p = 100.0 * share;
+    match p {
+        _ if !p.is_finite() => "–".to_owned(),
+        _ if p > 99.0 && p < 99.95 => format!("{}\u{202f}%", fixed((10.0 * p).floor() / 10.0, 1)),
+        _ if (99.95..100.0).contains(&p) => "over\u{2009}99.9\u{202f}%".to_owned(),
+        _ => format!("{}\u{202f}%", fixed(p, 0)),
+    }
+}
+
+/// An id as words: `kiss_point_offset` is "Kiss point offset".
+pub fn title(id: &str) -> String {
+    let words = words(id);
+    let mut chars = words.chars();
+    chars.next().map_or_else(String::new, |first| first.to_uppercase().collect::<String>() + chars.as_str())
+}
+
+/// An id as words in the middle of a sentence.
+pub fn words(id: &str) -> String {
+    id.replace('_', " ")
+}
+
+/// Items as a list in prose.
+pub fn enumeration(items: &[String]) -> String {
+    match items {
+        [] => String::new(),
+        [one] => one.clone(),
+        [head @ .., last] => format!("{} and {last}", head.join(", ")),
+    }
+}
+
+/// A unit as people write it.
+pub fn unit(raw: &str) -> String {
+    match raw {
+        "1" => String::new(),
+        "degC" => "°C".to_owned(),
+        other => other.replace("N.m", "N·m").replace(".s/rad", "·s/rad").replace("kg.m2", "kg·m²").replace("/s2", "/s²"),
+    }
+}
+
+/// What a column of a recording is called.
+pub fn channel(column: &str) -> String {
+    match column {
+        "omega_f_rad_s" => "Flywheel speed",
+        "omega_c_rad_s" => "Disc speed",
+        "T_e_Nm" => "Engine torque",
+        "x_to_cmd_mm" => "Bearing position commanded",
+        "x_to_mm" => "Bearing position",
+        "T_fc_Nm" => "Clutch torque",
+        "theta_c_degC" => "Disc temperature",
+        "theta_h_degC" => "Housing air",
+        other => return title(other),
+    }
+    .to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn markup_is_escaped() {
+        assert_eq!(escape("<b a='1' c=\"2\">&</b>"), "&lt;b a=&#39;1&#39; c=&quot;2&quot;&gt;&amp;&lt;/b&gt;");
+    }
+
+    #[test]
+    fn numbers_read_well() {
+        assert_eq!(number(0.031_416, 3), "0.0314");
+        assert_eq!(number(-12.345, 3), "−12.3");
+        assert_eq!(number(123_456.7, 4), "123\u{202f}457");
+        assert_eq!(number(1.5e-6, 2), "1.5e−6");
+        assert_eq!(number(f64::NAN, 3), "–");
+        assert_eq!(fixed(-0.001, 2), "0.00", "no negative zero");
+        assert_eq!(signed(0.5, 1), "+0.5");
+        assert_eq!(signed(0.0, 1), "0.0");
+    }
+
+    #[test]
+    fn percent_never_rounds_up_to_certainty() {
+        assert_eq!(percent(0.9994), "99.9\u{202f}%");
+        assert_eq!(percent(0.99999), "over\u{2009}99.9\u{202f}%");
+        assert_eq!(percent(1.0), "100\u{202f}%");
+        assert_eq!(percent(0.874), "87\u{202f}%");
+    }
+}

@@ -1,0 +1,268 @@
+"""The report in a real browser: console, cursor, zoom, keys, contrast, narrow screens, paper.
+
+Needs Chromium with its driver and selenium. `KISSPOINT_REPORT` names a report to test; without it cargo makes the one of
+`examples/report.rs`. Run: python -m unittest tests.python.test_report_browser
+"""
+
+import base64
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+import unittest
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+DRIVER = shutil.which("chromedriver")
+
+# Contrast of every text against what stands behind it, by the formula of WCAG 2.
+CONTRAST = r"""
+const channels = (c) => (c.match(/[\d.]+/g) || []).map(Number);
+const light = (c) => { const [r, g, b] = c.slice(0, 3).map((v) => { v /= 255; return v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4; }); return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
+const opaque = (c) => c.length > 2 && (c.length === 3 || c[3] === 1);
+const behind = (e) => { for (; e; e = e.parentElement) { const c = channels(getComputedStyle(e).backgroundColor); if (opaque(c)) return c; } return [255, 255, 255]; };
+const out = [];
+const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+while (walker.nextNode()) {
+  const e = walker.currentNode.parentElement, text = walker.currentNode.textContent.trim();
+  if (!text || ["SCRIPT", "STYLE"].includes(e.tagName) || !e.getClientRects().length) continue;
+  const style = getComputedStyle(e), svg = e.namespaceURI.includes("svg");
+  const ink = channels(svg ? style.fill : style.color);
+  const strip = svg && e.ownerSVGElement.querySelector(".floor");
+  for (const ground of [behind(e), ...(strip ? [channels(getComputedStyle(strip).fill)] : [])]) {
+    const [a, b] = [light(ink), light(ground)].sort((x, y) => y - x);
+    out.push([(a + 0.05) / (b + 0.05), text.slice(0, 40), e.tagName + "." + (e.getAttribute("class") || "")]);
+  }
+}
+return out;
+"""
+
+
+def report(folder):
+    """Path of the report to test."""
+    if os.environ.get("KISSPOINT_REPORT"):
+        return Path(os.environ["KISSPOINT_REPORT"]).resolve()
+    target = Path(folder) / "report.html"
+    profile = os.environ.get("KISSPOINT_PROFILE", "dev")
+    subprocess.run(["cargo", "run", "--quiet", "--profile", profile, "--example", "report", "--", str(target)], cwd=ROOT, check=True)
+    return target
+
+
+@unittest.skipUnless(BROWSER and DRIVER, "no Chromium with chromedriver on the path: apt-get install chromium chromium-driver")
+class ReportInBrowser(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        from selenium import webdriver
+
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(cls.folder.cleanup)
+        cls.url = report(cls.folder.name).as_uri()
+        options = webdriver.ChromeOptions()
+        options.binary_location = BROWSER
+        for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=1280,900"):
+            options.add_argument(argument)
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+        cls.driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+        cls.addClassCleanup(cls.driver.quit)
+
+    def setUp(self):
+        self.screen(1280, 900)
+        self.media("light")
+        self.driver.get(self.url)
+
+    def screen(self, width, height):
+        self.driver.execute_cdp_cmd(
+            "Emulation.setDeviceMetricsOverride", {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        )
+
+    def media(self, scheme, kind=""):
+        # Without motion, since a page that still glides gets the pointer in the wrong place.
+        features = [{"name": "prefers-color-scheme", "value": scheme}, {"name": "prefers-reduced-motion", "value": "reduce"}]
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": kind, "features": features})
+
+    def js(self, code, *arguments):
+        return self.driver.execute_script(code, *arguments)
+
+    def find(self, selector):
+        return self.driver.find_elements("css selector", selector)
+
+    def actions(self):
+        from selenium.webdriver import ActionChains
+
+        return ActionChains(self.driver, duration=20)
+
+    def reads(self):
+        return [e.text for e in self.find("#stage .read")]
+
+    def ticks(self):
+        return [e.text for e in self.find("#stage .tick.x")]
+
+    def to_stage(self):
+        """The first plot, in view and in focus."""
+        self.js("document.getElementById('stage').focus(); document.getElementById('stage').scrollIntoView()")
+        return self.find("#stage figure > svg")[0]
+
+    def press(self, *keys):
+        self.actions().send_keys(*keys).perform()
+
+    def test_console_is_silent_and_nothing_is_fetched(self):
+        self.driver.get_log("performance")
+        self.driver.get(self.url)
+        self.assertEqual(self.driver.get_log("browser"), [])
+        fetched = [
+            url
+            for entry in self.driver.get_log("performance")
+            if '"Network.requestWillBeSent"' in entry["message"]
+            for url in re.findall(r'"request":\{.*?"url":"(.*?)"', entry["message"])
+        ]
+        self.assertTrue(all(url == self.url or url.startswith("data:") for url in fetched), fetched)
+
+    def test_hover_reads_all_curves_of_all_channels(self):
+        plot = self.to_stage()
+        before = self.reads()
+        self.assertTrue(all(text.startswith("rms gap in view") for text in before), before)
+        self.actions().move_to_element_with_offset(plot, 60, -30).perform()
+        reads = self.reads()
+        self.assertGreaterEqual(len(reads), 2)
+        for text in reads:
+            self.assertRegex(text, r"real −?[\d.]+\s+before −?[\d.]+ \(gap [+−]?[\d.]+\)\s+after −?[\d.]+ \(gap [+−]?[\d.]+\)")
+        self.assertRegex(self.find("#shown")[0].text, r"t = \d\.\d\d s")
+        places = self.js("return [...document.querySelectorAll('#stage .cursor')].map((c) => c.getAttribute('d').split('V')[0])")
+        self.assertEqual(len(set(places)), 1, "the cursor stands at one instant in all channels")
+
+    def test_values_read_are_those_of_the_data(self):
+        """Decodes the integers in Python and compares with what is shown."""
+        import json
+
+        data = json.loads(self.js("return document.getElementById('series').textContent"))
+        chosen = int(self.find(".card[aria-pressed=true]")[0].get_attribute("data-recording"))
+        channel = data["recordings"][chosen]["channels"][0]
+        self.to_stage()
+        self.press("\ue011", "\ue014")  # home, right
+        real = sum(channel["real"][:2]) * channel["q"]
+        before = real - channel["before"][1] * channel["q"]
+        shown = [float(v.replace("−", "-")) for v in re.findall(r"(?:real|before) (−?[\d.]+)", self.reads()[0])]
+        self.assertAlmostEqual(shown[0], real, delta=0.06)
+        self.assertAlmostEqual(shown[1], before, delta=0.06)
+
+    def test_drag_zooms_and_double_click_resets(self):
+        plot = self.to_stage()
+        whole = self.ticks()
+        self.actions().move_to_element_with_offset(plot, -200, 0).click_and_hold().move_by_offset(90, 5).release().perform()
+        zoomed = self.ticks()
+        self.assertNotEqual(zoomed, whole)
+        width = self.js("return document.querySelector('#stage figure > svg').viewBox.baseVal.width")
+        seconds = [float(t.split()[0]) for t in zoomed]
+        span = float(whole[-1].split()[0])
+        self.assertLess(seconds[-1] - seconds[0], span * 90 / width * 1.3, "the axis shows what was dragged over")
+        self.actions().double_click(self.find("#stage figure > svg")[0]).perform()
+        self.assertEqual(self.ticks(), whole)
+
+    def test_keys_move_the_cursor_zoom_and_reset(self):
+        self.to_stage()
+        whole = self.ticks()
+        time = lambda: float(re.search(r"t = ([\d.]+) s", self.find("#shown")[0].text)[1])
+        self.press("\ue014")  # right
+        first = time()
+        self.press("\ue014", "\ue014", "\ue014")
+        self.assertAlmostEqual(time() - first, 0.03, places=6)
+        self.press("\ue012")  # left
+        self.assertAlmostEqual(time() - first, 0.02, places=6)
+        self.actions().key_down("\ue008").send_keys("\ue014").key_up("\ue008").perform()
+        self.assertAlmostEqual(time() - first, 0.12, places=6)
+        self.press("+", "+")
+        self.assertNotEqual(self.ticks(), whole)
+        self.press("-", "-", "-")
+        self.assertEqual(self.ticks(), whole, "zooming out ends at the whole recording")
+        self.press("+")
+        self.press("\ue010")  # end
+        self.assertEqual(time(), 4.49)
+        self.assertTrue(self.ticks()[-1].startswith("4"), "the view follows the cursor")
+        self.press("\ue00c")  # escape
+        self.assertEqual(self.ticks(), whole)
+        self.assertNotIn("t =", self.find("#shown")[0].text)
+
+    def test_screen_readers_hear_the_values(self):
+        from selenium.webdriver.support.wait import WebDriverWait
+
+        self.to_stage()
+        self.press("\ue014")
+        spoken = lambda _: self.js("return document.getElementById('spoken').textContent")
+        text = WebDriverWait(self.driver, 3).until(spoken)
+        self.assertRegex(text, r"seconds\. Flywheel speed: real [\d.]+, before [\d.]+ \(gap .*Disc speed: real")
+
+    def test_recordings_curves_and_units_can_be_chosen(self):
+        self.find(".card")[0].click()
+        self.assertTrue(self.find("#shown")[0].text.startswith("r01"))
+        self.to_stage()
+        self.press("\ue00f")  # page down
+        self.assertTrue(self.find("#shown")[0].text.startswith("r02"))
+        top = lambda: float(self.find("#stage figure:first-child .tick")[0].text)
+        slow = top()
+        self.find("#rpm")[0].click()
+        self.assertIn("rpm", self.find("#stage figcaption")[0].text)
+        self.assertGreater(top(), 5 * slow)
+        self.find("[data-curve=before]")[0].click()
+        self.assertEqual(self.find("#stage .c-before"), [])
+        self.assertNotIn("before", self.reads()[0])
+
+    def test_everything_is_reached_by_keyboard_with_focus_visible(self):
+        self.js("document.activeElement.blur(); window.scrollTo(0, 0)")
+        self.press("\ue004")
+        self.assertEqual(self.js("return document.activeElement.className"), "skip")
+        box = self.js("const b = document.activeElement.getBoundingClientRect(); return [b.left, b.top, b.width]")
+        self.assertTrue(box[0] >= 0 and box[1] >= 0 and box[2] > 50, f"the skip link shows when it has focus: {box}")
+        seen = set()
+        for _ in range(60):
+            self.press("\ue004")
+            where = self.js(
+                "const e = document.activeElement, s = getComputedStyle(e); return [e.id || e.className || e.textContent, s.outlineStyle, parseFloat(s.outlineWidth)]"
+            )
+            if where[0] and self.js("return document.activeElement !== document.body"):
+                self.assertTrue(where[1] != "none" and where[2] >= 2, f"focus is visible at {where}")
+            seen.add(where[0])
+        self.assertTrue({"stage", "card", "rpm", "scroll"} <= seen, seen)
+
+    def test_text_has_contrast_in_light_and_dark(self):
+        grounds = set()
+        for scheme in ("light", "dark"):
+            self.media(scheme)
+            grounds.add(self.js("return getComputedStyle(document.body).backgroundColor"))
+            found = self.js(CONTRAST)
+            self.assertGreater(len(found), 300)
+            weak = [f for f in found if f[0] < 4.5]
+            self.assertEqual(weak, [], f"{scheme}: {len(weak)} texts below 4.5")
+        self.assertEqual(len(grounds), 2, "dark differs from light")
+
+    def test_narrow_screen_does_not_scroll_sideways(self):
+        self.screen(380, 800)
+        self.driver.get(self.url)
+        self.assertLessEqual(self.js("return document.documentElement.scrollWidth"), 380)
+        width = self.js("return document.querySelector('#stage figure > svg').getBoundingClientRect().width")
+        self.assertTrue(240 <= width <= 380, width)
+
+    def test_paper_shows_every_recording_and_cuts_nothing(self):
+        self.media("dark", "print")
+        self.screen(700, 1000)  # about the width of A4 inside its margins
+        shown = self.js("return [...document.querySelectorAll('.stills svg[role=img]')].map((s) => s.getBoundingClientRect()).filter((b) => b.width > 200 && b.right <= innerWidth).length")
+        self.assertEqual(shown, len(self.find(".stills svg[role=img]")))
+        self.assertGreaterEqual(shown, 20)
+        self.assertEqual(self.js("return getComputedStyle(document.body).backgroundColor"), "rgb(255, 255, 255)", "paper is white, also from a dark screen")
+        over = self.js("return [...document.querySelectorAll('table')].filter((t) => t.getBoundingClientRect().right > innerWidth + 1).map((t) => t.className)")
+        self.assertEqual(over, [], "tables fit on paper")
+        self.assertEqual(self.js("return document.getElementById('viewer').getClientRects().length"), 0)
+        pdf = base64.b64decode(self.driver.execute_cdp_cmd("Page.printToPDF", {"printBackground": True, "preferCSSPageSize": True})["data"])
+        self.assertTrue(pdf.startswith(b"%PDF"))
+
+    def test_without_scripts_the_still_figures_show(self):
+        self.driver.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
+        self.addCleanup(self.driver.execute_cdp_cmd, "Emulation.setScriptExecutionDisabled", {"value": False})
+        self.driver.get(self.url)
+        self.assertTrue(self.find(".stills svg[role=img]")[0].is_displayed())
+        self.assertFalse(self.find("#viewer")[0].is_displayed())
+
+
+if __name__ == "__main__":
+    unittest.main()

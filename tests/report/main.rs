@@ -1,0 +1,188 @@
+//! The report as a file: what it holds, how large it is, that it repeats, and that it survives bad and missing input.
+
+mod campaign;
+
+use kisspoint::report::{Input, Overlay, OverlayChannel, html};
+use serde_json::{Value, json};
+
+fn render(diagnosis: &Value, overlays: &[Overlay]) -> String {
+    html(&Input { diagnosis, overlays, provenance: &[] })
+}
+
+/// The body without the scripts.
+fn body(html: &str) -> &str {
+    &html[html.find("<body>").expect("a body")..html.find("<script").expect("a script")]
+}
+
+/// The text between tags, entities as they are.
+fn visible(html: &str) -> String {
+    body(html).split('<').map(|part| part.split_once('>').map_or("", |(_, text)| text)).collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn the_answers_of_a_campaign_are_all_there() {
+    let made = campaign::campaign();
+    let page = html(&Input { diagnosis: &made.diagnosis, overlays: &made.overlays, provenance: &made.provenance });
+    let text = visible(&page);
+    let sentence = made.diagnosis["sentence"].as_str().unwrap();
+    for expected in [
+        sentence,
+        "96\u{202f}%",
+        "Friction fade",
+        "0.281 to 0.327",
+        "Share of the friction that is lost when hot",
+        "cushion stiffness thermal",
+        "slip at constant clutch torque on a hot disc",
+        "held out",
+        "Noise floor",
+        "Dissipated energy, kJ",
+        "a creep at 5 to 30 rad/s of slip, recorded at 1 kHz",
+        "r11",
+        "5a2c7e0d6b8f",
+        "friction_fade. depth",
+    ] {
+        assert!(text.contains(expected), "{expected:?} is missing");
+    }
+    let order =
+        ["curves", "where", "which", "how-far", "open", "computed"].map(|id| page.find(&format!("<section id=\"{id}\"")).expect(id));
+    assert!(order.is_sorted(), "sections stand in the order of the questions");
+    assert_eq!(page.matches("<th scope=\"row\"><code>").count(), 5, "five parameters differ from the vehicle file, friction.m_0 does not");
+}
+
+#[test]
+fn a_usual_campaign_stays_below_one_and_a_half_megabytes() {
+    let columns = ["omega_f_rad_s", "omega_c_rad_s", "T_fc_Nm", "x_to_mm", "theta_c_degC"];
+    let noisy = |k: usize, j: usize| 150.0 * (0.01 * k as f64).sin() + ((k * 7919 + j * 104_729) % 1000) as f64 / 200.0;
+    let channel = |j: usize, n: usize| OverlayChannel {
+        column: columns[j],
+        unit: "rad/s",
+        real: (0..n).map(|k| noisy(k, j)).collect(),
+        before: (0..n).map(|k| noisy(k + 3, j + 1)).collect(),
+        after: (0..n).map(|k| noisy(k + 1, j + 2)).collect(),
+    };
+    let overlay = |r: usize, n: usize| Overlay {
+        recording: format!("r{r:02}"),
+        manoeuvre: "launch".to_owned(),
+        held_out: false,
+        dt: 0.01,
+        channels: (0..5).map(|j| channel(j, n)).collect(),
+    };
+    let usual: Vec<Overlay> = (0..10).map(|r| overlay(r, 450)).collect();
+    let long: Vec<Overlay> = (0..10).map(|r| overlay(r, 60_000)).collect();
+    for (name, overlays) in [("10 × 450", usual), ("10 × 60000", long)] {
+        let size = render(&json!({}), &overlays).len();
+        assert!(size < 1_500_000, "{name} samples with five channels: {size} bytes");
+    }
+}
+
+#[test]
+fn the_same_input_gives_the_same_bytes() {
+    let pages = [0, 1].map(|_| {
+        let made = campaign::campaign();
+        html(&Input { diagnosis: &made.diagnosis, overlays: &made.overlays, provenance: &made.provenance })
+    });
+    assert!(pages[0] == pages[1]);
+}
+
+/// Every text that a user can bring in is shown as text: none of it becomes markup, neither in the page nor in the script.
+#[test]
+fn no_text_becomes_markup() {
+    const EVIL: &str = "</script><img src=x onerror=alert(1)>'\"&";
+    fn poison(value: &mut Value) {
+        match value {
+            Value::String(text) => *text = EVIL.to_owned(),
+            Value::Array(items) => items.iter_mut().for_each(poison),
+            Value::Object(map) => {
+                let poisoned: Vec<(String, Value)> = std::mem::take(map).into_iter().collect();
+                for (key, mut item) in poisoned {
+                    poison(&mut item);
+                    map.insert(key, item);
+                }
+            }
+            _ => {}
+        }
+    }
+    let mut made = campaign::campaign();
+    poison(&mut made.diagnosis);
+    let depth = made.diagnosis["which"]["effects"][0]["parameters"]["depth"].clone();
+    made.diagnosis["which"]["effects"][0]["parameters"][EVIL] = depth;
+    made.diagnosis["plant"]["parameters"][EVIL] = json!(1.0);
+    let kpi = made.diagnosis["how_far"]["kpi"]["r01"].clone();
+    made.diagnosis["how_far"]["kpi"][EVIL] = kpi;
+    made.overlays[0].recording = EVIL.to_owned();
+    made.overlays[0].manoeuvre = EVIL.to_owned();
+    let provenance = [(EVIL.to_owned(), EVIL.to_owned())];
+    let page = html(&Input { diagnosis: &made.diagnosis, overlays: &made.overlays, provenance: &provenance });
+    assert!(page.contains("&lt;/script&gt;&lt;img"), "the text is shown");
+    assert!(!page.contains("<img"), "the text is never markup");
+    assert_eq!(page.matches("</script>").count(), 2, "the data and the script end where they should");
+}
+
+/// A section without its data says so; nothing panics, whatever is missing or of another type.
+#[test]
+fn what_is_missing_is_said() {
+    let page = visible(&render(&json!({}), &[]));
+    for said in [
+        "The diagnosis holds no verdict",
+        "Confidence: not stated",
+        "No curves were handed over",
+        "The gap per equation, phase and region was not handed over",
+        "The ranking of all candidates was not handed over",
+        "The gap before and after was not handed over",
+        "Which effects the data can’t show was not handed over",
+        "Versions, settings and the fingerprint of the data were not handed over",
+    ] {
+        assert!(page.contains(said), "{said:?} is missing");
+    }
+}
+
+#[test]
+fn any_part_may_be_missing_or_of_another_type() {
+    fn paths(value: &Value, at: String, out: &mut Vec<String>) {
+        let children: Vec<(String, &Value)> = match value {
+            Value::Object(map) => map.iter().map(|(k, v)| (k.replace('~', "~0").replace('/', "~1"), v)).collect(),
+            Value::Array(items) => items.iter().enumerate().take(1).map(|(k, v)| (k.to_string(), v)).collect(),
+            _ => Vec::new(),
+        };
+        for (key, child) in children {
+            let path = format!("{at}/{key}");
+            paths(child, path.clone(), out);
+            out.push(path);
+        }
+    }
+    let made = campaign::campaign();
+    let mut all = Vec::new();
+    paths(&made.diagnosis, String::new(), &mut all);
+    assert!(all.len() > 80, "the fixture reaches every part: {}", all.len());
+    for path in all {
+        for wrong in [Value::Null, json!("text"), json!(-1e300), json!([])] {
+            let mut diagnosis = made.diagnosis.clone();
+            *diagnosis.pointer_mut(&path).expect("a path of the fixture") = wrong;
+            let page = render(&diagnosis, &[]);
+            assert!(page.ends_with("</html>\n"), "{path}");
+            let broken = ["NaN", "\"inf", ":inf", ":-", " inf"].into_iter().find(|bad| body(&page).contains(bad));
+            assert_eq!(broken, None, "{path}");
+        }
+    }
+}
+
+#[test]
+fn curves_may_be_empty_constant_or_broken() {
+    let channel =
+        |real: Vec<f64>| OverlayChannel { column: "T_fc_Nm", unit: "N·m", before: real.clone(), after: vec![0.0; real.len()], real };
+    let bodies = [vec![], vec![1.0], vec![5.0; 40], vec![f64::NAN; 40], vec![1.0, f64::NAN, f64::INFINITY, 2.0], vec![-1e300, 1e300]];
+    let overlays: Vec<Overlay> = bodies
+        .into_iter()
+        .map(|real| Overlay {
+            recording: "r".to_owned(),
+            manoeuvre: String::new(),
+            held_out: true,
+            dt: 0.01,
+            channels: vec![channel(real)],
+        })
+        .chain([Overlay { recording: "none".to_owned(), manoeuvre: String::new(), held_out: true, dt: 0.01, channels: vec![] }])
+        .collect();
+    let page = render(&json!({}), &overlays);
+    let page = body(&page);
+    assert!(!page.contains("NaN") && !page.contains("inf "), "no coordinate is other than a number");
+}
