@@ -34,11 +34,12 @@ need_rustc_web() {
     -o Dir::Cache=$WORK/apt/cache -o APT::Sandbox::User=root"
   mkdir -p "$WORK/deb" "$WORK/apt/lists/partial" "$WORK/apt/cache/archives/partial"
   # The lists are private: the machine's own architectures are left alone. Word splitting of $apt is wanted.
+  as_root apt-get update
   # shellcheck disable=SC2086
   (cd "$WORK/deb" && rm -f ./*.deb && as_root apt-get $apt update && {
-    version=$(apt-cache policy rustc-web | awk '/Candidate/{print $2}')
-    std=$(apt-cache show libstd-rust-web-dev="$version" | grep -oE 'libstd-rust-web-[0-9.]+' | head -1)
-    llvm=$(apt-cache show "$std=$version" | grep -oE 'libllvm[0-9]+' | head -1)
+    version=$(apt-cache $apt policy rustc-web | awk '/Candidate/{print $2}')
+    std=$(apt-cache $apt show libstd-rust-web-dev="$version" | grep -oE 'libstd-rust-web-[0-9.]+' | head -1)
+    llvm=$(apt-cache $apt show "$std=$version" | grep -oE 'libllvm[0-9]+' | head -1)
     as_root apt-get $apt download rustc-web="$version" "$std=$version" libstd-rust-web-dev="$version" \
       rust-web-src="$version" libstd-rust-web-dev:arm64="$version"
     as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "$llvm"
