@@ -1,5 +1,6 @@
 //! `kisspoint fmu`: writes both FMUs, and their coupling for masters.
 
+use crate::effects::{self, Parameters};
 use crate::fmu::{FmuError, library, write_all};
 use crate::vehicle::{Vehicle, VehicleError};
 use std::path::{Path, PathBuf};
@@ -39,9 +40,9 @@ pub enum FmuCommandError {
 /// # Errors
 /// A vehicle file that is missing or not sound; no library, or an unsound one; a directory that cannot be written.
 pub fn run(args: &Args) -> Result<(), FmuCommandError> {
-    let vehicle = args.vehicle.as_deref().map_or(Ok(Vehicle::paper()), read_vehicle)?;
+    let (vehicle, effects) = args.vehicle.as_deref().map_or(Ok((Vehicle::paper(), effects::null())), read_vehicle)?;
     let libraries = library::find(&args.library)?;
-    for path in write_all(&args.out, &libraries, &vehicle)? {
+    for path in write_all(&args.out, &libraries, &vehicle, &effects)? {
         println!("{}", path.display());
     }
     let platforms: Vec<&str> = libraries.iter().map(|l| l.platform).collect();
@@ -49,8 +50,10 @@ pub fn run(args: &Args) -> Result<(), FmuCommandError> {
     Ok(())
 }
 
-fn read_vehicle(path: &Path) -> Result<Vehicle, FmuCommandError> {
+fn read_vehicle(path: &Path) -> Result<(Vehicle, Parameters), FmuCommandError> {
     let file = |source| FmuError::File { path: path.to_owned(), source };
     let text = std::fs::read_to_string(path).map_err(file)?;
-    Vehicle::from_json(&text).map_err(|source| FmuCommandError::Vehicle { path: path.to_owned(), source })
+    let wrong = |source| FmuCommandError::Vehicle { path: path.to_owned(), source };
+    let document = serde_json::from_str(&text).map_err(|e| wrong(VehicleError::Json(e.to_string())))?;
+    Ok((Vehicle::from_value(&document).map_err(wrong)?, effects::from_value(&document).map_err(wrong)?))
 }

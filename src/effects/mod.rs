@@ -11,7 +11,8 @@ use crate::physics::driveline::Driveline;
 use crate::physics::lag::Lag;
 use crate::physics::map::Contact;
 use crate::physics::thermal::Thermal;
-use crate::vehicle::Vehicle;
+use crate::vehicle::{Vehicle, VehicleError};
+use serde_json::Value;
 
 include!(concat!(env!("OUT_DIR"), "/effects.rs"));
 
@@ -53,6 +54,31 @@ pub type Parameters = [f64; N_PARAMETERS];
 /// Every effect at its null value.
 pub fn null() -> Parameters {
     std::array::from_fn(|k| PARAMETERS[k].null)
+}
+
+/// Effect parameters in the `effects` object of a vehicle document, by the FMU's variable names; what is not named is null.
+///
+/// # Errors
+/// A name that is no effect parameter, or a value that is no number within its bounds.
+pub fn from_value(document: &Value) -> Result<Parameters, VehicleError> {
+    let mut parameters = null();
+    for (name, value) in document.get("effects").and_then(Value::as_object).into_iter().flatten() {
+        let unknown = || VehicleError::Unknown(format!("effects.{name}"), "effects.effect.<id>.<parameter>".into());
+        let k = PARAMETERS.iter().position(|p| p.variable == name).ok_or_else(unknown)?;
+        let p = &PARAMETERS[k];
+        let number = value.as_f64().ok_or_else(|| VehicleError::NotANumber(name.clone(), value.to_string()))?;
+        if !(number >= p.min && number <= p.max) {
+            return Err(VehicleError::Bounds { name: name.clone(), value: number, unit: p.unit, min: p.min, max: p.max });
+        }
+        parameters[k] = number;
+    }
+    Ok(parameters)
+}
+
+/// The `effects` object of a vehicle document: every parameter that is not null.
+pub fn to_value(parameters: &Parameters) -> Value {
+    let set = PARAMETERS.iter().zip(parameters).filter(|(p, v)| **v != p.null);
+    Value::Object(set.map(|(p, v)| (p.variable.to_owned(), Value::from(*v))).collect())
 }
 
 /// One parameter of an effect, as the model description has it.

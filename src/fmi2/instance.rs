@@ -8,7 +8,8 @@ use super::resource;
 use super::types::Status;
 use super::variables::{Causality, Description, Kind, Variability, Variable};
 use super::words::{Reader, Words, Writer};
-use crate::vehicle::Vehicle;
+use crate::effects::{self, Parameters};
+use crate::vehicle::{Vehicle, VehicleError};
 use std::fs;
 use std::ops::Range;
 
@@ -66,7 +67,7 @@ impl Instance {
         let description = registered.description;
         let mut fresh: Box<[f64]> = description.variables.iter().map(|v| v.start).collect();
         match vehicle_of_resources(resource_location) {
-            Ok(vehicle) => put_vehicle(description, &vehicle, &mut fresh),
+            Ok((vehicle, effects)) => put_vehicle(description, &vehicle, &effects, &mut fresh),
             Err(Missing::Absent(why)) => log.send(
                 Status::Warning,
                 Category::Warning,
@@ -333,11 +334,13 @@ enum Missing {
     Wrong(String),
 }
 
-fn vehicle_of_resources(location: Option<&str>) -> Result<Vehicle, Missing> {
+fn vehicle_of_resources(location: Option<&str>) -> Result<(Vehicle, Parameters), Missing> {
     let location = location.ok_or_else(|| Missing::Absent("fmuResourceLocation is NULL".into()))?;
     let folder = resource::folder(location)
         .ok_or_else(|| Missing::Absent(format!("fmuResourceLocation \"{location}\" names no folder on this machine")))?;
     let path = folder.join(VEHICLE_FILE);
     let text = fs::read_to_string(&path).map_err(|e| Missing::Absent(format!("{} cannot be read: {e}", path.display())))?;
-    Vehicle::from_json(&text).map_err(|e| Missing::Wrong(format!("{}: {e}", path.display())))
+    let wrong = |e: VehicleError| Missing::Wrong(format!("{}: {e}", path.display()));
+    let document = serde_json::from_str(&text).map_err(|e| wrong(VehicleError::Json(e.to_string())))?;
+    Ok((Vehicle::from_value(&document).map_err(wrong)?, effects::from_value(&document).map_err(wrong)?))
 }

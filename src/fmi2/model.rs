@@ -2,6 +2,7 @@
 
 use super::variables::{Description, Variable};
 use super::words::{Reader, Writer};
+use crate::effects::{PARAMETERS, Parameters};
 use crate::vehicle::{NUMBERS, Vehicle};
 
 /// A model behind an FMU. `values` hold every variable in the order of the model description; a model reads inputs and parameters
@@ -65,8 +66,13 @@ pub static MODELS: [Registered; 2] = [
     Registered { description: &super::controller::DESCRIPTION, make: super::controller::make },
 ];
 
-/// Writes the vehicle's numbers into the values.
-pub fn put_vehicle(description: &Description, vehicle: &Vehicle, values: &mut [f64]) {
+/// Writes the vehicle's numbers and the effects' parameters into the values, as far as the model has them.
+pub fn put_vehicle(description: &Description, vehicle: &Vehicle, effects: &Parameters, values: &mut [f64]) {
+    for (parameter, value) in PARAMETERS.iter().zip(effects) {
+        if let Some(index) = description.variables.iter().position(|v| v.name == parameter.variable) {
+            values[index] = *value;
+        }
+    }
     for number in &NUMBERS {
         if let Some(index) = description.variables.iter().position(|v| v.name == number.name) {
             values[index] = (number.get)(vehicle);

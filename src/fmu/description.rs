@@ -1,22 +1,26 @@
 //! The model description: from its source to the one in an FMU.
 
 use super::Model;
+use crate::effects::{PARAMETERS, Parameters};
 use crate::vehicle::{NUMBERS, Vehicle};
 
 /// The text with GUID and version filled in, and the vehicle's numbers as start values.
-pub fn complete(model: &Model, vehicle: &Vehicle) -> String {
+pub fn complete(model: &Model, vehicle: &Vehicle, effects: &Parameters) -> String {
     let filled = model.xml.replace("@GUID@", model.description.guid).replace("@VERSION@", env!("CARGO_PKG_VERSION"));
-    let mut text: String = filled.lines().map(|line| with_start(line, vehicle) + "\n").collect();
+    let mut text: String = filled.lines().map(|line| with_start(line, vehicle, effects) + "\n").collect();
     text.truncate(text.trim_end().len());
     text + "\n"
 }
 
-/// The line of a vehicle's number with that vehicle's start value; any other line as it is.
-fn with_start(line: &str, vehicle: &Vehicle) -> String {
-    let number =
-        attribute(line, "name").filter(|_| line.contains("<ScalarVariable")).and_then(|name| NUMBERS.iter().find(|n| n.name == name));
-    match (number, attribute(line, "start")) {
-        (Some(number), Some(old)) => line.replace(&format!(" start=\"{old}\""), &format!(" start=\"{:?}\"", (number.get)(vehicle))),
+/// The line of a vehicle's number or of an effect's parameter with its start value; any other line as it is.
+fn with_start(line: &str, vehicle: &Vehicle, effects: &Parameters) -> String {
+    let value = |name: &str| {
+        let number = NUMBERS.iter().find(|n| n.name == name).map(|n| (n.get)(vehicle));
+        number.or_else(|| PARAMETERS.iter().position(|p| p.variable == name).map(|k| effects[k]))
+    };
+    let value = attribute(line, "name").filter(|_| line.contains("<ScalarVariable")).and_then(value);
+    match (value, attribute(line, "start")) {
+        (Some(value), Some(old)) => line.replace(&format!(" start=\"{old}\""), &format!(" start=\"{value:?}\"")),
         _ => line.to_owned(),
     }
 }
@@ -38,7 +42,7 @@ mod tests {
         vehicle.friction.m_2 = -1.25e-7;
         vehicle.driveline.J_c = 0.75;
         for model in &MODELS {
-            let xml = complete(model, &vehicle);
+            let xml = complete(model, &vehicle, &crate::effects::null());
             let start = |name: &str| {
                 let line = xml.lines().find(|l| attribute(l, "name") == Some(name)).unwrap();
                 attribute(line, "start").unwrap().parse::<f64>().unwrap()
@@ -46,7 +50,7 @@ mod tests {
             assert_eq!((start("friction.m_2"), start("driveline.J_c")), (-1.25e-7, 0.75));
             assert!(!xml.contains('@') && xml.contains(model.description.guid));
             // The paper's car is what the source holds: nothing but GUID and version changes.
-            let same = complete(model, &Vehicle::paper());
+            let same = complete(model, &Vehicle::paper(), &crate::effects::null());
             let changed = same.lines().zip(model.xml.lines()).filter(|(a, b)| a != b && !b.contains('@'));
             for (a, b) in changed {
                 let number = |line| attribute(line, "start").and_then(|s: &str| s.parse::<f64>().ok());

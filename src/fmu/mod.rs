@@ -15,6 +15,7 @@ pub mod ssv;
 pub mod system;
 
 use crate::fmi2::{controller, plant, variables};
+use crate::effects::{self, Parameters};
 use crate::vehicle::Vehicle;
 use library::Library;
 use std::io::{Cursor, Write};
@@ -99,10 +100,10 @@ pub enum FmuError {
 ///
 /// # Errors
 /// A library that does not fit the models; a file that cannot be written.
-pub fn write_all(out: &Path, libraries: &[Library], vehicle: &Vehicle) -> Result<Vec<PathBuf>, FmuError> {
+pub fn write_all(out: &Path, libraries: &[Library], vehicle: &Vehicle, effects: &Parameters) -> Result<Vec<PathBuf>, FmuError> {
     let mut fmus = Vec::new();
     for model in &MODELS {
-        fmus.push((model, archive(model, libraries, vehicle)?));
+        fmus.push((model, archive(model, libraries, vehicle, effects)?));
     }
     let mut files: Vec<(String, Vec<u8>)> =
         vec![("launch.ssp".into(), system::ssp(&fmus, vehicle)?), ("OspSystemStructure.xml".into(), system::osp(vehicle).into_bytes())];
@@ -117,17 +118,26 @@ pub fn write_all(out: &Path, libraries: &[Library], vehicle: &Vehicle) -> Result
     Ok(paths)
 }
 
+/// The vehicle document of the resources; effects that are set stand in it too, so that the FMU starts with them in every importer.
+fn document(vehicle: &Vehicle, effects: &Parameters) -> serde_json::Value {
+    let mut document = vehicle.to_value();
+    if *effects != effects::null() {
+        document["effects"] = effects::to_value(effects);
+    }
+    document
+}
+
 /// The bytes of an FMU.
 ///
 /// # Errors
 /// A library that does not hold this model.
-pub fn archive(model: &Model, libraries: &[Library], vehicle: &Vehicle) -> Result<Vec<u8>, FmuError> {
-    let xml = description::complete(model, vehicle);
+pub fn archive(model: &Model, libraries: &[Library], vehicle: &Vehicle, effects: &Parameters) -> Result<Vec<u8>, FmuError> {
+    let xml = description::complete(model, vehicle, effects);
     let mut files: Vec<(String, Vec<u8>)> = vec![
         ("modelDescription.xml".into(), xml.clone().into_bytes()),
         ("model.png".into(), ICON.to_vec()),
         ("documentation/index.html".into(), html::page(model, &xml).into_bytes()),
-        ("resources/vehicle.json".into(), format!("{:#}\n", vehicle.to_value()).into_bytes()),
+        ("resources/vehicle.json".into(), format!("{:#}\n", document(vehicle, effects)).into_bytes()),
     ];
     files.extend(LICENCES.map(|(name, text)| (name.to_owned(), text.as_bytes().to_vec())));
     for library in libraries {

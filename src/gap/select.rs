@@ -55,7 +55,7 @@ const HOPELESS: f64 = 4.0;
 /// Second effects that are fitted for each first one.
 const SECONDS: usize = 4;
 /// Iterations that every candidate gets.
-const FIRST_ITERATIONS: usize = 3;
+const FIRST_ITERATIONS: usize = 6;
 /// Candidates that are fitted to the end.
 const FINALISTS: usize = 3;
 /// Further iterations for these.
