@@ -82,7 +82,9 @@ fn variable_table(variables: &[Variable]) -> String {
     for v in variables {
         writeln!(text, "    pub const {}: u32 = {};", v.name.replace('.', "_"), v.get("valueReference")).unwrap();
     }
-    text.push_str("}\n/// Places in [`VARIABLES`], named as the variables are.\n#[allow(non_upper_case_globals, missing_docs)]\npub mod at {\n");
+    text.push_str(
+        "}\n/// Places in [`VARIABLES`], named as the variables are.\n#[allow(non_upper_case_globals, missing_docs)]\npub mod at {\n",
+    );
     for (index, v) in variables.iter().enumerate() {
         writeln!(text, "    pub const {}: usize = {index};", v.name.replace('.', "_")).unwrap();
     }
@@ -131,7 +133,8 @@ fn guid(xml: &str) -> String {
 
 /// Index of the variable by value reference, so that access takes no search.
 fn lookup_table(variables: &[Variable]) -> String {
-    let references: Vec<usize> = variables.iter().map(|v| v.get("valueReference").parse().expect("a value reference is a number")).collect();
+    let references: Vec<usize> =
+        variables.iter().map(|v| v.get("valueReference").parse().expect("a value reference is a number")).collect();
     let mut table = vec![u16::MAX; references.iter().max().map_or(0, |most| most + 1)];
     for (index, &reference) in references.iter().enumerate() {
         assert_eq!(table[reference], u16::MAX, "value reference {reference} stands twice");

@@ -29,11 +29,7 @@ fn models() -> [(&'static str, &'static str, [String; 6]); 2] {
         text([f64::from(input), beyond, f64::from(fixed), f64::from(tunable), f64::from(output), f64::from(phase)])
     };
     [
-        (
-            "DrivelinePlant",
-            plant::GUID,
-            numbers(p::x_to, 50.1, p::friction_R_1, p::effect_engine_torque_bias_torque, p::omega_f, p::phase),
-        ),
+        ("DrivelinePlant", plant::GUID, numbers(p::x_to, 50.1, p::friction_R_1, p::effect_engine_torque_bias_torque, p::omega_f, p::phase)),
         (
             "ClutchController",
             controller::GUID,

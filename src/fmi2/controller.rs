@@ -20,8 +20,7 @@ use crate::vehicle::Vehicle;
 include!(concat!(env!("OUT_DIR"), "/ClutchController.rs"));
 
 /// What its model description says.
-pub static DESCRIPTION: Description =
-    Description { name: "ClutchController", guid: GUID, variables: &VARIABLES, lookup: &LOOKUP };
+pub static DESCRIPTION: Description = Description { name: "ClutchController", guid: GUID, variables: &VARIABLES, lookup: &LOOKUP };
 
 const MODES: [Mode; 3] = [Mode::Open, Mode::Engaging, Mode::Closed];
 const FAULTS: [Fault; 5] = [Fault::None, Fault::Invalid, Fault::Jump, Fault::Frozen, Fault::Stall];

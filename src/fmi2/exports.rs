@@ -1,5 +1,6 @@
 //! The functions of FMI 2.0 that every FMU and those for co-simulation have. Each goes through the guard.
-#![allow(non_snake_case, missing_docs)]
+// The signatures are the standard's: that a pointer is good, beyond what can be checked, is the importer's promise.
+#![allow(non_snake_case, missing_docs, clippy::not_unsafe_ptr_arg_deref)]
 
 use super::call;
 use super::guard::{array, fill, guard, hand_out, take_back, text};
@@ -71,7 +72,7 @@ fn instantiate(name: Option<&CStr>, fmu_type: c_int, guid: Option<&CStr>, locati
         return None;
     };
     let location = location.map(CStr::to_string_lossy);
-    Instance::new(registered, location.as_deref(), log).ok()
+    Instance::new(registered, location.as_deref(), log)
 }
 
 #[unsafe(no_mangle)]
@@ -249,9 +250,7 @@ pub extern "C" fn fmi2SetRealInputDerivatives(
     _order: *const i32,
     _value: *const f64,
 ) -> Status {
-    guard(c, call::SET_REAL_INPUT_DERIVATIVES, |_| {
-        Err(Refusal::NotOffered("inputs are held over a step: canInterpolateInputs is false"))
-    })
+    guard(c, call::SET_REAL_INPUT_DERIVATIVES, |_| Err(Refusal::NotOffered("inputs are held over a step: canInterpolateInputs is false")))
 }
 
 #[unsafe(no_mangle)]
@@ -300,9 +299,7 @@ pub extern "C" fn fmi2GetRealStatus(c: *mut c_void, kind: c_int, value: *mut f64
 
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi2GetIntegerStatus(c: *mut c_void, kind: c_int, _value: *mut i32) -> Status {
-    guard(c, call::GET_INTEGER_STATUS, |_| {
-        Err(Refusal::Argument("s", f64::from(kind), "not a kind of status that this function gives"))
-    })
+    guard(c, call::GET_INTEGER_STATUS, |_| Err(Refusal::Argument("s", f64::from(kind), "not a kind of status that this function gives")))
 }
 
 #[unsafe(no_mangle)]

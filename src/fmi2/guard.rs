@@ -18,7 +18,7 @@ const MOST_VALUES: usize = 1 << 20;
 
 /// What `fmi2Component` points to.
 #[repr(C)]
-pub struct Component {
+pub(super) struct Component {
     magic: u64,
     /// A call is running; seen when a logger calls back.
     busy: AtomicBool,
@@ -26,7 +26,7 @@ pub struct Component {
 }
 
 /// Gives an instance to the importer.
-pub fn hand_out(instance: Instance) -> *mut c_void {
+pub(super) fn hand_out(instance: Instance) -> *mut c_void {
     let component = Component { magic: ALIVE, busy: AtomicBool::new(false), instance: UnsafeCell::new(instance) };
     Box::into_raw(Box::new(component)).cast()
 }
@@ -41,7 +41,7 @@ fn component<'a>(pointer: *mut c_void) -> Option<&'a Component> {
 }
 
 /// Takes an instance back and drops it; anything else is left alone.
-pub fn take_back(pointer: *mut c_void) {
+pub(super) fn take_back(pointer: *mut c_void) {
     let Some(held) = component(pointer) else { return };
     if held.busy.load(Ordering::Relaxed) {
         return;
@@ -59,7 +59,7 @@ pub fn take_back(pointer: *mut c_void) {
 
 /// Runs `body` on the instance behind `pointer` if `function` may be called now.
 #[inline]
-pub fn guard(pointer: *mut c_void, function: &'static Function, body: impl FnOnce(&mut Instance) -> Result<Status, Refusal>) -> Status {
+pub(super) fn guard(pointer: *mut c_void, function: &'static Function, body: impl FnOnce(&mut Instance) -> Result<Status, Refusal>) -> Status {
     let Some(component) = component(pointer) else { return Status::Error };
     // Plain loads and stores: an instance belongs to one thread at a time, this is about loggers that call back.
     if component.busy.load(Ordering::Relaxed) {
@@ -92,7 +92,7 @@ fn report(instance: &Instance, function: &Function, refusal: &Refusal) -> Status
 ///
 /// # Errors
 /// NULL though `count` is not 0, a count beyond reason, or a pointer that is not aligned.
-pub fn array<'a, T>(pointer: *const T, count: usize, name: &'static str) -> Result<&'a [T], Refusal> {
+pub(super) fn array<'a, T>(pointer: *const T, count: usize, name: &'static str) -> Result<&'a [T], Refusal> {
     check_array(pointer, count, name)?;
     // SAFETY: checked above; that `count` values are there is the importer's promise.
     Ok(if count == 0 { &[] } else { unsafe { std::slice::from_raw_parts(pointer, count) } })
@@ -102,7 +102,7 @@ pub fn array<'a, T>(pointer: *const T, count: usize, name: &'static str) -> Resu
 ///
 /// # Errors
 /// As [`array`], or as `value`.
-pub fn fill<T>(
+pub(super) fn fill<T>(
     pointer: *mut T,
     count: usize,
     name: &'static str,
@@ -129,7 +129,7 @@ fn check_array<T>(pointer: *const T, count: usize, name: &'static str) -> Result
 }
 
 /// The importer's string; none if it is NULL.
-pub fn text<'a>(pointer: *const c_char) -> Option<&'a CStr> {
+pub(super) fn text<'a>(pointer: *const c_char) -> Option<&'a CStr> {
     // SAFETY: the importer promises NUL-terminated strings.
     (!pointer.is_null()).then(|| unsafe { CStr::from_ptr(pointer) })
 }

@@ -4,10 +4,10 @@ use super::call::CallState;
 use super::log::{Category, Log};
 use super::model::{Model, Registered, put_vehicle};
 use super::refusal::Refusal;
+use super::resource;
 use super::types::Status;
 use super::variables::{Causality, Description, Kind, Variability, Variable};
 use super::words::{Reader, Words, Writer};
-use super::resource;
 use crate::effects::{self, Parameters};
 use crate::vehicle::{Vehicle, VehicleError};
 use std::fs;
@@ -62,11 +62,8 @@ struct Moving {
 const AT_REST: Moving = Moving { time: 0.0, stop: f64::MAX, doubts: 0, stale: false, tuned: false };
 
 impl Instance {
-    /// A new instance, with the vehicle of the resources.
-    ///
-    /// # Errors
-    /// A vehicle file that is there but wrong; the reason has been logged.
-    pub fn new(registered: &'static Registered, resource_location: Option<&str>, log: Log) -> Result<Self, ()> {
+    /// A new instance, with the vehicle of the resources; none if its file is there but wrong, which has then been logged.
+    pub fn new(registered: &'static Registered, resource_location: Option<&str>, log: Log) -> Option<Self> {
         let description = registered.description;
         let mut fresh: Box<[f64]> = description.variables.iter().map(|v| v.start).collect();
         match vehicle_of_resources(resource_location) {
@@ -78,10 +75,10 @@ impl Instance {
             ),
             Err(Missing::Wrong(why)) => {
                 log.send(Status::Error, Category::Error, format_args!("fmi2Instantiate: {why}"));
-                return Err(());
+                return None;
             }
         }
-        Ok(Self::with_values(registered, fresh, log))
+        Some(Self::with_values(registered, fresh, log))
     }
 
     /// An instance that starts from these values.
@@ -235,8 +232,7 @@ impl Instance {
             return Err(Refusal::Diverged(&self.description.variables[index], self.values[index]));
         }
         if logs_events && let Some(event) = self.model.event(&self.before, &self.values) {
-            let (status, category) =
-                if event.warning { (Status::Warning, Category::Warning) } else { (Status::Ok, Category::Events) };
+            let (status, category) = if event.warning { (Status::Warning, Category::Warning) } else { (Status::Ok, Category::Events) };
             self.log.send(status, category, format_args!("step to {end} s: {}", event.what));
         }
         Ok(Status::Ok)

@@ -114,6 +114,6 @@ mod tests {
         assert_eq!(CStr::from_bytes_until_nul(&line.bytes).unwrap(), c"100 %% of %%s");
         assert!(write!(line, "{}", "ä%".repeat(LONGEST)).is_err());
         let text = CStr::from_bytes_until_nul(&line.bytes).unwrap().to_str().unwrap();
-        assert!(text.len() < LONGEST && text.matches('%').count() % 2 == 0);
+        assert!(text.len() < LONGEST && text.matches('%').count().is_multiple_of(2));
     }
 }

@@ -14,8 +14,7 @@ use crate::vehicle::Vehicle;
 include!(concat!(env!("OUT_DIR"), "/DrivelinePlant.rs"));
 
 /// What its model description says.
-pub static DESCRIPTION: Description =
-    Description { name: "DrivelinePlant", guid: GUID, variables: &VARIABLES, lookup: &LOOKUP };
+pub static DESCRIPTION: Description = Description { name: "DrivelinePlant", guid: GUID, variables: &VARIABLES, lookup: &LOOKUP };
 
 /// Shafts stiffer than this are rigid, rad/(N·m).
 const LEAST_COMPLIANCE: f64 = 1e-6;

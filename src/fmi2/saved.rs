@@ -53,7 +53,7 @@ fn check_target(target: *mut *mut c_void) -> Result<(), Refusal> {
 }
 
 /// `fmi2GetFMUstate`: a state that is already there is written over, which allocates nothing.
-pub fn get(instance: &Instance, target: *mut *mut c_void) -> Result<Status, Refusal> {
+pub(super) fn get(instance: &Instance, target: *mut *mut c_void) -> Result<Status, Refusal> {
     check_target(target)?;
     // SAFETY: checked; the standard has the importer set it to NULL or to an earlier state.
     let present = unsafe { target.read() };
@@ -70,13 +70,13 @@ pub fn get(instance: &Instance, target: *mut *mut c_void) -> Result<Status, Refu
 }
 
 /// `fmi2SetFMUstate`.
-pub fn set(instance: &mut Instance, pointer: *mut c_void) -> Result<Status, Refusal> {
+pub(super) fn set(instance: &mut Instance, pointer: *mut c_void) -> Result<Status, Refusal> {
     let state = of_model(instance, pointer)?;
     instance.load(&state.payload)
 }
 
 /// `fmi2FreeFMUstate`: NULL, within or without, is no state and no mistake.
-pub fn free(target: *mut *mut c_void) -> Result<Status, Refusal> {
+pub(super) fn free(target: *mut *mut c_void) -> Result<Status, Refusal> {
     if target.is_null() {
         return Ok(Status::Ok);
     }
@@ -96,13 +96,13 @@ pub fn free(target: *mut *mut c_void) -> Result<Status, Refusal> {
 }
 
 /// `fmi2SerializedFMUstateSize`.
-pub fn size(instance: &Instance, pointer: *mut c_void, size: *mut usize) -> Result<Status, Refusal> {
+pub(super) fn size(instance: &Instance, pointer: *mut c_void, size: *mut usize) -> Result<Status, Refusal> {
     let bytes = words::size(&of_model(instance, pointer)?.payload);
     fill(size, 1, "size", |_| Ok(bytes))
 }
 
 /// `fmi2SerializeFMUstate`.
-pub fn serialize(instance: &Instance, pointer: *mut c_void, bytes: *mut c_char, size: usize) -> Result<Status, Refusal> {
+pub(super) fn serialize(instance: &Instance, pointer: *mut c_void, bytes: *mut c_char, size: usize) -> Result<Status, Refusal> {
     let state = of_model(instance, pointer)?;
     if size != words::size(&state.payload) {
         return Err(Refusal::Argument("size", size as f64, "not what fmi2SerializedFMUstateSize gave"));
@@ -112,7 +112,7 @@ pub fn serialize(instance: &Instance, pointer: *mut c_void, bytes: *mut c_char, 
 }
 
 /// `fmi2DeSerializeFMUstate`: always a new state, for the pointer it is written to may hold anything.
-pub fn deserialize(instance: &Instance, bytes: *const c_char, size: usize, target: *mut *mut c_void) -> Result<Status, Refusal> {
+pub(super) fn deserialize(instance: &Instance, bytes: *const c_char, size: usize, target: *mut *mut c_void) -> Result<Status, Refusal> {
     check_target(target)?;
     if size > MOST_BYTES {
         return Err(Refusal::Argument("size", size as f64, "larger than any state of this model"));

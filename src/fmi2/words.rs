@@ -106,7 +106,7 @@ pub fn bytes<'a>(guid: &str, payload: &'a [u64]) -> impl Iterator<Item = u8> + u
 /// # Errors
 /// What is wrong with the bytes.
 pub fn payload(guid: &str, bytes: &[u8]) -> Result<Vec<u64>, &'static str> {
-    if bytes.len() % 8 != 0 || bytes.len() < 8 * FRAME {
+    if !bytes.len().is_multiple_of(8) || bytes.len() < 8 * FRAME {
         return Err("its length is not that of a serialized state");
     }
     let words: Vec<u64> = bytes.as_chunks::<8>().0.iter().map(|c| u64::from_le_bytes(*c)).collect();

@@ -50,7 +50,9 @@ const LICENCES: [(&str, &str); 3] = [
 #[derive(Debug, thiserror::Error)]
 pub enum FmuError {
     /// No shared library anywhere.
-    #[error("no shared library of kisspoint was found (looked at {0}); build it with `cargo build --release --lib --no-default-features` or name it with --library")]
+    #[error(
+        "no shared library of kisspoint was found (looked at {0}); build it with `cargo build --release --lib --no-default-features` or name it with --library"
+    )]
     NoLibrary(String),
     /// A file is no shared library that an FMU can hold.
     #[error("{}: {what}; give an ELF .so or a PE .dll for x86-64 or AArch64", path.display())]
@@ -148,8 +150,7 @@ pub fn archive(model: &Model, libraries: &[Library], vehicle: &Vehicle, effects:
 /// An archive of these files. The time of every entry is the format's earliest, so that equal contents give equal bytes.
 fn zipped(files: &[(String, Vec<u8>)]) -> Result<Vec<u8>, FmuError> {
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-    let options =
-        SimpleFileOptions::default().compression_method(CompressionMethod::Deflated).last_modified_time(zip::DateTime::default());
+    let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated).last_modified_time(zip::DateTime::default());
     for (name, bytes) in files {
         let mode = if name.starts_with("binaries/") { 0o755 } else { 0o644 };
         zip.start_file(name.as_str(), options.unix_permissions(mode))?;

@@ -94,8 +94,7 @@ pub fn osp(vehicle: &Vehicle) -> String {
          <OspSystemStructure xmlns=\"http://opensimulationplatform.com/MSMI/OSPSystemStructure\" version=\"0.1\">\n  \
          <StartTime>0.0</StartTime>\n  <BaseStepSize>{STEP:?}</BaseStepSize>\n  <Algorithm>fixedStep</Algorithm>\n  <Simulators>\n"
     );
-    let simulators =
-        [("plant", plant::DESCRIPTION.name, &sets.plant), ("controller", controller::DESCRIPTION.name, &sets.controller)];
+    let simulators = [("plant", plant::DESCRIPTION.name, &sets.plant), ("controller", controller::DESCRIPTION.name, &sets.controller)];
     for (name, model, parameters) in simulators {
         add(&mut text, &format!("    <Simulator name=\"{name}\" source=\"{model}.fmu\" stepSize=\"{STEP:?}\">\n      <InitialValues>"));
         for Parameter { name, value, .. } in parameters {

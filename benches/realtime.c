@@ -1,0 +1,117 @@
+/* Holds a real-time step of both FMUs, coupled, and shows how long the steps took.
+ *
+ *   cc -O2 benches/realtime.c -o realtime -ldl -lm
+ *   ./realtime LIBRARY PLANT_GUID CONTROLLER_GUID STEP_US SECONDS [rollback]
+ *
+ * Every STEP_US the controller gets the plant's outputs, both are stepped, and the plant gets the controller's. With `rollback`, both
+ * states are saved and restored in every step as well, and the step is made twice. Every two seconds the launch begins anew, and in
+ * its middle an effect is injected. Exits with 1 if a step took longer than STEP_US.
+ */
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <sched.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <time.h>
+
+typedef void *Component;
+typedef struct {
+    void *logger, *allocate, *release, *finished, *environment;
+} Callbacks;
+
+static Component (*instantiate)(const char *, int, const char *, const char *, const Callbacks *, int, int);
+static int (*setup)(Component, int, double, double, int, double), (*enter)(Component), (*leave)(Component), (*reset)(Component);
+static int (*get)(Component, const unsigned *, size_t, double *), (*set)(Component, const unsigned *, size_t, const double *);
+static int (*step)(Component, double, double, int), (*save)(Component, void **), (*restore)(Component, void *);
+
+static const unsigned measured[] = {11, 12, 13}, sensed[] = {1, 2, 3}; /* omega_f, omega_c, T_e: plant, controller */
+static const unsigned wanted[] = {11, 15}, commanded[] = {1, 2};       /* x_to, T_e_ref: controller, plant */
+static const unsigned friction_factor = 1019;
+
+static double now(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+static long resident_kb(void) {
+    long kb = 0;
+    char line[256];
+    FILE *file = fopen("/proc/self/status", "r");
+    while (file && fgets(line, sizeof line, file))
+        if (sscanf(line, "VmRSS: %ld", &kb) == 1) break;
+    if (file) fclose(file);
+    return kb;
+}
+static void must(int status, const char *what) {
+    if (status > 1) fprintf(stderr, "%s: status %d\n", what, status), exit(2);
+}
+static void begin(Component c) { must(reset(c), "reset"), must(setup(c, 0, 0, 0, 0, 0), "setup"), must(enter(c), "enter"), must(leave(c), "leave"); }
+static void exchange(Component from, const unsigned *a, Component to, const unsigned *b, size_t n) {
+    double x[3];
+    must(get(from, a, n, x), "get"), must(set(to, b, n, x), "set");
+}
+static int ascending(const void *a, const void *b) { return (*(const float *)a > *(const float *)b) - (*(const float *)a < *(const float *)b); }
+
+static void *symbol(void *library, const char *name) {
+    void *found = dlsym(library, name);
+    if (!found) fprintf(stderr, "%s is missing\n", name), exit(2);
+    return found;
+}
+
+int main(int count, char **arguments) {
+    if (count < 6) return fputs("usage: see the head of realtime.c\n", stderr), 2;
+    void *library = dlopen(arguments[1], RTLD_NOW);
+    if (!library) return fprintf(stderr, "%s\n", dlerror()), 2;
+#define RESOLVE(pointer, name) *(void **)&pointer = symbol(library, "fmi2" name)
+    RESOLVE(instantiate, "Instantiate"), RESOLVE(setup, "SetupExperiment"), RESOLVE(enter, "EnterInitializationMode");
+    RESOLVE(leave, "ExitInitializationMode"), RESOLVE(reset, "Reset"), RESOLVE(get, "GetReal"), RESOLVE(set, "SetReal");
+    RESOLVE(step, "DoStep"), RESOLVE(save, "GetFMUstate"), RESOLVE(restore, "SetFMUstate");
+    Callbacks none = {0};
+    Component plant = instantiate("plant", 1, arguments[2], NULL, &none, 0, 0);
+    Component controller = instantiate("controller", 1, arguments[3], NULL, &none, 0, 0);
+    if (!plant || !controller) return fputs("the GUIDs are not the library's\n", stderr), 2;
+    double period = 1e-6 * atof(arguments[4]);
+    long steps = (long)(atof(arguments[5]) / period + 0.5), per_launch = (long)(2.0 / period + 0.5);
+    int rolls_back = count > 6, realtime;
+    void *saved_plant = NULL, *saved_controller = NULL;
+    float *took = malloc((size_t)steps * sizeof *took);
+    memset(took, 0, (size_t)steps * sizeof *took);
+    struct sched_param priority = {.sched_priority = 80};
+    realtime = sched_setscheduler(0, SCHED_FIFO, &priority) == 0 && mlockall(MCL_CURRENT | MCL_FUTURE) == 0;
+    begin(plant), begin(controller), save(plant, &saved_plant), save(controller, &saved_controller);
+    long memory = resident_kb();
+    double start = now();
+    for (long k = 0; k < steps; k++) {
+        double due = start + (double)k * period;
+        struct timespec wake = {(time_t)due, (long)(1e9 * (due - (double)(time_t)due))};
+        clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &wake, NULL);
+        long n = k % per_launch;
+        if (n == 0) begin(plant), begin(controller);
+        double t = (double)n * period, began = now(), factor = 0.8;
+        if (n == per_launch / 4) must(set(plant, &friction_factor, 1, &factor), "inject");
+        for (int pass = 0; pass <= rolls_back; pass++) {
+            if (rolls_back) {
+                if (pass == 0) save(plant, &saved_plant), save(controller, &saved_controller);
+                else must(restore(plant, saved_plant), "restore"), must(restore(controller, saved_controller), "restore");
+            }
+            exchange(plant, measured, controller, sensed, 3);
+            must(step(controller, t, period, !rolls_back), "controller"), must(step(plant, t, period, !rolls_back), "plant");
+        }
+        exchange(controller, wanted, plant, commanded, 2);
+        took[k] = (float)(1e6 * (now() - began));
+    }
+    long grown = resident_kb() - memory;
+    qsort(took, (size_t)steps, sizeof *took, ascending);
+    printf("%ld steps of %g us, %s%s\n", steps, 1e6 * period, realtime ? "SCHED_FIFO" : "ordinary scheduling", rolls_back ? ", rolled back each step" : "");
+    printf("median %.2f us, 99 %% %.2f us, 99.99 %% %.2f us, worst %.2f us; memory grew by %ld kB\n", took[steps / 2], took[steps / 100 * 99],
+        took[(long)((double)steps * 0.9999)], took[steps - 1], grown);
+    long at = 0;
+    for (double edge = 0.5; at < steps; edge *= 2) {
+        long first = at;
+        while (at < steps && took[at] <= edge) at++;
+        if (at > first) printf("  up to %8.1f us: %ld\n", edge, at - first);
+    }
+    return took[steps - 1] > 1e6 * period;
+}

@@ -1,0 +1,116 @@
+#!/usr/bin/env bash
+# Builds the FMUs' shared library for every platform on a Debian 12 x86-64 machine with rustup's stable toolchain, and
+# asserts what importers rely on: the highest glibc symbol, the DLL's imports, the exported functions.
+#
+#   packaging/cross.sh [linux64] [aarch64-linux] [win64]      all three if none is named
+#
+# The libraries land in target/fmu-libraries/<platform>/. `kisspoint fmu --library A --library B …` packs them.
+# Downloads go to target/cross. The ordinary build needs none of this.
+set -euo pipefail
+ROOT=$(cd "$(dirname "$0")/.." && pwd)
+WORK=$ROOT/target/cross
+OUT=$ROOT/target/fmu-libraries
+GLIBC=2.17
+ZIG=ziglang==0.17.0
+ZIGBUILD=cargo-zigbuild==0.24.0
+mkdir -p "$WORK"
+cd "$ROOT"
+
+CARGO=(--release --lib --no-default-features --config profile.release.debug=0 --config 'profile.release.strip="symbols"')
+as_root() { if [ "$(id -u)" = 0 ]; then "$@"; else sudo "$@"; fi; }
+fail() { echo "cross.sh: $*" >&2; exit 1; }
+
+# zig as a linker against an old glibc, from the Python package registry.
+need_zig() {
+  [ -x "$WORK/venv/bin/cargo-zigbuild" ] && return
+  python3 -m venv "$WORK/venv"
+  "$WORK/venv/bin/pip" install -q "$ZIGBUILD" "$ZIG" || "$WORK/venv/bin/pip" install -q cargo-zigbuild ziglang
+}
+
+# Debian's newest rustc, unpacked beside rustup's: it brings std for AArch64 and the sources of std for Windows.
+need_rustc_web() {
+  [ -x "$WORK/rustc-web" ] && return
+  local apt="-o APT::Architectures::=amd64 -o APT::Architectures::=arm64 -o Dir::State::lists=$WORK/apt/lists
+    -o Dir::Cache=$WORK/apt/cache -o APT::Sandbox::User=root"
+  mkdir -p "$WORK/deb" "$WORK/apt/lists/partial" "$WORK/apt/cache/archives/partial"
+  # The lists are private: the machine's own architectures are left alone. Word splitting of $apt is wanted.
+  as_root apt-get update
+  # shellcheck disable=SC2086
+  (cd "$WORK/deb" && rm -f ./*.deb && as_root apt-get $apt update && {
+    version=$(apt-cache $apt policy rustc-web | awk '/Candidate/{print $2}')
+    std=$(apt-cache $apt show libstd-rust-web-dev="$version" | grep -oE 'libstd-rust-web-[0-9.]+' | head -1)
+    llvm=$(apt-cache $apt show "$std=$version" | grep -oE 'libllvm[0-9]+' | head -1)
+    as_root apt-get $apt download rustc-web="$version" "$std=$version" libstd-rust-web-dev="$version" \
+      rust-web-src="$version" libstd-rust-web-dev:arm64="$version"
+    as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "$llvm"
+  })
+  rm -rf "$WORK/rustc-web-files" && mkdir -p "$WORK/rustc-web-files"
+  for package in "$WORK"/deb/*.deb; do dpkg -x "$package" "$WORK/rustc-web-files"; done
+  local usr=$WORK/rustc-web-files/usr
+  printf '#!/bin/sh\nLD_LIBRARY_PATH=%s/lib/x86_64-linux-gnu${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH} exec %s/bin/rustc "$@"\n' \
+    "$usr" "$usr" >"$WORK/rustc-web"
+  chmod +x "$WORK/rustc-web"
+}
+
+assert_exports() { # PLATFORM TOOL-OUTPUT
+  local count
+  count=$(grep -oE '\bfmi2[A-Z][A-Za-z]+' <<<"$2" | sort -u | wc -l)
+  [ "$count" = 44 ] || fail "$1 exports $count functions of FMI 2.0, not 44"
+}
+
+assert_glibc() { # PLATFORM FILE
+  local highest
+  highest=$(readelf -V --wide "$2" | grep -oE 'GLIBC_[0-9.]+' | sort -uV | tail -1)
+  [ "$(printf '%s\nGLIBC_%s\n' "$highest" $GLIBC | sort -V | tail -1)" = GLIBC_$GLIBC ] || fail "$1 needs $highest"
+  readelf -d "$2" | grep -q 'libgcc_s' && fail "$1 needs libgcc_s"
+  assert_exports "$1" "$(readelf --dyn-syms --wide "$2" | awk '$7 != "UND" {print $8}')"
+  echo "$1: highest symbol $highest, no libgcc_s, 44 functions, $(stat -c %s "$2") bytes"
+}
+
+assert_dll() { # FILE
+  local imports
+  imports=$(x86_64-w64-mingw32-objdump -p "$1" | awk '/DLL Name/{print tolower($3)}')
+  for name in $imports; do
+    case $name in
+      kernel32.dll | ntdll.dll | msvcrt.dll | userenv.dll | ws2_32.dll | bcryptprimitives.dll | advapi32.dll | bcrypt.dll | api-ms-win-core-synch-*) ;;
+      *) fail "win64 imports $name, which is not a system library of Windows" ;;
+    esac
+  done
+  assert_exports win64 "$(x86_64-w64-mingw32-objdump -p "$1" | sed -n '/Ordinal\/Name Pointer/,$p')"
+  echo "win64: imports $(echo $imports), 44 functions, $(stat -c %s "$1") bytes"
+}
+
+build_linux64() {
+  need_zig
+  PATH="$WORK/venv/bin:$PATH" CARGO_TARGET_DIR=$WORK/linux64 \
+    cargo zigbuild "${CARGO[@]}" --target x86_64-unknown-linux-gnu.$GLIBC
+  install -D "$WORK/linux64/x86_64-unknown-linux-gnu/release/libkisspoint.so" "$OUT/linux64/libkisspoint.so"
+  assert_glibc linux64 "$OUT/linux64/libkisspoint.so"
+}
+
+build_aarch64-linux() {
+  need_zig && need_rustc_web
+  # Build scripts and macros are built by the same compiler: it does not mix with rustup's.
+  PATH="$WORK/venv/bin:$PATH" RUSTC="$WORK/rustc-web" CARGO_TARGET_DIR=$WORK/aarch64 \
+    cargo zigbuild "${CARGO[@]}" --target aarch64-unknown-linux-gnu.$GLIBC
+  install -D "$WORK/aarch64/aarch64-unknown-linux-gnu/release/libkisspoint.so" "$OUT/aarch64-linux/libkisspoint.so"
+  assert_glibc aarch64-linux "$OUT/aarch64-linux/libkisspoint.so"
+}
+
+build_win64() {
+  command -v x86_64-w64-mingw32-gcc >/dev/null ||
+    { as_root apt-get update && as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends gcc-mingw-w64-x86-64-win32; }
+  need_rustc_web
+  RUSTC_BOOTSTRAP=1 RUSTC="$WORK/rustc-web" CARGO_TARGET_DIR=$WORK/win64 \
+    cargo build "${CARGO[@]}" -Zbuild-std=std,panic_unwind --target x86_64-pc-windows-gnu
+  install -D "$WORK/win64/x86_64-pc-windows-gnu/release/kisspoint.dll" "$OUT/win64/kisspoint.dll"
+  assert_dll "$OUT/win64/kisspoint.dll"
+}
+
+[ $# -gt 0 ] || set -- linux64 aarch64-linux win64
+for platform in "$@"; do
+  case $platform in
+    linux64 | aarch64-linux | win64) "build_$platform" ;;
+    *) fail "unknown platform $platform" ;;
+  esac
+done

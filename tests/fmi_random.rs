@@ -1,0 +1,98 @@
+//! Random values within their bounds, in random order: whatever an importer may legally set, a step ends in time and gives numbers,
+//! or an error after which a reset leads on.
+
+use kisspoint::fmi2::variables::{Causality, Description, Kind, Variability};
+use kisspoint::fmi2::{controller, exports::*, plant, types::*};
+use std::ffi::{CString, c_void};
+use std::ptr;
+use std::time::{Duration, Instant};
+
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        // Marsaglia's xorshift.
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    }
+    /// Often a bound itself, often near the start value, else anywhere.
+    fn within(&mut self, start: f64, min: f64, max: f64) -> f64 {
+        match (self.next() * 6.0) as u32 {
+            0 => min,
+            1 => max,
+            2 | 3 => (start * (0.8 + 0.4 * self.next())).clamp(min, max),
+            _ => min + (max - min) * self.next(),
+        }
+    }
+}
+
+fn make(guid: &str) -> *mut c_void {
+    let callbacks = CallbackFunctions {
+        logger: None,
+        allocate_memory: None,
+        free_memory: None,
+        step_finished: None,
+        component_environment: ptr::null_mut(),
+    };
+    let guid = CString::new(guid).unwrap();
+    fmi2Instantiate(c"x".as_ptr(), CO_SIMULATION, guid.as_ptr(), ptr::null(), &callbacks, 0, 0)
+}
+
+fn set_some(c: *mut c_void, d: &Description, random: &mut Random, share: f64, running: bool) {
+    for v in d.variables {
+        let settable =
+            v.causality == Causality::Input || v.causality == Causality::Parameter && (!running || v.variability == Variability::Tunable);
+        if v.kind == Kind::Real && settable && random.next() < share {
+            let value = random.within(v.start, v.min, v.max);
+            let status = fmi2SetReal(c, &v.value_reference, 1, &value);
+            let shafts = v.name == "effect.driveline_compliance.compliance";
+            assert!(status == Status::Ok || shafts, "{} = {value}", v.name);
+        }
+    }
+}
+
+/// Runs once; true if all steps were made.
+fn run(c: *mut c_void, d: &Description, random: &mut Random) -> bool {
+    assert_eq!(fmi2Reset(c), Status::Ok);
+    let share = [0.0, 0.02, 0.1, 1.0][(random.next() * 4.0) as usize];
+    set_some(c, d, random, share, false);
+    assert_eq!(fmi2EnterInitializationMode(c), Status::Ok);
+    if fmi2ExitInitializationMode(c) != Status::Ok {
+        return false;
+    }
+    let mut t = 0.0;
+    for _ in 0..30 {
+        let tuned = if random.next() < 0.3 { share } else { 0.0 };
+        set_some(c, d, random, tuned, true);
+        let h = 10_f64.powf(-6.0 + 5.0 * random.next());
+        let began = Instant::now();
+        let status = fmi2DoStep(c, t, h, 1);
+        assert!(began.elapsed() < Duration::from_secs(5), "a step of {h} s took {:?}", began.elapsed());
+        if status != Status::Ok {
+            return false;
+        }
+        t += h;
+        for v in d.variables.iter().filter(|v| v.causality == Causality::Output && v.kind == Kind::Real) {
+            let mut x = f64::NAN;
+            assert_eq!(fmi2GetReal(c, &v.value_reference, 1, &mut x), Status::Ok);
+            assert!(x.is_finite(), "{} = {x}", v.name);
+        }
+    }
+    true
+}
+
+#[test]
+fn whatever_is_within_bounds_gives_numbers_in_time() {
+    for (guid, d) in [(plant::GUID, &plant::DESCRIPTION), (controller::GUID, &controller::DESCRIPTION)] {
+        let c = make(guid);
+        let mut random = Random(0x2545_f491_4f6c_dd1d);
+        let runs = 4000;
+        let completed = (0..runs).filter(|_| run(c, d, &mut random)).count();
+        println!("{}: {completed} of {runs} runs completed", d.name);
+        // The others had parameters that contradict each other, or that make no car.
+        assert!(completed > runs / 2, "{}: only {completed} of {runs}", d.name);
+        fmi2FreeInstance(c);
+    }
+}
