@@ -104,7 +104,8 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
     let location = locate::locate(&coarse, &search, &decision);
     let blind_spots = screen::blind_spots(&coarse, &search.base.fit, FIRST_GAIN);
     let point = &decision.chosen.fit.point;
-    let (tuned, effects) = coarse.plant_at(point);
+    // Nuisances that a gap of unknown cause has dragged along retune nothing: the car is handed back as it came.
+    let (tuned, effects) = if decision.verdict == Verdict::Unexplained { (vehicle, effects::null()) } else { coarse.plant_at(point) };
     progress("held-out recordings", 0.95);
     let held_out = gap::evaluate(&campaign.recordings[held], (&vehicle, &effects::null()), (&tuned, &effects));
     let findings = Findings {
