@@ -10,7 +10,9 @@ use std::path::{Path, PathBuf};
 
 /// Options of `kisspoint diagnose`.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Writes diagnosis.json, report.html, plant.ssv and DrivelinePlant.fmu into DIR. Exit code 0 whatever the verdict.\n\nExample: kisspoint diagnose measurements/car_17 --out out/car_17\n         kisspoint diagnose measurements/* --out out")]
+#[command(
+    after_help = "Writes diagnosis.json, report.html, plant.ssv and DrivelinePlant.fmu into DIR. Exit code 0 whatever the verdict.\n\nExample: kisspoint diagnose measurements/car_17 --out out/car_17\n         kisspoint diagnose measurements/* --out out"
+)]
 pub struct Args {
     /// Folders with vehicle.json, recordings.json and the recordings
     #[arg(value_name = "CAMPAIGN", required = true)]
@@ -113,7 +115,9 @@ fn one(
 }
 
 fn provenance(fingerprint: &str) -> Vec<(String, String)> {
-    [("kisspoint", env!("CARGO_PKG_VERSION")), ("data fingerprint (SHA-256)", fingerprint)].map(|(k, v)| (k.to_owned(), v.to_owned())).to_vec()
+    [("kisspoint", env!("CARGO_PKG_VERSION")), ("data fingerprint (SHA-256)", fingerprint)]
+        .map(|(k, v)| (k.to_owned(), v.to_owned()))
+        .to_vec()
 }
 
 fn files(
@@ -130,7 +134,9 @@ fn files(
         .description
         .variables
         .iter()
-        .filter_map(|v| named.get(v.name).and_then(serde_json::Value::as_f64).map(|value| ssv::Parameter { name: v.name, value, unit: v.unit }))
+        .filter_map(|v| {
+            named.get(v.name).and_then(serde_json::Value::as_f64).map(|value| ssv::Parameter { name: v.name, value, unit: v.unit })
+        })
         .collect();
     Ok(vec![
         ("diagnosis.json", text.as_bytes().to_vec()),

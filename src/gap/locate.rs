@@ -128,11 +128,16 @@ const ONLY_IN_SLIP: f64 = 0.25;
 /// Whether the balances are short of torque only while the clutch slips: engine and driveline know nothing of its phase.
 fn only_slipping(windows: &[Window]) -> bool {
     let mean = |slipping: bool| {
-        let of = windows.iter().filter(|w| (w.phase == 2) == slipping);
-        let losses: Vec<f64> = of
+        let losses: Vec<f64> = windows
+            .iter()
+            .filter(|w| (w.phase == 2) == slipping)
             .map(|w| {
                 let both = w.sigma[0].hypot(w.sigma[1]);
-                if w.phase == 3 { loss((w.engine + w.driveline) / both) } else { loss(w.engine / w.sigma[0]).max(loss(w.driveline / w.sigma[1])) }
+                if w.phase == 3 {
+                    loss((w.engine + w.driveline) / both)
+                } else {
+                    loss(w.engine / w.sigma[0]).max(loss(w.driveline / w.sigma[1]))
+                }
             })
             .collect();
         losses.iter().sum::<f64>() / losses.len().max(1) as f64
@@ -140,6 +145,9 @@ fn only_slipping(windows: &[Window]) -> bool {
     let rest = windows.iter().filter(|w| w.phase != 2).count();
     rest >= LEAST_WINDOWS && mean(false) < ONLY_IN_SLIP * mean(true)
 }
+
+/// Factor on the least leftover up to which the clutch is still in question.
+const CLOSE: f64 = 1.6;
 
 /// Correlation of successive windows of one recording.
 fn serial_correlation(windows: &[Window], read: fn(&Window) -> f64) -> f64 {
@@ -159,8 +167,8 @@ fn of_unknown(problem: &Problem, search: &Search, decision: &Decision) -> Subsys
         .into_iter()
         .min_by(|a, b| a.1.total_cmp(&b.1))
         .map_or(Subsystem::Friction, |b| b.0);
-    let beyond_the_clutch = best != Subsystem::Friction && !only_slipping(&windows);
-    let best = if beyond_the_clutch { best } else { Subsystem::Friction };
+    let close = l.clutch < CLOSE * l.engine.min(l.driveline);
+    let best = if close && only_slipping(&windows) { Subsystem::Friction } else { best };
     let undone = |read: fn(&Window) -> f64| serial_correlation(&windows, read) < UNDOES_ITSELF;
     match best {
         Subsystem::Engine if undone(|w| w.engine) => return Subsystem::Sensors,

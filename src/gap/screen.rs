@@ -71,7 +71,9 @@ pub fn screen(problem: &Problem, anchors: &[Anchor], already: &[usize]) -> Vec<C
         .flat_map(|e| anchors.iter().enumerate().map(move |(a, anchor)| (e, a, anchor)))
         .flat_map(|(e, a, anchor)| starts(problem, anchor, &REGISTRY[e]).into_iter().map(move |(p, most)| (e, a, p, most)))
         .collect();
-    let promised = |(effect, a, start, most): (usize, usize, Point, f64)| promise(problem, &anchors[a], effect, start, most).map(|c| Candidate { anchor: a, ..c });
+    let promised = |(effect, a, start, most): (usize, usize, Point, f64)| {
+        promise(problem, &anchors[a], effect, start, most).map(|c| Candidate { anchor: a, ..c })
+    };
     let all: Vec<Option<Candidate>> = tasks.into_par_iter().map(promised).collect();
     let mut best: Vec<Candidate> = Vec::new();
     for candidate in all.into_iter().flatten() {

@@ -5,8 +5,8 @@
 //! left. Thresholds are set on drawn cars whose effects are known (see the docs of the method), never on a case at hand.
 
 use super::fit::{Fit, Point, Problem, fit, prior};
-use crate::effects::{PARAMETERS, REGISTRY};
 use super::screen::{Anchor, Candidate, screen};
+use crate::effects::{PARAMETERS, REGISTRY};
 use rayon::prelude::*;
 
 /// A set of effects with its fit.
@@ -152,7 +152,12 @@ fn fit_all(problem: &Problem, already: &[usize], candidates: &[Candidate]) -> Ve
     all.sort_by(by_cost);
     // Of two starts of the same effect the better one goes on.
     let mut seen: Vec<Vec<usize>> = Vec::new();
-    all.retain(|h| !seen.contains(&h.effects) && { seen.push(h.effects.clone()); true });
+    all.retain(|h| {
+        !seen.contains(&h.effects) && {
+            seen.push(h.effects.clone());
+            true
+        }
+    });
     let finalists = all.len().min(FINALISTS);
     all[..finalists].par_iter_mut().for_each(|h| h.fit = fit(problem, &h.effects, &h.fit.point, ITERATIONS));
     all.sort_by(by_cost);
