@@ -1,11 +1,11 @@
-//! Friction depends otherwise on slip speed: μ (1 + amplitude (e^(−pivot/speed) − e^(−ω/speed))).
+//! Friction depends otherwise on slip speed: μ (1 + gradient · speed · (e^(−pivot/speed) − e^(−ω/speed))).
 //!
-//! A negative amplitude is the negative slope that excites judder; a large `speed` makes it linear.
+//! A negative gradient is the negative slope that excites judder; a large `speed` makes it linear.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
-//! | `amplitude` | relative change at high slip | 1 |
-//! | `speed` | slip speed over which it develops | rad/s |
+//! | `gradient` | relative change per slip speed, near zero slip | s/rad |
+//! | `speed` | slip speed over which the gradient fades | rad/s |
 //! | `pivot` | slip speed at which friction is as nominal | rad/s |
 //! | ω | slip speed, ≥ 0 | rad/s |
 
@@ -14,27 +14,27 @@ use super::{Act, Effect, Parameters, Subsystem, param};
 /// See the module.
 pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Friction,
-    amplitudes: &[param::friction_slip_gradient::amplitude],
+    amplitudes: &[param::friction_slip_gradient::gradient],
     act: Act::Friction(apply),
     starts: &[
         &[
-            (param::friction_slip_gradient::amplitude, 0.15),
-            (param::friction_slip_gradient::speed, 50.0),
+            (param::friction_slip_gradient::gradient, 0.003),
+            (param::friction_slip_gradient::speed, 60.0),
             (param::friction_slip_gradient::pivot, 0.0),
         ],
         &[
-            (param::friction_slip_gradient::amplitude, -0.15),
-            (param::friction_slip_gradient::speed, 50.0),
+            (param::friction_slip_gradient::gradient, -0.003),
+            (param::friction_slip_gradient::speed, 60.0),
             (param::friction_slip_gradient::pivot, 0.0),
         ],
         &[
-            (param::friction_slip_gradient::amplitude, 0.4),
-            (param::friction_slip_gradient::speed, 150.0),
+            (param::friction_slip_gradient::gradient, 0.003),
+            (param::friction_slip_gradient::speed, 300.0),
             (param::friction_slip_gradient::pivot, 60.0),
         ],
         &[
-            (param::friction_slip_gradient::amplitude, -0.4),
-            (param::friction_slip_gradient::speed, 150.0),
+            (param::friction_slip_gradient::gradient, -0.003),
+            (param::friction_slip_gradient::speed, 300.0),
             (param::friction_slip_gradient::pivot, 60.0),
         ],
     ],
@@ -43,5 +43,7 @@ pub const EFFECT: Effect = Effect {
 
 fn apply(p: &Parameters, omega: f64, _: f64) -> f64 {
     let decay = |speed: f64| (-speed / p[param::friction_slip_gradient::speed]).exp();
-    1.0 + p[param::friction_slip_gradient::amplitude] * (decay(p[param::friction_slip_gradient::pivot]) - decay(omega))
+    1.0 + p[param::friction_slip_gradient::gradient]
+        * p[param::friction_slip_gradient::speed]
+        * (decay(p[param::friction_slip_gradient::pivot]) - decay(omega))
 }

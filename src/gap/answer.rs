@@ -3,7 +3,7 @@
 //! Keys are sorted and numbers rounded to six significant digits (plant parameters are exact), so that the same
 //! campaign gives the same bytes.
 
-use super::decide::{HELPS, STRUCTURED, Verdict};
+use super::decide::{self, HELPS, STRUCTURED, Verdict};
 use super::diagnosis::{Findings, verdict_id};
 use super::fit::{Coordinate, Fit, prior};
 use super::gap::{Engagement, HeldOut, unit};
@@ -107,9 +107,9 @@ fn kpi(held_out: &[HeldOut]) -> Value {
     Value::Object(held_out.iter().filter(|h| h.channel == Channel::OmegaF).map(one).collect())
 }
 
-/// Scale of the evidence: residuals that are larger than the noise, whatever is fitted, weaken it.
+/// Scale of the evidence, see [`decide::dispersion`].
 fn dispersion(f: &Findings) -> f64 {
-    (f.decision.chosen.fit.cost / f.search.samples as f64).max(1.0)
+    decide::dispersion(&f.decision.chosen.fit)
 }
 
 /// Hypotheses that differ from the chosen one in effect `k` alone.

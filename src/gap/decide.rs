@@ -3,7 +3,7 @@
 //! The thresholds were set on drawn cars whose effects are known, by the procedure that the docs of the method describe; they are
 //! never set on a case at hand.
 
-use super::fit::prior;
+use super::fit::{Fit, prior, weight};
 use super::select::{Hypothesis, Search};
 
 /// Verdict on a campaign, as the answer's schema names it.
@@ -19,9 +19,9 @@ pub enum Verdict {
     Unexplained,
 }
 
-/// Gain in cost that a first effect needs: on cars within their tolerances the best of all candidates stays below it.
-pub const FIRST_GAIN: f64 = 24.0;
-/// Gain in cost that a second effect needs.
+/// Evidence (twice in nats) that a first effect needs: on cars within their tolerances the best of all candidates stays below it.
+pub const FIRST_GAIN: f64 = 20.0;
+/// Evidence that a second effect needs.
 pub const SECOND_GAIN: f64 = 30.0;
 /// Share of the first effect's excess that a second effect has to take.
 pub const SECOND_SHARE: f64 = 0.6;
@@ -45,18 +45,46 @@ pub struct Decision {
     pub left: f64,
 }
 
+/// Numbers of residuals that are summed for the dispersion: up to twice the memory of the replay.
+const BLOCKS: [usize; 3] = [10, 25, 50];
+
+/// Variance of residuals over blocks, relative to white noise of the estimated size, at least 1.
+///
+/// Quantised torque reports and forms that differ leave residuals that hang together; they weigh less than their number says.
+pub fn dispersion(fit: &Fit) -> f64 {
+    let of = |length: usize| {
+        let sums = fit.residuals.iter().flat_map(|r| r.chunks_exact(length)).map(|b| b.iter().map(|r| r * weight(*r)).sum::<f64>());
+        let squares: Vec<f64> = sums.map(|s| s * s / length as f64).collect();
+        squares.iter().sum::<f64>() / squares.len().max(1) as f64
+    };
+    BLOCKS.into_iter().map(of).fold(1.0, f64::max)
+}
+
+/// Cost of the nuisances, and cost of the data.
+fn split(h: &Hypothesis) -> (f64, f64) {
+    let pulled = prior(&h.fit.point);
+    (pulled, h.fit.cost - pulled)
+}
+
+/// Evidence for the larger of two hypotheses, twice in nats: tolerances that it sets free, and data that it explains beyond what hangs
+/// together anyway, less what its parameters have to earn.
+fn evidence(small: &Hypothesis, large: &Hypothesis) -> f64 {
+    let ((pulled_0, data_0), (pulled_1, data_1)) = (split(small), split(large));
+    let earned = (large.score() - large.fit.cost) - (small.score() - small.fit.cost);
+    (pulled_0 - pulled_1) + (data_0 - data_1) / dispersion(&large.fit) - earned
+}
+
 /// Whether a second effect is there, and not only the first one's form that differs.
 ///
 /// Two signs count: the first effect alone pulls tolerances far beyond their size and the second sets them free, or the second takes
 /// most of the structure that the first left, and not a trifle beside what the first explains.
-fn second_is_needed(search: &Search, single: &Hypothesis, pair: &Hypothesis, dispersion: f64) -> bool {
-    let split = |h: &Hypothesis| (prior(&h.fit.point), h.fit.cost - prior(&h.fit.point));
+fn second_is_needed(search: &Search, single: &Hypothesis, pair: &Hypothesis) -> bool {
     let ((pulled_1, data_1), (pulled_2, data_2)) = (split(single), split(pair));
     let (freed, gained) = (pulled_1 - pulled_2, data_1 - data_2);
     let structure = data_1 - data_2.min(search.samples as f64);
     let explained = search.base.fit.cost - single.fit.cost;
-    let takes_the_rest = gained > SECOND_SHARE * structure && gained > TRIFLE * explained && gained / dispersion > SECOND_GAIN;
-    (freed + gained) / dispersion > SECOND_GAIN && (freed > SECOND_GAIN || takes_the_rest)
+    let takes_the_rest = gained > SECOND_SHARE * structure && gained > TRIFLE * explained;
+    evidence(single, pair) > SECOND_GAIN && (freed > SECOND_GAIN || takes_the_rest)
 }
 
 /// Decides.
@@ -64,13 +92,10 @@ pub fn decide(search: &Search) -> Decision {
     let n = search.samples as f64;
     let base = &search.base;
     let excess = |h: &Hypothesis| (h.fit.cost - n).max(0.0);
-    let best_cost = search.pairs.iter().chain(&search.singles).map(|h| h.fit.cost).fold(base.fit.cost, f64::min);
-    // Noise that is larger than estimated weakens all evidence alike.
-    let dispersion = (best_cost / n).max(1.0);
     let mut chosen = base.clone();
-    if let Some(single) = search.singles.first().filter(|s| (base.fit.cost - s.fit.cost) / dispersion > FIRST_GAIN) {
+    if let Some(single) = search.singles.first().filter(|s| evidence(base, s) > FIRST_GAIN) {
         chosen = single.clone();
-        if let Some(pair) = search.pairs.first().filter(|pair| second_is_needed(search, single, pair, dispersion)) {
+        if let Some(pair) = search.pairs.first().filter(|pair| second_is_needed(search, single, pair)) {
             chosen = pair.clone();
         }
     }

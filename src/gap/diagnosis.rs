@@ -1,7 +1,7 @@
 //! The diagnosis of one campaign: where, which, how far, and what stays in doubt.
 
 use super::answer;
-use super::decide::{Decision, FIRST_GAIN, Verdict, decide};
+use super::decide::{Decision, FIRST_GAIN, STRUCTURED, Verdict, decide};
 use super::fit::{Fit, Point, Problem, fit};
 use super::gap::{self, HeldOut};
 use super::locate::{self, Location};
@@ -135,7 +135,9 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
 fn look_again(native: &Problem, search: &mut Search) {
     let cost = |h: Option<&Hypothesis>| h.map_or(f64::NAN, |h| h.fit.cost);
     let (single, pair) = (cost(search.singles.first()), cost(search.pairs.first()));
-    if !BORDERLINE.contains(&(search.base.fit.cost - single)) && !BORDERLINE.contains(&(single - pair)) {
+    let least = [search.base.fit.cost, single, pair].into_iter().fold(f64::INFINITY, f64::min);
+    let structured = (STRUCTURED..LARGE_STRUCTURE).contains(&(least / search.samples as f64));
+    if !structured && !BORDERLINE.contains(&(search.base.fit.cost - single)) && !BORDERLINE.contains(&(single - pair)) {
         return;
     }
     let again = |h: &Hypothesis| Hypothesis { effects: h.effects.clone(), fit: refit(native, &h.effects, &h.fit.point) };
@@ -149,6 +151,9 @@ fn look_again(native: &Problem, search: &mut Search) {
     search.pairs = best(&search.pairs);
     search.samples = search.base.fit.residuals.iter().map(Vec::len).sum();
 }
+
+/// Cost per residual above which structure is there at any rate.
+const LARGE_STRUCTURE: f64 = 4.0;
 
 /// Hypotheses of each size that are fitted again at the full rate.
 const LOOKED_AT_AGAIN: usize = 2;
