@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 /// Options of `kisspoint diagnose`.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Writes diagnosis.json, report.html, plant.ssv and DrivelinePlant.fmu into DIR. Exit code 0 whatever the verdict.\n\nExample: kisspoint diagnose measurements/car_17 --out out/car_17")]
+#[command(after_help = "Writes diagnosis.json, report.html, plant.ssv and DrivelinePlant.fmu into DIR. Exit code 0 whatever the verdict.\n\nExamples:\n  kisspoint diagnose measurements/car_17 --out out/car_17")]
 pub struct Args {
     /// Folder with vehicle.json, recordings.json and the recordings
     #[arg(value_name = "CAMPAIGN")]
