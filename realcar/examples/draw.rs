@@ -9,12 +9,8 @@ use std::path::PathBuf;
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let get = |name: &str| -> Result<&String, String> {
-        let at = args
-            .iter()
-            .position(|a| a == name)
-            .ok_or_else(|| format!("{name} is missing"))?;
-        args.get(at + 1)
-            .ok_or_else(|| format!("{name} needs a value"))
+        let at = args.iter().position(|a| a == name).ok_or_else(|| format!("{name} is missing"))?;
+        args.get(at + 1).ok_or_else(|| format!("{name} needs a value"))
     };
     let (seed, cars) = (get("--seed")?.parse()?, get("--cars")?.parse()?);
     let out = PathBuf::from(get("--out")?);
@@ -26,12 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         car.write(&out.join(&name))?;
         car.write_unseen(&unseen.join(&name))?;
         let ids: Vec<&str> = car.truth.effects.iter().map(|e| e.id).collect();
-        let told: Vec<String> = car
-            .truth
-            .effects
-            .iter()
-            .map(|e| format!("{}: {}", e.id, e.shape))
-            .collect();
+        let told: Vec<String> = car.truth.effects.iter().map(|e| format!("{}: {}", e.id, e.shape)).collect();
         answers.insert(name.clone(), ids);
         shapes.insert(name, told);
     }

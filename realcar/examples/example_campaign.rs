@@ -10,12 +10,9 @@ const SEED: u64 = 20_111;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args = std::env::args().skip(1);
-    let dir = args
-        .next()
-        .ok_or("name the directory to write, e.g. tests/data/campaigns/example")?;
+    let dir = args.next().ok_or("name the directory to write, e.g. tests/data/campaigns/example")?;
     let effect = args.next().unwrap_or_else(|| "kiss_point_thermal".into());
-    let (id, ..) =
-        catalogue::find(&effect).ok_or_else(|| format!("no effect is called {effect}"))?;
+    let (id, ..) = catalogue::find(&effect).ok_or_else(|| format!("no effect is called {effect}"))?;
     let car = (0..1000)
         .map(|index| draw_car_of(SEED, index, Kind::Single(id)))
         .find(small_and_whole)
@@ -29,8 +26,6 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 fn small_and_whole(car: &Car) -> bool {
     let recordings = &car.campaign.recordings;
-    let small = recordings
-        .iter()
-        .all(|r| r.bench.is_none() && r.sample_rate_hz < 500.0);
+    let small = recordings.iter().all(|r| r.bench.is_none() && r.sample_rate_hz < 500.0);
     small && recordings.len() == 9
 }

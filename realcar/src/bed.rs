@@ -35,41 +35,19 @@ impl Bed {
         let rate = if rng.random_bool(0.17) { 1000.0 } else { 100.0 };
         // A fast logger comes with a bench.
         let bench = rate > 500.0 || rng.random_bool(0.24);
-        let alone =
-            rng.random_bool(0.17) && ids.iter().all(|id| catalogue::shows_in_launches(id, bench));
+        let alone = rng.random_bool(0.17) && ids.iter().all(|id| catalogue::shows_in_launches(id, bench));
         let hot_creep = rng.random_bool(0.45);
         let plan = plan(&mut rng, alone, hot_creep);
         let unseen = unseen(&mut rng);
-        Self {
-            file,
-            real,
-            tuning,
-            noise,
-            rate,
-            bench,
-            plan,
-            unseen,
-            pen_seed: rng.random(),
-            rng,
-        }
+        Self { file, real, tuning, noise, rate, bench, plan, unseen, pen_seed: rng.random(), rng }
     }
 
     pub(crate) fn record(mut self, deviation: &Deviation) -> (Campaign, Vec<Recording>) {
         let jobs: Vec<_> = self.plan.iter().chain(&self.unseen).copied().collect();
-        let mut all: Vec<_> = jobs
-            .into_iter()
-            .enumerate()
-            .map(|(k, (what, hot))| self.one(what, hot, deviation, k as u64))
-            .collect();
+        let mut all: Vec<_> = jobs.into_iter().enumerate().map(|(k, (what, hot))| self.one(what, hot, deviation, k as u64)).collect();
         let unseen = all.split_off(self.plan.len());
         let vehicle_json = crate::write::pretty(&self.file.to_json());
-        (
-            Campaign {
-                vehicle_json,
-                recordings: all,
-            },
-            unseen,
-        )
+        (Campaign { vehicle_json, recordings: all }, unseen)
     }
 
     fn one(&mut self, what: Manoeuvre, hot: bool, deviation: &Deviation, k: u64) -> Recording {
@@ -85,14 +63,7 @@ impl Bed {
             let z: f64 = self.rng.random_range(-1.6..1.6);
             ((theta + z) * 10.0).round() / 10.0
         });
-        let setting = Setting {
-            what,
-            rate: self.rate,
-            bench: self.bench,
-            theta: [disc, body],
-            noted,
-            air,
-        };
+        let setting = Setting { what, rate: self.rate, bench: self.bench, theta: [disc, body], noted, air };
         self.pen_seed = self.pen_seed.wrapping_add(0x9e37_79b9);
         let pen = Pen::new(&self.noise, self.pen_seed);
         let tcu = Tcu::new(&self.file, &self.tuning, what, 1.0 / self.rate, noted);
@@ -117,15 +88,7 @@ pub struct Setting {
 }
 
 /// Drives one recording with fine steps of `h` seconds.
-pub fn record(
-    real: &Vehicle,
-    deviation: &Deviation,
-    s: Setting,
-    mut tcu: Tcu,
-    mut pen: Pen,
-    k: u64,
-    h: f64,
-) -> Recording {
+pub fn record(real: &Vehicle, deviation: &Deviation, s: Setting, mut tcu: Tcu, mut pen: Pen, k: u64, h: f64) -> Recording {
     let dt = 1.0 / s.rate;
     let rows = (s.what.length_s() * s.rate).round() as usize;
     let omega = s.what.start_speeds();
@@ -139,13 +102,7 @@ pub fn record(
     };
     let (mut read_f, mut read_c) = (pen.speed(omega[0]), pen.speed(omega[1]));
     let (mut torque, mut position) = tcu.command(0.0, read_f, read_c);
-    let start = Start {
-        omega,
-        theta: s.theta,
-        air: s.air,
-        torque,
-        position,
-    };
+    let start = Start { omega, theta: s.theta, air: s.air, torque, position };
     let mut car = Motion::start(real, deviation, h, start, k);
     for row in 0..rows {
         let t = row as f64 * dt;
@@ -169,26 +126,13 @@ pub fn record(
 }
 
 fn plan(rng: &mut StdRng, alone: bool, hot_creep: bool) -> Vec<(Manoeuvre, bool)> {
-    let launches = if alone {
-        manoeuvre::LAUNCHES_ALONE
-    } else {
-        manoeuvre::LAUNCHES
-    };
-    let mut plan: Vec<_> = launches
-        .iter()
-        .enumerate()
-        .map(|(i, l)| (Manoeuvre::Launch(*l), i > 2))
-        .collect();
+    let launches = if alone { manoeuvre::LAUNCHES_ALONE } else { manoeuvre::LAUNCHES };
+    let mut plan: Vec<_> = launches.iter().enumerate().map(|(i, l)| (Manoeuvre::Launch(*l), i > 2)).collect();
     let creep = creep(rng);
     let rev = Manoeuvre::OpenRev(rng.random_range(111.0..129.0), rng.random_range(61.0..90.0));
     let locked = Manoeuvre::LockedDrive(rng.random_range(91.0..118.0));
     if !alone {
-        plan.extend([
-            (creep, false),
-            (rev, false),
-            (Manoeuvre::Modulate, false),
-            (locked, false),
-        ]);
+        plan.extend([(creep, false), (rev, false), (Manoeuvre::Modulate, false), (locked, false)]);
         if hot_creep {
             plan.push((creep, true));
         }
@@ -199,11 +143,7 @@ fn plan(rng: &mut StdRng, alone: bool, hot_creep: bool) -> Vec<(Manoeuvre, bool)
 fn unseen(rng: &mut StdRng) -> Vec<(Manoeuvre, bool)> {
     let [soft, firm] = manoeuvre::LAUNCHES_UNSEEN;
     let hot = rng.random_bool(0.5);
-    vec![
-        (Manoeuvre::Launch(soft), hot),
-        (Manoeuvre::Launch(firm), !hot),
-        (creep(rng), rng.random_bool(0.5)),
-    ]
+    vec![(Manoeuvre::Launch(soft), hot), (Manoeuvre::Launch(firm), !hot), (creep(rng), rng.random_bool(0.5))]
 }
 
 fn creep(rng: &mut StdRng) -> Manoeuvre {

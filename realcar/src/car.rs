@@ -69,13 +69,7 @@ pub struct Start {
 
 impl Motion {
     /// The car at rest in its first commands. `recording` chooses what happens at random on the road.
-    pub fn start(
-        vehicle: &Vehicle,
-        deviation: &Deviation,
-        h: f64,
-        start: Start,
-        recording: u64,
-    ) -> Self {
+    pub fn start(vehicle: &Vehicle, deviation: &Deviation, h: f64, start: Start, recording: u64) -> Self {
         let mut d = deviation.clone();
         let [omega_f, omega_d] = start.omega;
         d.engine.rest(start.torque, recording);
@@ -119,10 +113,7 @@ impl Motion {
             return;
         }
         let jc = self.deviation.driveline.inertia(&self.vehicle);
-        let net = torque
-            - self.vehicle.b_f * self.omega_f
-            - self.vehicle.t_l0
-            - self.vehicle.b_c * self.omega_f;
+        let net = torque - self.vehicle.b_f * self.omega_f - self.vehicle.t_l0 - self.vehicle.b_c * self.omega_f;
         let front = self.vehicle.j_f + shaft.disc_share * jc;
         let carried = net * (1.0 - front / (self.vehicle.j_f + jc)) + self.vehicle.t_l0;
         for _ in 0..50 {
@@ -140,8 +131,7 @@ impl Motion {
 
     fn step(&mut self, reported: f64, command: f64) {
         let (h, v, d) = (self.h, &self.vehicle, &mut self.deviation);
-        let engine = d.engine.step(h, self.t, reported, self.omega_f, self.crank) * v.engine_gain
-            + v.engine_bias;
+        let engine = d.engine.step(h, self.t, reported, self.omega_f, self.crank) * v.engine_gain + v.engine_bias;
         self.x = d.actuator.step(h, self.t, command, v.x_cnt);
         let (force, touching) = d.force.step(h, v, self.x, self.theta[0], self.crank);
 
@@ -155,9 +145,7 @@ impl Motion {
         }
         let viscous = drag_viscous * slip;
 
-        let load = d
-            .driveline
-            .load(h, self.t, v, self.omega_v, self.vehicle_turn);
+        let load = d.driveline.load(h, self.t, v, self.omega_v, self.vehicle_turn);
         let inertia = d.driveline.inertia(v);
         let (j_d, behind, lost) = match d.driveline.shaft {
             None => (inertia, load, 0.0),
@@ -181,34 +169,13 @@ impl Motion {
         self.t_fc = dry + viscous;
 
         // Work by the mean speed of the step, which balances the kinetic energy exactly.
-        let mean = [
-            0.5 * (before[0] + self.omega_f),
-            0.5 * (before[1] + self.omega_d),
-        ];
+        let mean = [0.5 * (before[0] + self.omega_f), 0.5 * (before[1] + self.omega_d)];
         let power = self.t_fc * (mean[0] - mean[1]);
         self.engine_j += h * engine * mean[0];
         self.heat_j += h * power;
-        self.road_j += h
-            * (friction_f * mean[0]
-                + load
-                    * if d.driveline.shaft.is_some() {
-                        self.omega_v
-                    } else {
-                        mean[1]
-                    }
-                + lost);
+        self.road_j += h * (friction_f * mean[0] + load * if d.driveline.shaft.is_some() { self.omega_v } else { mean[1] } + lost);
         d.friction.work(h, power);
-        let rates = d.thermal.step(
-            h,
-            v,
-            self.theta,
-            Work {
-                air: self.air,
-                power_w: power,
-                touching,
-                speeds: mean,
-            },
-        );
+        let rates = d.thermal.step(h, v, self.theta, Work { air: self.air, power_w: power, touching, speeds: mean });
         self.theta = [self.theta[0] + h * rates[0], self.theta[1] + h * rates[1]];
 
         if d.driveline.shaft.is_none() {
@@ -251,13 +218,7 @@ mod tests {
     use super::*;
     use crate::effects::{Dice, STEP_S};
 
-    const START: Start = Start {
-        omega: [140.0, 0.0],
-        theta: [40.0, 35.0],
-        air: 25.0,
-        torque: 40.0,
-        position: 6.2,
-    };
+    const START: Start = Start { omega: [140.0, 0.0], theta: [40.0, 35.0], air: 25.0, torque: 40.0, position: 6.2 };
 
     fn ride(deviation: &Deviation, h: f64) -> Motion {
         let v = Vehicle::reference();
@@ -272,16 +233,11 @@ mod tests {
         let mut shaft = Deviation::default();
         shaft.set("driveline_compliance", &mut Dice::new(3, 1.0));
         for (deviation, part) in [(Deviation::default(), 1e-9), (shaft, 2e-3)] {
-            let start =
-                Motion::start(&Vehicle::reference(), &deviation, STEP_S, START, 0).stored_j();
+            let start = Motion::start(&Vehicle::reference(), &deviation, STEP_S, START, 0).stored_j();
             let car = ride(&deviation, STEP_S);
             let off = car.engine_j - (car.stored_j() - start) - car.heat_j - car.road_j;
             assert!(car.heat_j > 1000.0);
-            assert!(
-                off.abs() < part * car.engine_j,
-                "{off} J of {} J",
-                car.engine_j
-            );
+            assert!(off.abs() < part * car.engine_j, "{off} J of {} J", car.engine_j);
         }
     }
 
@@ -292,25 +248,13 @@ mod tests {
         let mut car = Motion::start(&v, &Deviation::default(), STEP_S, START, 0);
         car.drive(2.0, 55.0, 6.2);
         let taken = v.c_1 * (car.theta[0] - 40.0) + v.c_b * (car.theta[1] - 35.0);
-        assert!(
-            (taken - car.heat_j).abs() < 1e-6 * car.heat_j,
-            "{taken} J of {} J",
-            car.heat_j
-        );
+        assert!((taken - car.heat_j).abs() < 1e-6 * car.heat_j, "{taken} J of {} J", car.heat_j);
     }
 
     #[test]
     fn a_finer_step_changes_nothing_that_a_sensor_sees() {
-        let (coarse, fine) = (
-            ride(&Deviation::default(), STEP_S),
-            ride(&Deviation::default(), STEP_S / 8.0),
-        );
-        assert!(
-            (coarse.omega_f - fine.omega_f).abs() < 0.01,
-            "{} {}",
-            coarse.omega_f,
-            fine.omega_f
-        );
+        let (coarse, fine) = (ride(&Deviation::default(), STEP_S), ride(&Deviation::default(), STEP_S / 8.0));
+        assert!((coarse.omega_f - fine.omega_f).abs() < 0.01, "{} {}", coarse.omega_f, fine.omega_f);
         assert!((coarse.theta[0] - fine.theta[0]).abs() < 0.02);
     }
 
@@ -319,13 +263,8 @@ mod tests {
         let car = ride(&Deviation::default(), STEP_S);
         assert!((car.omega_f - car.omega_d).abs() < 1e-10);
         let v = Vehicle::reference();
-        let net =
-            30.0 - v.b_f * car.omega_f - v.t_l0 - v.b_c * car.omega_d - v.k_l * car.omega_d.powi(2);
+        let net = 30.0 - v.b_f * car.omega_f - v.t_l0 - v.b_c * car.omega_d - v.k_l * car.omega_d.powi(2);
         let share = 30.0 - v.b_f * car.omega_f - v.j_f * net / (v.j_f + v.j_c);
-        assert!(
-            (car.t_fc - share).abs() < 0.01,
-            "{} against {share}",
-            car.t_fc
-        );
+        assert!((car.t_fc - share).abs() < 0.01, "{} against {share}", car.t_fc);
     }
 }

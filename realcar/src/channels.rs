@@ -60,11 +60,7 @@ impl Noise {
     pub fn draw(rng: &mut StdRng) -> Self {
         Self {
             speed: rng.random_range(0.05..0.26),
-            torque: if rng.random_bool(0.25) {
-                0.0
-            } else {
-                rng.random_range(0.05..0.40)
-            },
+            torque: if rng.random_bool(0.25) { 0.0 } else { rng.random_range(0.05..0.40) },
             position: rng.random_range(0.004..0.013),
             temperature: rng.random_range(0.4..1.0),
         }
@@ -80,10 +76,7 @@ pub struct Pen {
 impl Pen {
     /// Noise of its own for each recording.
     pub fn new(noise: &Noise, seed: u64) -> Self {
-        Self {
-            noise: noise.clone(),
-            rng: StdRng::seed_from_u64(seed),
-        }
+        Self { noise: noise.clone(), rng: StdRng::seed_from_u64(seed) }
     }
 
     fn read(&mut self, value: f64, sigma: f64, step: f64) -> f64 {
@@ -110,8 +103,6 @@ impl Pen {
     pub fn bench(&mut self, bench: &mut Bench, x: f64, t_fc: f64, theta: f64) {
         bench.x_to_mm.push(self.read(x, self.noise.position, 0.001));
         bench.t_fc_nm.push(self.read(t_fc, 0.5, 0.05));
-        bench
-            .theta_c_deg_c
-            .push(self.read(theta, self.noise.temperature, 0.1));
+        bench.theta_c_deg_c.push(self.read(theta, self.noise.temperature, 0.1));
     }
 }

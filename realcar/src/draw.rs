@@ -116,32 +116,20 @@ pub fn draw_car_sized(seed: u64, index: usize, kind: Kind, size: f64) -> Car {
     let mut deviation = Deviation::default();
     let mut effects = Vec::new();
     for id in ids {
-        let (id, subsystem, in_library) =
-            catalogue::find(id).unwrap_or_else(|| panic!("`{id}` is not in the catalogue"));
+        let (id, subsystem, in_library) = catalogue::find(id).unwrap_or_else(|| panic!("`{id}` is not in the catalogue"));
         let mut dice = Dice::new(mix(seed, hash(id), index), size);
         let shape = deviation.set(id, &mut dice);
-        effects.push(TrueEffect {
-            id,
-            subsystem,
-            in_library,
-            shape,
-        });
+        effects.push(TrueEffect { id, subsystem, in_library, shape });
     }
     let (campaign, unseen) = Bed::draw(seed, index, ids).record(&deviation);
-    Car {
-        campaign,
-        unseen,
-        truth: Truth { effects },
-    }
+    Car { campaign, unseen, truth: Truth { effects } }
 }
 
 /// Two effects of different subsystems, of which each can be told beside the other.
 fn pair(rng: &mut StdRng) -> Kind {
     loop {
         let (a, in_a) = catalogue::LIBRARY[rng.random_range(0..24)];
-        let (b, in_b) = *catalogue::LIBRARY
-            .choose(rng)
-            .unwrap_or(&catalogue::LIBRARY[0]);
+        let (b, in_b) = *catalogue::LIBRARY.choose(rng).unwrap_or(&catalogue::LIBRARY[0]);
         // Where the heat goes is the faintest of all: beside another effect nobody could tell.
         if in_a != in_b && in_a != "thermal" && in_b != "thermal" {
             return Kind::Pair(a, b);
@@ -162,15 +150,11 @@ fn turn(seed: u64, list: &'static [(&'static str, &'static str)], n: usize) -> &
 
 /// A seed of its own for each purpose and car.
 pub(crate) fn mix(seed: u64, purpose: u64, index: usize) -> u64 {
-    let mut z = seed
-        ^ purpose.wrapping_mul(0xd6e8_feb8_6659_fd93)
-        ^ (index as u64).wrapping_mul(0xa076_1d64_78bd_642f);
+    let mut z = seed ^ purpose.wrapping_mul(0xd6e8_feb8_6659_fd93) ^ (index as u64).wrapping_mul(0xa076_1d64_78bd_642f);
     z = (z ^ (z >> 32)).wrapping_mul(0xe703_7ed1_a0b4_28db);
     z ^ (z >> 29)
 }
 
 fn hash(id: &str) -> u64 {
-    id.bytes().fold(0xcbf2_9ce4_8422_2325, |h, b| {
-        (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01b3)
-    })
+    id.bytes().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01b3))
 }

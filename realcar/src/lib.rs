@@ -31,7 +31,4 @@ pub mod vehicle;
 pub mod write;
 
 pub use channels::Recording;
-pub use draw::{
-    Campaign, Car, Kind, Settings, TrueEffect, Truth, draw, draw_car, draw_car_of, draw_car_sized,
-    kind,
-};
+pub use draw::{Campaign, Car, Kind, Settings, TrueEffect, Truth, draw, draw_car, draw_car_of, draw_car_sized, kind};

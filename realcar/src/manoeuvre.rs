@@ -70,22 +70,8 @@ impl Manoeuvre {
     }
 }
 
-const fn launch(
-    torque: f64,
-    ramp_s: f64,
-    fill_s: f64,
-    base: f64,
-    reopens: bool,
-    length_s: f64,
-) -> Launch {
-    Launch {
-        torque,
-        ramp_s,
-        fill_s,
-        base,
-        reopens,
-        length_s,
-    }
+const fn launch(torque: f64, ramp_s: f64, fill_s: f64, base: f64, reopens: bool, length_s: f64) -> Launch {
+    Launch { torque, ramp_s, fill_s, base, reopens, length_s }
 }
 
 /// The five launches of a full campaign, from cold to hot.
@@ -107,27 +93,16 @@ pub const LAUNCHES_ALONE: [Launch; 5] = [
 ];
 
 /// Two launches of strengths that no campaign holds.
-pub const LAUNCHES_UNSEEN: [Launch; 2] = [
-    launch(46.0, 0.66, 0.19, 29.5, false, 4.0),
-    launch(74.0, 0.47, 0.17, 44.5, false, 3.6),
-];
+pub const LAUNCHES_UNSEEN: [Launch; 2] = [launch(46.0, 0.66, 0.19, 29.5, false, 4.0), launch(74.0, 0.47, 0.17, 44.5, false, 3.6)];
 
 /// Engine torque that drives an open rev, N·m.
 pub fn open_rev_torque(t: f64) -> f64 {
-    levels(
-        t,
-        &[(0.0, 8.0), (0.51, 26.0), (1.61, -4.0), (2.82, 10.0)],
-        0.08,
-    )
+    levels(t, &[(0.0, 8.0), (0.51, 26.0), (1.61, -4.0), (2.82, 10.0)], 0.08)
 }
 
 /// Engine torque that drives a closed clutch, N·m.
 pub fn locked_torque(t: f64) -> f64 {
-    levels(
-        t,
-        &[(0.0, 15.0), (0.5, 60.0), (1.5, 0.0), (2.4, 50.0)],
-        0.06,
-    )
+    levels(t, &[(0.0, 15.0), (0.5, 60.0), (1.5, 0.0), (2.4, 50.0)], 0.06)
 }
 
 /// Levels that pass into each other over `blend` seconds from their start.

@@ -100,14 +100,10 @@ mod tests {
                     let rho = r1 + (f64::from(i) + 0.5) * width;
                     let w = slip * rho / mean;
                     let d = mu_dynamic(&v, theta);
-                    sum +=
-                        (d + (v.mu_0 - d + v.alpha_1 * w) * (-v.alpha_2 * w).exp()) * rho * width;
+                    sum += (d + (v.mu_0 - d + v.alpha_1 * w) * (-v.alpha_2 * w).exp()) * rho * width;
                 }
                 let got = friction_radius_m(&v, slip, theta);
-                assert!(
-                    (got - sum / (r2 - r1)).abs() < 1e-9,
-                    "{slip} {theta}: {got}"
-                );
+                assert!((got - sum / (r2 - r1)).abs() < 1e-9, "{slip} {theta}: {got}");
             }
         }
     }

@@ -30,11 +30,7 @@ impl Tuning {
         Self {
             engine_p: rng.random_range(0.25..0.55),
             engine_i: rng.random_range(0.35..0.9),
-            clutch_i: if rng.random_bool(0.4) {
-                0.0
-            } else {
-                rng.random_range(0.05..0.35)
-            },
+            clutch_i: if rng.random_bool(0.4) { 0.0 } else { rng.random_range(0.05..0.35) },
             follows_heat: rng.random_bool(0.65),
         }
     }
@@ -75,13 +71,7 @@ pub struct Tcu {
 
 impl Tcu {
     /// A controller for one manoeuvre; temperatures in °C as they are noted.
-    pub fn new(
-        vehicle: &Vehicle,
-        tuning: &Tuning,
-        what: Manoeuvre,
-        dt: f64,
-        theta: [f64; 2],
-    ) -> Self {
+    pub fn new(vehicle: &Vehicle, tuning: &Tuning, what: Manoeuvre, dt: f64, theta: [f64; 2]) -> Self {
         let engine_sum = match what {
             Manoeuvre::Creep(..) => 4.0,
             Manoeuvre::Modulate => 7.0,
@@ -119,28 +109,12 @@ impl Tcu {
             Manoeuvre::OpenRev(..) => (manoeuvre::open_rev_torque(t), v.x_cnt - 1.0),
             Manoeuvre::LockedDrive(_) => (manoeuvre::locked_torque(t), v.x_cls + 0.3),
             Manoeuvre::Creep(top, period) => {
-                let x = rise(
-                    t,
-                    0.3,
-                    v.x_cnt - 0.6,
-                    at(manoeuvre::creep_position(t.max(0.3), top, period)),
-                );
-                (
-                    self.governor(150.0, omega_f, 0.85, 0.8) + self.carried(t, x),
-                    x,
-                )
+                let x = rise(t, 0.3, v.x_cnt - 0.6, at(manoeuvre::creep_position(t.max(0.3), top, period)));
+                (self.governor(150.0, omega_f, 0.85, 0.8) + self.carried(t, x), x)
             }
             Manoeuvre::Modulate => {
-                let x = rise(
-                    t,
-                    0.3,
-                    v.x_cnt - 0.6,
-                    at(manoeuvre::chirp_position(t.max(0.3))),
-                );
-                (
-                    self.governor(150.0, omega_f, 0.8, 0.9) + 0.4 * self.carried(t, x),
-                    x,
-                )
+                let x = rise(t, 0.3, v.x_cnt - 0.6, at(manoeuvre::chirp_position(t.max(0.3))));
+                (self.governor(150.0, omega_f, 0.8, 0.9) + 0.4 * self.carried(t, x), x)
             }
             Manoeuvre::Launch(l) => self.launch(l, t, omega_f, omega_c),
         };
@@ -182,19 +156,13 @@ impl Tcu {
         let meet = 104.72 + 0.27 * (l.torque + 55.0);
         let share = smooth((t - 0.05) / 0.75);
         let err = 104.72 + (meet - 104.72) * share - omega_f;
-        self.engine_sum =
-            (self.engine_sum + self.dt * self.tuning.engine_i * err).clamp(-25.0, 25.0);
-        let speed_up =
-            v.j_f * (meet - 104.72) * 6.0 * ((t - 0.05) / 0.75).clamp(0.0, 1.0) * (1.0 - share)
-                / 0.75
-                * 0.35;
-        let wanted =
-            plan + v.b_f * omega_f + self.tuning.engine_p * err + self.engine_sum + speed_up;
+        self.engine_sum = (self.engine_sum + self.dt * self.tuning.engine_i * err).clamp(-25.0, 25.0);
+        let speed_up = v.j_f * (meet - 104.72) * 6.0 * ((t - 0.05) / 0.75).clamp(0.0, 1.0) * (1.0 - share) / 0.75 * 0.35;
+        let wanted = plan + v.b_f * omega_f + self.tuning.engine_p * err + self.engine_sum + speed_up;
         let mut torque = wanted * smooth(t / 0.25);
 
         if plan > 0.84 * l.torque && self.slip > 5.0 {
-            self.clutch_sum +=
-                self.dt * self.tuning.clutch_i * (self.plan_c - omega_c).clamp(-20.0, 20.0);
+            self.clutch_sum += self.dt * self.tuning.clutch_i * (self.plan_c - omega_c).clamp(-20.0, 20.0);
             self.clutch_sum = self.clutch_sum.clamp(-0.12 * l.torque, 0.12 * l.torque);
         }
         let asked = plan + self.clutch_sum;
@@ -212,10 +180,7 @@ impl Tcu {
             self.near = if self.slip < 2.5 { self.near + 1 } else { 0 };
             let late = t > 0.62 * l.length_s + 0.55;
             if self.near as f64 * self.dt > 0.025 || (late && self.slip < 12.0) {
-                self.phase = Phase::HandOver {
-                    since: t,
-                    x: self.position,
-                };
+                self.phase = Phase::HandOver { since: t, x: self.position };
                 self.down_since = Some(self.down_since.unwrap_or((t, torque)));
             }
         }
@@ -239,12 +204,9 @@ impl Tcu {
         let v = Rc::clone(&self.vehicle);
         let (down, from) = self.down_since.unwrap_or((since, self.torque));
         let torque = going_down(l, t - down, from);
-        let grip = map::position_for_torque_mm(&v, 1.38 * l.torque, self.theta)
-            .max(x + 0.2)
-            .min(v.x_cls + 0.3);
+        let grip = map::position_for_torque_mm(&v, 1.38 * l.torque, self.theta).max(x + 0.2).min(v.x_cls + 0.3);
         let s = t - since;
-        let position =
-            x + (grip - x) * smooth(s / 0.09) + (v.x_cls + 0.3 - grip) * smooth((s - 0.22) / 0.34);
+        let position = x + (grip - x) * smooth(s / 0.09) + (v.x_cls + 0.3 - grip) * smooth((s - 0.22) / 0.34);
         if s > 0.56 {
             self.phase = Phase::Closed { since: t };
         }

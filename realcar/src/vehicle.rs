@@ -97,9 +97,7 @@ impl Vehicle {
         if rng.random_bool(0.3) {
             return v;
         }
-        let mut vary = |value: f64, part: f64, digits: i32| {
-            round(value * (1.0 + rng.random_range(-part..part)), digits)
-        };
+        let mut vary = |value: f64, part: f64, digits: i32| round(value * (1.0 + rng.random_range(-part..part)), digits);
         v.j_f = vary(v.j_f, 0.15, 4);
         v.j_c = vary(v.j_c, 0.15, 4);
         v.b_f = vary(v.b_f, 0.15, 4);

@@ -38,38 +38,21 @@ fn write_folder(dir: &Path, vehicle: &str, recordings: &[Recording]) -> io::Resu
         index.push(format!("{}: {}", Value::from(name), about));
     }
     // Joined by hand, so that the recordings stay in their order.
-    fs::write(
-        dir.join("recordings.json"),
-        format!("{{\n {}\n}}\n", index.join(",\n ")),
-    )
+    fs::write(dir.join("recordings.json"), format!("{{\n {}\n}}\n", index.join(",\n ")))
 }
 
 /// A recording as text.
 pub fn csv(r: &Recording) -> String {
-    let mut out =
-        String::from("time_s,omega_f_rad_s,omega_c_rad_s,T_e_Nm,x_to_cmd_mm,theta_h_degC");
-    out.push_str(if r.bench.is_some() {
-        ",x_to_mm,T_fc_Nm,theta_c_degC\n"
-    } else {
-        "\n"
-    });
+    let mut out = String::from("time_s,omega_f_rad_s,omega_c_rad_s,T_e_Nm,x_to_cmd_mm,theta_h_degC");
+    out.push_str(if r.bench.is_some() { ",x_to_mm,T_fc_Nm,theta_c_degC\n" } else { "\n" });
     for i in 0..r.time_s.len() {
         let _ = write!(
             out,
             "{:.4},{:.3},{:.3},{:.1},{:.3},{:.1}",
-            r.time_s[i],
-            r.omega_f_rad_s[i],
-            r.omega_c_rad_s[i],
-            r.t_e_nm[i],
-            r.x_to_cmd_mm[i],
-            r.theta_h_deg_c[i]
+            r.time_s[i], r.omega_f_rad_s[i], r.omega_c_rad_s[i], r.t_e_nm[i], r.x_to_cmd_mm[i], r.theta_h_deg_c[i]
         );
         if let Some(b) = &r.bench {
-            let _ = write!(
-                out,
-                ",{:.3},{:.2},{:.1}",
-                b.x_to_mm[i], b.t_fc_nm[i], b.theta_c_deg_c[i]
-            );
+            let _ = write!(out, ",{:.3},{:.2},{:.1}", b.x_to_mm[i], b.t_fc_nm[i], b.theta_c_deg_c[i]);
         }
         out.push('\n');
     }

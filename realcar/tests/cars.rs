@@ -14,19 +14,12 @@ fn index_with_everything(seed: u64) -> usize {
 }
 
 fn kinds() -> impl Iterator<Item = Kind> {
-    LIBRARY
-        .iter()
-        .map(|e| Kind::Single(e.0))
-        .chain(OUTSIDE.iter().map(|e| Kind::Outside(e.0)))
+    LIBRARY.iter().map(|e| Kind::Single(e.0)).chain(OUTSIDE.iter().map(|e| Kind::Outside(e.0)))
 }
 
 /// RMS change of the two speeds over a recording, rad/s.
 fn change(a: &Recording, b: &Recording) -> f64 {
-    let pairs = a
-        .omega_f_rad_s
-        .iter()
-        .zip(&b.omega_f_rad_s)
-        .chain(a.omega_c_rad_s.iter().zip(&b.omega_c_rad_s));
+    let pairs = a.omega_f_rad_s.iter().zip(&b.omega_f_rad_s).chain(a.omega_c_rad_s.iter().zip(&b.omega_c_rad_s));
     let sum: f64 = pairs.map(|(x, y)| (x - y).powi(2)).sum();
     (sum / (2 * a.time_s.len()) as f64).sqrt()
 }
@@ -55,11 +48,7 @@ fn every_effect_changes_what_is_recorded() {
     let mut faint = Vec::new();
     for k in kinds() {
         let car = draw_car_of(11, i, k);
-        let pairs = healthy
-            .campaign
-            .recordings
-            .iter()
-            .zip(&car.campaign.recordings);
+        let pairs = healthy.campaign.recordings.iter().zip(&car.campaign.recordings);
         let largest = pairs.map(|(a, b)| change(a, b)).fold(0.0, f64::max);
         // The largest noise of a car's speeds is 0.26 rad/s.
         if largest < 0.5 {
@@ -75,24 +64,13 @@ fn columns_are_whole_and_finite() {
         let car = draw_car(2, i);
         assert_eq!(car.unseen.len(), 3);
         for r in car.campaign.recordings.iter().chain(&car.unseen) {
-            let mut columns = vec![
-                &r.time_s,
-                &r.omega_f_rad_s,
-                &r.omega_c_rad_s,
-                &r.t_e_nm,
-                &r.x_to_cmd_mm,
-                &r.theta_h_deg_c,
-            ];
+            let mut columns = vec![&r.time_s, &r.omega_f_rad_s, &r.omega_c_rad_s, &r.t_e_nm, &r.x_to_cmd_mm, &r.theta_h_deg_c];
             if let Some(b) = &r.bench {
                 columns.extend([&b.x_to_mm, &b.t_fc_nm, &b.theta_c_deg_c]);
             }
             for c in columns {
                 assert_eq!(c.len(), r.time_s.len());
-                assert!(
-                    c.iter().all(|x| x.is_finite() && x.abs() < 1000.0),
-                    "car {i}, {}",
-                    r.manoeuvre
-                );
+                assert!(c.iter().all(|x| x.is_finite() && x.abs() < 1000.0), "car {i}, {}", r.manoeuvre);
             }
         }
     }
@@ -102,24 +80,12 @@ fn columns_are_whole_and_finite() {
 fn launches_of_healthy_cars_lock_up() {
     for i in 0..25 {
         let car = draw_car_of(4, i, Kind::Healthy);
-        for (k, r) in car
-            .campaign
-            .recordings
-            .iter()
-            .enumerate()
-            .filter(|(_, r)| r.manoeuvre == "launch")
-        {
+        for (k, r) in car.campaign.recordings.iter().enumerate().filter(|(_, r)| r.manoeuvre == "launch") {
             // The fifth slips once more on purpose; all are closed after seven tenths of a launch and at 3 s.
             let at = ((0.88 * r.time_s.len() as f64).min(3.2 * r.sample_rate_hz)) as usize;
-            let slip: f64 = (at..at + 8)
-                .map(|n| r.omega_f_rad_s[n] - r.omega_c_rad_s[n])
-                .sum::<f64>()
-                / 8.0;
+            let slip: f64 = (at..at + 8).map(|n| r.omega_f_rad_s[n] - r.omega_c_rad_s[n]).sum::<f64>() / 8.0;
             let late = k == 0 && r.time_s[at] < 3.3;
-            assert!(
-                late || slip.abs() < 0.6,
-                "car {i}, launch {k}: {slip:.2} rad/s"
-            );
+            assert!(late || slip.abs() < 0.6, "car {i}, launch {k}: {slip:.2} rad/s");
         }
     }
 }
@@ -149,21 +115,12 @@ fn a_campaign_is_written_in_the_contract_s_form() {
     let dir = std::env::temp_dir().join(format!("realcar_{}", std::process::id()));
     let car = draw_car(1, 0);
     car.write(&dir).expect("a temporary folder can be written");
-    let vehicle: serde_json::Value =
-        serde_json::from_str(&std::fs::read_to_string(dir.join("vehicle.json")).unwrap()).unwrap();
+    let vehicle: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(dir.join("vehicle.json")).unwrap()).unwrap();
     assert!(vehicle["tolerance"]["friction.mu"]["rel"].is_number());
-    let index: serde_json::Value =
-        serde_json::from_str(&std::fs::read_to_string(dir.join("recordings.json")).unwrap())
-            .unwrap();
-    assert_eq!(
-        index.as_object().unwrap().len(),
-        car.campaign.recordings.len()
-    );
+    let index: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(dir.join("recordings.json")).unwrap()).unwrap();
+    assert_eq!(index.as_object().unwrap().len(), car.campaign.recordings.len());
     let text = std::fs::read_to_string(dir.join("r01.csv")).unwrap();
     assert!(text.starts_with("time_s,omega_f_rad_s,omega_c_rad_s,T_e_Nm,x_to_cmd_mm,theta_h_degC"));
-    assert_eq!(
-        text.lines().count(),
-        1 + car.campaign.recordings[0].time_s.len()
-    );
+    assert_eq!(text.lines().count(), 1 + car.campaign.recordings[0].time_s.len());
     std::fs::remove_dir_all(dir).unwrap();
 }

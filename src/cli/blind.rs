@@ -127,7 +127,11 @@ fn examine(folder: &Path, car: Car) -> Result<Outcome, BlindError> {
 /// Share of the speed gap that the retuned car closes on recordings that the diagnosis never saw.
 fn closed_on(unseen: &campaign::Campaign, answer: &Diagnosis) -> f64 {
     let (before, after) = ((&answer.nominal, &effects::null()), (&answer.vehicle, &answer.effects));
-    let speeds = unseen.recordings.iter().flat_map(|r| evaluate(r, before, after)).filter(|h| matches!(h.channel, Channel::OmegaF | Channel::OmegaC));
+    let speeds = unseen
+        .recordings
+        .iter()
+        .flat_map(|r| evaluate(r, before, after))
+        .filter(|h| matches!(h.channel, Channel::OmegaF | Channel::OmegaC));
     let (b, a, n) = speeds.fold((0.0, 0.0, 0.0), |(b, a, n), h| (b + h.before, a + h.after, n + h.noise));
     ((b - a) / (b - n)).min(1.0)
 }

@@ -10,12 +10,14 @@ use std::path::{Path, PathBuf};
 
 /// Options of `kisspoint diagnose`.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Writes diagnosis.json, report.html, plant.ssv and DrivelinePlant.fmu into DIR. Exit code 0 whatever the verdict.\n\nExamples:\n  kisspoint diagnose measurements/car_17 --out out/car_17")]
+#[command(
+    after_help = "Writes diagnosis.json, report.html, plant.ssv and DrivelinePlant.fmu into DIR. Exit code 0 whatever the verdict.\n\nExamples:\n  kisspoint diagnose measurements/car_17 --out out/car_17\n  kisspoint diagnose measurements/* --out out"
+)]
 pub struct Args {
-    /// Folder with vehicle.json, recordings.json and the recordings
-    #[arg(value_name = "CAMPAIGN")]
-    campaign: PathBuf,
-    /// Folder for the answer
+    /// Folders with vehicle.json, recordings.json and the recordings
+    #[arg(value_name = "CAMPAIGN", required = true)]
+    campaigns: Vec<PathBuf>,
+    /// Folder for the answer; of several campaigns, each has a folder of its name in it
     #[arg(long, value_name = "DIR", required_unless_present = "json")]
     out: Option<PathBuf>,
     /// Print diagnosis.json to standard output
@@ -73,28 +75,49 @@ pub fn run(args: &Args) -> Result<(), DiagnoseError> {
     // Found before the work begins: nobody wants to hear of a missing library after it.
     let libraries = if args.out.is_some() { library::find(&args.library)? } else { Vec::new() };
     let channel_map = args.channel_map.as_deref().map(ChannelMap::from_file).transpose()?;
-    let campaign = campaign::read(&args.campaign, &ReadOptions { channel_map, strict: args.strict })?;
-    let bar = Progress::new();
+    let options = ReadOptions { channel_map, strict: args.strict };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
+    for path in &args.campaigns {
+        let several = args.campaigns.len() > 1;
+        let out = args.out.as_ref().map(|out| if several { out.join(path.file_name().unwrap_or(path.as_os_str())) } else { out.clone() });
+        if several && !args.json {
+            println!("{}", path.display());
+        }
+        one(path, out.as_deref(), args.json, &options, &pool, &libraries)?;
+    }
+    Ok(())
+}
+
+fn one(
+    path: &Path,
+    out: Option<&Path>,
+    as_json: bool,
+    options: &ReadOptions,
+    pool: &rayon::ThreadPool,
+    libraries: &[library::Library],
+) -> Result<(), DiagnoseError> {
+    let campaign = campaign::read(path, options)?;
+    let bar = Progress::new();
     let diagnosis = pool
         .install(|| diagnose(&campaign, &|what, share| bar.tell(what, share)))
-        .map_err(|source| DiagnoseError::Diagnosis { path: args.campaign.clone(), source })?;
+        .map_err(|source| DiagnoseError::Diagnosis { path: path.to_owned(), source })?;
     bar.finish();
     let text = format!("{:#}\n", diagnosis.json);
-    if let Some(out) = &args.out {
-        let provenance = provenance(&campaign.fingerprint);
-        write(out, &files(&diagnosis, &text, &provenance, &libraries)?)?;
+    if let Some(out) = out {
+        write(out, &files(&diagnosis, &text, &provenance(&campaign.fingerprint), libraries)?)?;
     }
-    if args.json {
+    if as_json {
         print!("{text}");
     } else {
-        summary(&diagnosis, args.out.as_deref());
+        summary(&diagnosis, out);
     }
     Ok(())
 }
 
 fn provenance(fingerprint: &str) -> Vec<(String, String)> {
-    [("kisspoint", env!("CARGO_PKG_VERSION")), ("data fingerprint (SHA-256)", fingerprint)].map(|(k, v)| (k.to_owned(), v.to_owned())).to_vec()
+    [("kisspoint", env!("CARGO_PKG_VERSION")), ("data fingerprint (SHA-256)", fingerprint)]
+        .map(|(k, v)| (k.to_owned(), v.to_owned()))
+        .to_vec()
 }
 
 fn files(
@@ -111,7 +134,9 @@ fn files(
         .description
         .variables
         .iter()
-        .filter_map(|v| named.get(v.name).and_then(serde_json::Value::as_f64).map(|value| ssv::Parameter { name: v.name, value, unit: v.unit }))
+        .filter_map(|v| {
+            named.get(v.name).and_then(serde_json::Value::as_f64).map(|value| ssv::Parameter { name: v.name, value, unit: v.unit })
+        })
         .collect();
     Ok(vec![
         ("diagnosis.json", text.as_bytes().to_vec()),

@@ -88,7 +88,8 @@ fn spring(all: &mut Vec<Finding>, p: &CushionSpring) {
     let places: Vec<f64> = (0..=1000).map(|k| xi_0 + (1.0 - xi_0) * f64::from(k) / 1000.0).collect();
     let force = |xi: f64| xi * (p.beta_1 + xi * (p.beta_2 + xi * p.beta_3));
     if let Some(pair) = places.windows(2).find(|w| force(w[1]) <= force(w[0])) {
-        let what = format!("the force falls at ξ = {:.3}, above the contact point ξ_0 = {xi_0:.3}: the inverse map isn't monotone", pair[0]);
+        let what =
+            format!("the force falls at ξ = {:.3}, above the contact point ξ_0 = {xi_0:.3}: the inverse map isn't monotone", pair[0]);
         add(all, "cushion_spring.beta", what, "Fit the polynomial anew: its slope must be positive from the contact point to 1");
     }
     if xi_0 > 0.5 {
@@ -101,7 +102,8 @@ fn contact(all: &mut Vec<Finding>, vehicle: &Vehicle) {
     for theta in TEMPERATURES {
         let at = map::contact(&vehicle.actuator, theta);
         if at.x_cls - at.x_cnt < 0.2 {
-            let what = format!("at {theta} °C the kiss point {:.3} mm leaves less than 0.2 mm to the closed point {:.3} mm", at.x_cnt, at.x_cls);
+            let what =
+                format!("at {theta} °C the kiss point {:.3} mm leaves less than 0.2 mm to the closed point {:.3} mm", at.x_cnt, at.x_cls);
             add(all, "actuator.x_cnt", what, "Check the temperature terms: they are in mm/K and mm/K², from 25 °C on");
             return;
         }

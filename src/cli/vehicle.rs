@@ -109,7 +109,8 @@ fn check(file: &Path, gains: (f64, f64), as_json: bool) -> Result<(), VehicleCom
     let findings = plausible::findings(&document, &vehicle, gains);
     let facts = plausible::facts(&vehicle, gains);
     print(&if as_json {
-        let facts: serde_json::Map<String, Value> = facts.iter().map(|f| (f.name.to_owned(), json!({"value": f.value, "unit": f.unit}))).collect();
+        let facts: serde_json::Map<String, Value> =
+            facts.iter().map(|f| (f.name.to_owned(), json!({"value": f.value, "unit": f.unit}))).collect();
         let findings: Vec<Value> = findings.iter().map(Finding::to_json).collect();
         let report = json!({"file": file.display().to_string(), "usable": true, "findings": findings, "derived": facts});
         format!("{report:#}\n")
@@ -159,7 +160,8 @@ fn bare() -> Value {
 /// The same with a comment on each number; keys that begin with `_` are comments.
 fn draft() -> String {
     let document = bare();
-    let mut text = String::from("{\n \"_\": \"Vehicle file of kisspoint: replace every number by your car's. Keys that begin with _ are comments.\"");
+    let mut text =
+        String::from("{\n \"_\": \"Vehicle file of kisspoint: replace every number by your car's. Keys that begin with _ are comments.\"");
     for group in ["friction", "actuator", "cushion_spring", "thermal", "driveline"] {
         write!(text, ",\n \"{group}\": {{").expect("a String takes any text");
         let content = document[group].as_object().expect("a group of the vehicle is an object");
@@ -167,7 +169,8 @@ fn draft() -> String {
             let numbers: Vec<&Number> = NUMBERS.iter().filter(|n| belongs(n.name, group, &key)).collect();
             let comment: Vec<String> = numbers.iter().map(|n| format!("{} [{}], {} to {}", n.meaning, n.unit, n.min, n.max)).collect();
             let comma = if k == 0 { "" } else { "," };
-            write!(text, "{comma}\n  \"_{key}\": {},\n  \"{key}\": {}", json!(comment.join("; ")), content[&key]).expect("a String takes any text");
+            write!(text, "{comma}\n  \"_{key}\": {},\n  \"{key}\": {}", json!(comment.join("; ")), content[&key])
+                .expect("a String takes any text");
         }
         text.push_str("\n }");
     }
@@ -196,7 +199,11 @@ fn keys(group: &str, content: &serde_json::Map<String, Value>) -> Vec<String> {
 fn belongs(flat: &str, group: &str, key: &str) -> bool {
     let Some(name) = flat.strip_prefix(group).and_then(|rest| rest.strip_prefix('.')) else { return false };
     let stem = if group == "friction" && key == "mu_d" { "m" } else { key };
-    name == key || name.strip_prefix(stem).and_then(|rest| rest.strip_prefix('_')).is_some_and(|n| matches!(n, "0" | "1" | "2" | "3") && key != "mu")
+    name == key
+        || name
+            .strip_prefix(stem)
+            .and_then(|rest| rest.strip_prefix('_'))
+            .is_some_and(|n| matches!(n, "0" | "1" | "2" | "3") && key != "mu")
 }
 
 fn write_new(path: &Path, text: &str, force: bool) -> Result<(), VehicleCommandError> {

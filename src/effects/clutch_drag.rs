@@ -1,6 +1,6 @@
 //! Torque is transmitted with the clutch open: (torque · tanh(ω_fc/ω_0) + viscosity · ω_fc) · s(F), ω_0 = 2 rad/s.
 //!
-//! s falls from 1 to `engaged_share` as the force F presses the faces together, with e^(−F/100 N). At zero slip the drag
+//! s falls from 1 to `engaged_share` as the force F presses the faces together, with e^(−F/200 N). At zero slip the drag
 //! vanishes.
 //!
 //! | symbol | meaning | unit |
@@ -28,7 +28,7 @@ pub const EFFECT: Effect = Effect {
 const SIGN_SPEED: f64 = 2.0;
 
 /// Force that presses the drag away, N.
-const PRESSING_FORCE: f64 = 100.0;
+const PRESSING_FORCE: f64 = 200.0;
 
 fn apply(p: &Parameters, slip: f64, force: f64) -> f64 {
     let share = p[param::clutch_drag::engaged_share];

@@ -16,8 +16,8 @@ pub const EFFECT: Effect = Effect {
     amplitudes: &[param::friction_fade::depth],
     act: Act::Friction(apply),
     starts: &[
-        &[(param::friction_fade::depth, 0.25), (param::friction_fade::onset, 120.0)],
-        &[(param::friction_fade::depth, 0.25), (param::friction_fade::onset, 180.0)],
+        &[(param::friction_fade::depth, 0.25), (param::friction_fade::onset, 110.0)],
+        &[(param::friction_fade::depth, 0.25), (param::friction_fade::onset, 140.0)],
         &[(param::friction_fade::depth, 0.3), (param::friction_fade::onset, 120.0), (param::friction_fade::width, 100.0)],
     ],
     shown_by: "hot launches beside cold ones",

@@ -59,7 +59,11 @@ pub(super) fn take_back(pointer: *mut c_void) {
 
 /// Runs `body` on the instance behind `pointer` if `function` may be called now.
 #[inline]
-pub(super) fn guard(pointer: *mut c_void, function: &'static Function, body: impl FnOnce(&mut Instance) -> Result<Status, Refusal>) -> Status {
+pub(super) fn guard(
+    pointer: *mut c_void,
+    function: &'static Function,
+    body: impl FnOnce(&mut Instance) -> Result<Status, Refusal>,
+) -> Status {
     let Some(component) = component(pointer) else { return Status::Error };
     // Plain loads and stores: an instance belongs to one thread at a time, this is about loggers that call back.
     if component.busy.load(Ordering::Relaxed) {

@@ -14,8 +14,8 @@ pub mod library;
 pub mod ssv;
 pub mod system;
 
-use crate::fmi2::{controller, plant, variables};
 use crate::effects::{self, Parameters};
+use crate::fmi2::{controller, plant, variables};
 use crate::vehicle::Vehicle;
 use library::Library;
 use std::io::{Cursor, Write};

@@ -135,9 +135,10 @@ fn effects_json(f: &Findings) -> Vec<Value> {
             let entry = &REGISTRY[chosen.effects[k]];
             let odds: f64 = rivals(f, k).map(|(_, h)| (-behind(f, h)).exp()).sum();
             let group: Vec<&str> = rivals(f, k).filter(|(_, h)| behind(f, h) < AMBIGUOUS_NATS).map(|(e, _)| REGISTRY[e].id).collect();
-            let split = group.first().and_then(|id| effects::find(id)).map_or(String::new(), |other| {
-                format!("{}; or {}", entry.effect.shown_by, REGISTRY[other].effect.shown_by)
-            });
+            let split = group
+                .first()
+                .and_then(|id| effects::find(id))
+                .map_or(String::new(), |other| format!("{}; or {}", entry.effect.shown_by, REGISTRY[other].effect.shown_by));
             json!({
                 "id": entry.id,
                 "probability": round(1.0 / (1.0 + odds)),
@@ -232,7 +233,9 @@ fn sentence(f: &Findings, closed: f64) -> String {
     match f.decision.verdict {
         Verdict::NoGap => "The car lies within its tolerances: nothing is left beyond noise.".to_owned(),
         Verdict::Explained => format!("The gap is explained by {names}, which closes {share}."),
-        Verdict::PartlyExplained => format!("{names} helps and closes {share}, but something structured remains in {at} that no effect of the library accounts for."),
+        Verdict::PartlyExplained => format!(
+            "{names} helps and closes {share}, but something structured remains in {at} that no effect of the library accounts for."
+        ),
         Verdict::Unexplained => format!("There is a gap in {at} that no effect of the library accounts for."),
     }
 }
@@ -247,7 +250,9 @@ fn notes(f: &Findings) -> Vec<String> {
         ));
     }
     if f.problem.series.iter().all(|s| s.measured[Channel::TFc as usize].is_empty()) {
-        notes.push("No torque transducer: force and friction are told apart only by how they depend on position, slip and temperature.".to_owned());
+        notes.push(
+            "No torque transducer: force and friction are told apart only by how they depend on position, slip and temperature.".to_owned(),
+        );
     }
     notes
 }

@@ -67,9 +67,8 @@ fn of_recording(problem: &Problem, point: &Point, k: usize) -> Vec<Window> {
             let spread = |c: Channel, j: f64| j / span * series.noise[c as usize] * (2.0 + length as f64 * share * share).sqrt();
             let mean = |f: &dyn Fn(usize) -> f64| (first..last).map(f).sum::<f64>() / length as f64;
             let root = (length as f64).sqrt();
-            let bench = [Channel::XTo, Channel::TFc, Channel::ThetaC].map(|c| {
-                (!series.measured[c as usize].is_empty()).then(|| [mean(&|j| error(c, j)), series.noise[c as usize] / root])
-            });
+            let bench = [Channel::XTo, Channel::TFc, Channel::ThetaC]
+                .map(|c| (!series.measured[c as usize].is_empty()).then(|| [mean(&|j| error(c, j)), series.noise[c as usize] / root]));
             all.push(Window {
                 recording: k,
                 time: 0.5 * (first + last) as f64 * series.dt,

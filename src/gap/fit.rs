@@ -217,7 +217,12 @@ pub fn derivatives(problem: &Problem, point: &Point, residuals: &[Residuals], co
 }
 
 /// Normal equations of one linearised step: curvature and gradient of half the cost.
-pub fn normal_equations(point: &Point, residuals: &[Residuals], columns: &Columns, coordinates: &[Coordinate]) -> (DMatrix<f64>, DVector<f64>) {
+pub fn normal_equations(
+    point: &Point,
+    residuals: &[Residuals],
+    columns: &Columns,
+    coordinates: &[Coordinate],
+) -> (DMatrix<f64>, DVector<f64>) {
     let n = coordinates.len();
     let mut curvature = DMatrix::zeros(n, n);
     let mut gradient = DVector::zeros(n);

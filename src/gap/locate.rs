@@ -6,7 +6,7 @@
 
 use super::balance::{self, HIGH_TORQUE_NM, HOT_DEGC, Window};
 use super::decide::{Decision, Verdict};
-use super::fit::Problem;
+use super::fit::{Point, Problem};
 use super::select::Search;
 use crate::effects::{REGISTRY, Subsystem};
 
@@ -81,7 +81,6 @@ struct Leftover {
     engine: f64,
     driveline: f64,
     clutch: f64,
-    sensors: f64,
 }
 
 /// Loss of one deviate, bounded so that single windows do not decide.
@@ -91,7 +90,7 @@ fn loss(z: f64) -> f64 {
 }
 
 fn leftover(windows: &[Window]) -> Leftover {
-    let mut l = Leftover { engine: 0.0, driveline: 0.0, clutch: 0.0, sensors: 0.0 };
+    let mut l = Leftover { engine: 0.0, driveline: 0.0, clutch: 0.0 };
     for w in windows {
         let (f, c) = (w.engine / w.sigma[0], w.driveline / w.sigma[1]);
         let both = w.sigma[0].hypot(w.sigma[1]);
@@ -103,7 +102,6 @@ fn leftover(windows: &[Window]) -> Leftover {
                 l.engine += loss(slip);
                 l.driveline += loss(slip);
                 l.clutch += loss(slip) + loss(sum);
-                l.sensors += loss(sum);
             }
             1 => {
                 l.engine += loss(c);
@@ -120,17 +118,63 @@ fn leftover(windows: &[Window]) -> Leftover {
     l
 }
 
+/// Serial correlation of a balance under which what is missing is no torque: the error of a speed sensor comes and goes, so that
+/// its differences cancel from window to window (−1/2 for one that is new in each), while a torque stays or at least does not undo itself.
+const UNDOES_ITSELF: f64 = -0.25;
+
+/// Mean loss of the balances outside slip, relative to that in slip, under which a gap belongs to the clutch.
+const ONLY_IN_SLIP: f64 = 0.25;
+
+/// Whether the balances are short of torque only while the clutch slips: engine and driveline know nothing of its phase.
+fn only_slipping(windows: &[Window]) -> bool {
+    let mean = |slipping: bool| {
+        let losses: Vec<f64> = windows
+            .iter()
+            .filter(|w| (w.phase == 2) == slipping)
+            .map(|w| {
+                let both = w.sigma[0].hypot(w.sigma[1]);
+                if w.phase == 3 {
+                    loss((w.engine + w.driveline) / both)
+                } else {
+                    loss(w.engine / w.sigma[0]).max(loss(w.driveline / w.sigma[1]))
+                }
+            })
+            .collect();
+        losses.iter().sum::<f64>() / losses.len().max(1) as f64
+    };
+    let rest = windows.iter().filter(|w| w.phase != 2).count();
+    rest >= LEAST_WINDOWS && mean(false) < ONLY_IN_SLIP * mean(true)
+}
+
+/// Factor on the least leftover up to which the clutch is still in question.
+const CLOSE: f64 = 1.6;
+
+/// Correlation of successive windows of one recording.
+fn serial_correlation(windows: &[Window], read: fn(&Window) -> f64) -> f64 {
+    let square: f64 = windows.iter().map(|w| read(w) * read(w)).sum();
+    let successive = windows.windows(2).filter(|p| p[0].recording == p[1].recording);
+    successive.map(|p| read(&p[0]) * read(&p[1])).sum::<f64>() / square.max(f64::MIN_POSITIVE)
+}
+
 /// Subsystem of a gap, or of a remainder, that no effect accounts for.
+///
+/// The balances are read at nominal nuisances: a gap without cause in the library has dragged the fitted ones away.
 fn of_unknown(problem: &Problem, search: &Search, decision: &Decision) -> Subsystem {
-    let windows = balance::windows(problem, &decision.chosen.fit.point);
+    let undragged = Point { effects: decision.chosen.fit.point.effects, ..problem.nominal() };
+    let windows = balance::windows(problem, &undragged);
     let l = leftover(&windows);
-    let _ = l.sensors;
     let best = [(Subsystem::Engine, l.engine), (Subsystem::Driveline, l.driveline), (Subsystem::Friction, l.clutch)]
         .into_iter()
         .min_by(|a, b| a.1.total_cmp(&b.1))
         .map_or(Subsystem::Friction, |b| b.0);
-    if best != Subsystem::Friction {
-        return best;
+    let close = l.clutch < CLOSE * l.engine.min(l.driveline);
+    let best = if close && only_slipping(&windows) { Subsystem::Friction } else { best };
+    let undone = |read: fn(&Window) -> f64| serial_correlation(&windows, read) < UNDOES_ITSELF;
+    match best {
+        Subsystem::Engine if undone(|w| w.engine) => return Subsystem::Sensors,
+        Subsystem::Driveline if undone(|w| w.driveline) => return Subsystem::Sensors,
+        Subsystem::Engine | Subsystem::Driveline => return best,
+        _ => {}
     }
     // Within the clutch, the candidate that comes nearest tells which part behaves like that.
     let within = [Subsystem::Actuator, Subsystem::ClutchForce, Subsystem::Friction, Subsystem::Thermal];

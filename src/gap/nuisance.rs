@@ -66,7 +66,8 @@ fn nuisance(name: &str, size: &Value) -> Result<Nuisance, ToleranceError> {
 }
 
 fn target(name: &str) -> Option<Target> {
-    let group = |names: &[&str]| names.iter().map(|n| NUMBERS.iter().position(|m| m.name == *n)).collect::<Option<Vec<_>>>().map(Target::Numbers);
+    let group =
+        |names: &[&str]| names.iter().map(|n| NUMBERS.iter().position(|m| m.name == *n)).collect::<Option<Vec<_>>>().map(Target::Numbers);
     match name {
         "engine.T_e_bias" => Some(Target::Effect(param::engine_torque_bias::torque)),
         "engine.T_e_gain" => Some(Target::Effect(param::engine_torque_gain::gain)),

@@ -26,8 +26,7 @@ struct Track {
 
 /// Points at which the effect `entry` (amplitudes: cosine, sine; shape: order) is set as the scan finds it.
 pub fn starts(problem: &Problem, point: &Point, residuals: &[Residuals], entry: &Entry) -> Vec<Point> {
-    let tracks: Vec<Track> =
-        problem.series.iter().enumerate().filter_map(|(k, s)| track(problem, point, k, s, &residuals[k])).collect();
+    let tracks: Vec<Track> = problem.series.iter().enumerate().filter_map(|(k, s)| track(problem, point, k, s, &residuals[k])).collect();
     let Some(longest) = tracks.iter().filter_map(|t| t.angle.last()).copied().reduce(f64::max) else {
         return Vec::new();
     };

@@ -21,8 +21,21 @@ pub struct Candidate {
     pub start: Point,
     /// The effects as they were replayed, before the linear model moved them.
     pub replayed: Parameters,
+    /// Cost of that replay.
+    pub cost: f64,
     /// Promised cost.
     pub promise: f64,
+}
+
+impl Candidate {
+    /// Of two starts of one effect from one anchor: the better promise, and the replay that came nearest.
+    fn join(&mut self, other: Candidate) {
+        let nearest = if other.cost < self.cost { (other.replayed, other.cost) } else { (self.replayed, self.cost) };
+        if other.promise < self.promise {
+            *self = other;
+        }
+        (self.replayed, self.cost) = nearest;
+    }
 }
 
 /// The anchor of a screening: a point, its residuals, and their derivatives along what is free there.
@@ -58,13 +71,14 @@ pub fn screen(problem: &Problem, anchors: &[Anchor], already: &[usize]) -> Vec<C
         .flat_map(|e| anchors.iter().enumerate().map(move |(a, anchor)| (e, a, anchor)))
         .flat_map(|(e, a, anchor)| starts(problem, anchor, &REGISTRY[e]).into_iter().map(move |(p, most)| (e, a, p, most)))
         .collect();
-    let promised = |(effect, a, start, most): (usize, usize, Point, f64)| promise(problem, &anchors[a], effect, start, most).map(|c| Candidate { anchor: a, ..c });
+    let promised = |(effect, a, start, most): (usize, usize, Point, f64)| {
+        promise(problem, &anchors[a], effect, start, most).map(|c| Candidate { anchor: a, ..c })
+    };
     let all: Vec<Option<Candidate>> = tasks.into_par_iter().map(promised).collect();
     let mut best: Vec<Candidate> = Vec::new();
     for candidate in all.into_iter().flatten() {
         match best.iter_mut().find(|b| (b.effect, b.anchor) == (candidate.effect, candidate.anchor)) {
-            Some(b) if b.promise <= candidate.promise => {}
-            Some(b) => *b = candidate,
+            Some(b) => b.join(candidate),
             None => best.push(candidate),
         }
     }
@@ -131,7 +145,8 @@ fn promise(problem: &Problem, anchor: &Anchor, effect: usize, start: Point, most
         let null = PARAMETERS[k].null;
         point.effects[k] = (null + (1.0 + step[n]) * (point.effects[k] - null)).clamp(PARAMETERS[k].min, PARAMETERS[k].max);
     }
-    Some(Candidate { effect, anchor: 0, replayed: start.effects, start: point, promise })
+    let cost = problem.cost(&start, &there);
+    Some(Candidate { effect, anchor: 0, replayed: start.effects, cost, start: point, promise })
 }
 
 /// Normal equations around the start, weighted as the present residuals ask; the last unknown is the change of amplitude.

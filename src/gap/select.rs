@@ -5,8 +5,8 @@
 //! left. Thresholds are set on drawn cars whose effects are known (see the docs of the method), never on a case at hand.
 
 use super::fit::{Fit, Point, Problem, fit, prior};
-use crate::effects::REGISTRY;
 use super::screen::{Anchor, Candidate, screen};
+use crate::effects::{PARAMETERS, REGISTRY};
 use rayon::prelude::*;
 
 /// A set of effects with its fit.
@@ -59,7 +59,7 @@ const FIRST_ITERATIONS: usize = 5;
 /// Candidates that are fitted to the end.
 const FINALISTS: usize = 3;
 /// Further iterations for these.
-const ITERATIONS: usize = 5;
+const ITERATIONS: usize = 12;
 /// A single effect that leaves less than this cost per residual, and pulls no tolerance beyond [`PULLED`], needs no second one.
 const SETTLED: f64 = 1.04;
 /// Cost of the nuisances that a car within its tolerances hardly reaches.
@@ -79,7 +79,7 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
         anchors.push(Anchor::new(problem, &problem.nominal(), &[], false));
     }
     let screened = screen(problem, &anchors, &[]);
-    let singles = fit_all(problem, &[], worthwhile(&screened, SINGLES * anchors.len()));
+    let mut singles = fit_all(problem, &[], worthwhile(&screened, SINGLES * anchors.len()));
     progress("pairs of effects", 0.5);
     let mut pairs: Vec<Hypothesis> = Vec::new();
     let settled = |h: &Hypothesis| h.fit.cost < SETTLED * samples as f64 && prior(&h.fit.point) < PULLED;
@@ -92,6 +92,10 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
         progress("pairs of effects", 0.5 + 0.25 * (k + 1) as f64);
     }
     pairs.sort_by(|a, b| a.score().total_cmp(&b.score()));
+    if let Some(pair) = pairs.first() {
+        progress("pruning", 0.97);
+        prune(problem, pair, &mut singles);
+    }
     Search { base: Hypothesis { effects: Vec::new(), fit: base }, singles, pairs, screened, samples }
 }
 
@@ -105,6 +109,24 @@ fn start_of(problem: &Problem, candidate: &Candidate) -> Point {
     let cost = |p: &Point| problem.cost(p, &problem.all_residuals(p));
     let nominal = undragged(candidate.start.effects);
     if cost(&nominal) < cost(&candidate.start) { nominal } else { candidate.start.clone() }
+}
+
+/// Each half of a pair is fitted alone from where the pair ended: a first effect that only helped the second to find its place is not
+/// needed any more.
+fn prune(problem: &Problem, pair: &Hypothesis, singles: &mut Vec<Hypothesis>) {
+    for (&kept, &dropped) in pair.effects.iter().zip(pair.effects.iter().rev()) {
+        let mut start = pair.fit.point.clone();
+        for k in REGISTRY[dropped].parameters.clone() {
+            start.effects[k] = PARAMETERS[k].null;
+        }
+        let alone = Hypothesis { effects: vec![kept], fit: fit(problem, &[kept], &start, ITERATIONS) };
+        match singles.iter_mut().find(|h| h.effects == [kept]) {
+            Some(known) if known.fit.cost <= alone.fit.cost => {}
+            Some(known) => *known = alone,
+            None => singles.push(alone),
+        }
+    }
+    singles.sort_by(|a, b| a.score().total_cmp(&b.score()));
 }
 
 /// The most promising candidates: at most `most`, and beyond the first three none that promises far less than the best.
@@ -130,7 +152,12 @@ fn fit_all(problem: &Problem, already: &[usize], candidates: &[Candidate]) -> Ve
     all.sort_by(by_cost);
     // Of two starts of the same effect the better one goes on.
     let mut seen: Vec<Vec<usize>> = Vec::new();
-    all.retain(|h| !seen.contains(&h.effects) && { seen.push(h.effects.clone()); true });
+    all.retain(|h| {
+        !seen.contains(&h.effects) && {
+            seen.push(h.effects.clone());
+            true
+        }
+    });
     let finalists = all.len().min(FINALISTS);
     all[..finalists].par_iter_mut().for_each(|h| h.fit = fit(problem, &h.effects, &h.fit.point, ITERATIONS));
     all.sort_by(by_cost);

@@ -96,7 +96,9 @@ impl Series {
             dt: factor as f64 / recording.sample_rate_hz,
             block,
             theta_0: [recording.theta_c0, recording.theta_b0],
-            noise: std::array::from_fn(|k| noise(&measured[k]).hypot(if factor > 1 { AVERAGING_ERROR[k] } else { 0.0 }).max(LEAST_NOISE[k])),
+            noise: std::array::from_fn(|k| {
+                noise(&measured[k]).hypot(if factor > 1 { AVERAGING_ERROR[k] } else { 0.0 }).max(LEAST_NOISE[k])
+            }),
             t_e,
             x_to,
             theta_h,

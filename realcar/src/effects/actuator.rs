@@ -54,62 +54,36 @@ impl Actuator {
             "actuator_rate_limit" => {
                 self.pace_s_mm = 1.0 / dice.within(2.2, 5.5) * dice.magnitude(0.999, 1.0);
                 self.soft_pace = dice.shape(2) == 1;
-                format!(
-                    "{:.4} s/mm{}",
-                    self.pace_s_mm,
-                    if self.soft_pace { ", soft onset" } else { "" }
-                )
+                format!("{:.4} s/mm{}", self.pace_s_mm, if self.soft_pace { ", soft onset" } else { "" })
             }
             "actuator_lag" => {
                 let tau = dice.magnitude(0.045, 0.13);
-                let kind = [
-                    Shape::First(tau),
-                    Shape::Second(tau, dice.within(0.55, 1.0)),
-                    Shape::UpDown(1.25 * tau, 0.8 * tau),
-                ][dice.shape(3)];
+                let kind =
+                    [Shape::First(tau), Shape::Second(tau, dice.within(0.55, 1.0)), Shape::UpDown(1.25 * tau, 0.8 * tau)][dice.shape(3)];
                 self.lag = Lag::new(kind);
                 format!("{kind:.3?}")
             }
             "actuator_backlash" => {
                 self.half_play = 0.5 * dice.magnitude(0.18, 0.5);
                 self.play_power = [f64::INFINITY, 4.0][dice.shape(2)];
-                format!(
-                    "{:.3} mm, sharpness {}",
-                    2.0 * self.half_play,
-                    self.play_power
-                )
+                format!("{:.3} mm, sharpness {}", 2.0 * self.half_play, self.play_power)
             }
             "bearing_stiction" => {
                 self.stick_mm = dice.magnitude(0.10, 0.22);
-                self.stick_zone = if dice.shape(2) == 0 {
-                    f64::INFINITY
-                } else {
-                    dice.within(0.9, 1.3)
-                };
+                self.stick_zone = if dice.shape(2) == 0 { f64::INFINITY } else { dice.within(0.9, 1.3) };
                 format!("sticks for {:.3} mm", self.stick_mm)
             }
             "actuator_hunting" => {
                 self.hunt_mm = dice.magnitude(0.09, 0.22);
                 self.hunt_hz = dice.within(4.0, 9.0);
                 self.hunt_phase = dice.within(0.0, TAU);
-                self.hunt_settles_s = if dice.shape(2) == 0 {
-                    f64::INFINITY
-                } else {
-                    dice.within(0.5, 1.0)
-                };
+                self.hunt_settles_s = if dice.shape(2) == 0 { f64::INFINITY } else { dice.within(0.5, 1.0) };
                 format!("{:.3} mm at {:.1} Hz", self.hunt_mm, self.hunt_hz)
             }
             "actuator_leak" => {
                 self.leak_mm_s = dice.magnitude(0.06, 0.16);
-                self.leak_tau_s = if dice.shape(2) == 0 {
-                    100.0
-                } else {
-                    dice.within(0.8, 1.5)
-                };
-                format!(
-                    "{:.3} mm/s, refilled in {:.1} s",
-                    self.leak_mm_s, self.leak_tau_s
-                )
+                self.leak_tau_s = if dice.shape(2) == 0 { 100.0 } else { dice.within(0.8, 1.5) };
+                format!("{:.3} mm/s, refilled in {:.1} s", self.leak_mm_s, self.leak_tau_s)
             }
             _ => return None,
         };
@@ -118,14 +92,7 @@ impl Actuator {
 
     /// At rest at this commanded position.
     pub fn rest(&mut self, command: f64, h: f64, recording: u64) {
-        self.line.rest(
-            command,
-            if self.delay_s > 0.0 {
-                (self.delay_s * 1.3 / h) as usize
-            } else {
-                0
-            },
-        );
+        self.line.rest(command, if self.delay_s > 0.0 { (self.delay_s * 1.3 / h) as usize } else { 0 });
         self.lag.rest(command);
         (self.limited, self.loose, self.held, self.last) = (command, command, command, command);
         (self.still_s, self.leaked, self.clock_s, self.moving) = (0.0, 0.0, 0.0, false);
@@ -140,11 +107,7 @@ impl Actuator {
             let err = x - self.limited;
             let top = 1.0 / self.pace_s_mm;
             // A soft onset slows the bearing within half a millimetre of its target.
-            let speed = if self.soft_pace {
-                top * (err / 0.12).tanh()
-            } else {
-                (err / h).clamp(-top, top)
-            };
+            let speed = if self.soft_pace { top * (err / 0.12).tanh() } else { (err / h).clamp(-top, top) };
             self.limited += h * speed;
             x = self.limited;
         }
@@ -170,8 +133,7 @@ impl Actuator {
                 self.delay_now_s = self.delay_s * (1.0 + self.jitter * road.within(-1.0, 1.0));
             }
         }
-        self.line
-            .step(command, (self.delay_now_s / h).round() as usize)
+        self.line.step(command, (self.delay_now_s / h).round() as usize)
     }
 
     /// The bearing follows its command through play that takes up the sooner the sharper it is.
@@ -208,9 +170,7 @@ impl Actuator {
         if (command - self.last).abs() > 0.03 {
             (self.still_s, self.last) = (0.0, command);
         }
-        self.hunt_mm
-            * (TAU * self.hunt_hz * t + self.hunt_phase).sin()
-            * (0.5 + 0.5 * (-self.still_s / self.hunt_settles_s).exp())
+        self.hunt_mm * (TAU * self.hunt_hz * t + self.hunt_phase).sin() * (0.5 + 0.5 * (-self.still_s / self.hunt_settles_s).exp())
     }
 
     fn leak(&mut self, h: f64, command: f64, x_cnt: f64) -> f64 {
@@ -218,9 +178,8 @@ impl Actuator {
             return 0.0;
         }
         let under_pressure = f64::from(u8::from(command > x_cnt + 0.4));
-        self.leaked += h
-            * (self.leak_mm_s * under_pressure
-                - self.leaked / self.leak_tau_s * if under_pressure > 0.0 { 1.0 } else { 20.0 });
+        self.leaked +=
+            h * (self.leak_mm_s * under_pressure - self.leaked / self.leak_tau_s * if under_pressure > 0.0 { 1.0 } else { 20.0 });
         self.leaked
     }
 }

@@ -66,13 +66,7 @@ impl Driveline {
                     let k = 1.0 / softness;
                     let soft = [1.0, 0.5][dice.shape(2)];
                     let d = 2.0 * zeta * (k * 0.578 * 0.3).sqrt();
-                    self.shaft = Some(Shaft {
-                        k,
-                        d,
-                        soft_rad: 0.12,
-                        soft,
-                        disc_share: share,
-                    });
+                    self.shaft = Some(Shaft { k, d, soft_rad: 0.12, soft, disc_share: share });
                 }
                 format!("{:.3?}", self.shaft)
             }
@@ -83,60 +77,34 @@ impl Driveline {
                     1 => {}
                     _ => self.coupled = 45.0,
                 }
-                format!(
-                    "{:+.3} of the inertia{}",
-                    self.mass,
-                    if self.coupled > 0.0 {
-                        ", behind slipping tyres"
-                    } else {
-                        ""
-                    }
-                )
+                format!("{:+.3} of the inertia{}", self.mass, if self.coupled > 0.0 { ", behind slipping tyres" } else { "" })
             }
             "road_load" => {
                 self.load_nm = dice.magnitude(4.5, 11.0);
                 match dice.shape(3) {
                     0 => {}
                     1 => self.load_per_rad_s = 0.0015 * self.load_nm,
-                    _ => {
-                        (self.load_nm, self.load_per_rad_s) =
-                            (0.5 * self.load_nm, 0.005 * self.load_nm)
-                    }
+                    _ => (self.load_nm, self.load_per_rad_s) = (0.5 * self.load_nm, 0.005 * self.load_nm),
                 }
-                format!(
-                    "{:+.2} N·m, {:.4} N·m·s/rad",
-                    self.load_nm, self.load_per_rad_s
-                )
+                format!("{:+.2} N·m, {:.4} N·m·s/rad", self.load_nm, self.load_per_rad_s)
             }
             "gusts" => {
                 self.gust_nm = dice.magnitude(3.5, 8.0);
                 self.gust_tau_s = dice.within(0.15, 0.6);
                 self.gust_blows = dice.shape(2) == 1;
                 self.seed = dice.seed();
-                format!(
-                    "{:.2} N·m rms over {:.2} s{}",
-                    self.gust_nm,
-                    self.gust_tau_s,
-                    if self.gust_blows { ", in blows" } else { "" }
-                )
+                format!("{:.2} N·m rms over {:.2} s{}", self.gust_nm, self.gust_tau_s, if self.gust_blows { ", in blows" } else { "" })
             }
             "dragging_brake" => {
                 self.brake_nm = dice.magnitude(6.0, 14.0);
                 self.brake_kind = dice.shape(3);
                 self.seed = dice.seed();
-                format!(
-                    "{:.2} N·m, {}",
-                    self.brake_nm,
-                    ["seizes", "lets go", "rubs for a while"][self.brake_kind]
-                )
+                format!("{:.2} N·m, {}", self.brake_nm, ["seizes", "lets go", "rubs for a while"][self.brake_kind])
             }
             "surging_load" => {
                 self.surge_nm = dice.magnitude(5.0, 11.0);
                 self.surge_ratio = [1.0 / 8.0, 1.0 / 13.0][dice.shape(2)];
-                format!(
-                    "{:.2} N·m once per wheel turn, ratio {:.3}",
-                    self.surge_nm, self.surge_ratio
-                )
+                format!("{:.2} N·m once per wheel turn, ratio {:.3}", self.surge_nm, self.surge_ratio)
             }
             _ => return None,
         };
@@ -190,11 +158,6 @@ impl Driveline {
         self.gust_filtered += h / 0.05 * (self.gust - self.gust_filtered);
         let g = self.gust_filtered;
         // Blows: calm below a threshold, strong above it.
-        self.gust_nm
-            * if self.gust_blows {
-                2.2 * (g - 0.4).max(0.0)
-            } else {
-                g
-            }
+        self.gust_nm * if self.gust_blows { 2.2 * (g - 0.4).max(0.0) } else { g }
     }
 }

@@ -51,40 +51,22 @@ impl Engine {
             }
             "engine_torque_lag" => {
                 let tau = dice.magnitude(0.045, 0.12);
-                let kind = [
-                    Shape::First(tau),
-                    Shape::Second(tau, dice.within(0.6, 1.0)),
-                    Shape::UpDown(1.2 * tau, 0.7 * tau),
-                ][dice.shape(3)];
+                let kind =
+                    [Shape::First(tau), Shape::Second(tau, dice.within(0.6, 1.0)), Shape::UpDown(1.2 * tau, 0.7 * tau)][dice.shape(3)];
                 self.lag = Lag::new(kind);
                 format!("{kind:.3?}")
             }
             "misfire" => {
                 self.misfire = dice.magnitude(0.35, 0.9);
-                self.burst_share = if dice.shape(2) == 0 {
-                    1.0
-                } else {
-                    dice.within(0.35, 0.6)
-                };
+                self.burst_share = if dice.shape(2) == 0 { 1.0 } else { dice.within(0.35, 0.6) };
                 self.burst_seed = dice.seed();
-                format!(
-                    "cylinder loses {:.2} for {:.2} of the time",
-                    self.misfire, self.burst_share
-                )
+                format!("cylinder loses {:.2} for {:.2} of the time", self.misfire, self.burst_share)
             }
             "tip_in_dip" => {
                 self.tip_in = dice.magnitude(0.35, 0.8);
-                let (fast, slow) = if dice.shape(2) == 0 {
-                    (0.06, 0.3)
-                } else {
-                    (0.12, 0.45)
-                };
-                (self.tip_fast, self.tip_slow) =
-                    (Lag::new(Shape::First(fast)), Lag::new(Shape::First(slow)));
-                format!(
-                    "dip {:.2} of a rise between {fast} s and {slow} s",
-                    self.tip_in
-                )
+                let (fast, slow) = if dice.shape(2) == 0 { (0.06, 0.3) } else { (0.12, 0.45) };
+                (self.tip_fast, self.tip_slow) = (Lag::new(Shape::First(fast)), Lag::new(Shape::First(slow)));
+                format!("dip {:.2} of a rise between {fast} s and {slow} s", self.tip_in)
             }
             "torque_ceiling" => {
                 self.below_ceiling_nm = dice.magnitude(18.0, 45.0);
@@ -116,21 +98,15 @@ impl Engine {
             // Rounded over a few N·m, as breathing limits are.
             let ceiling = 100.0 - self.below_ceiling_nm;
             let over = (torque - ceiling) / 3.0;
-            torque -= if over > 30.0 {
-                3.0 * over
-            } else {
-                3.0 * over.exp().ln_1p()
-            };
+            torque -= if over > 30.0 { 3.0 * over } else { 3.0 * over.exp().ln_1p() };
         }
         if self.misfire != 0.0 && self.bursts[((t / 0.25) as usize).min(self.bursts.len() - 1)] {
             // One of four cylinders, once in two revolutions.
             let cycle = (crank_rad / (2.0 * TAU)).rem_euclid(1.0);
             if cycle < 0.25 {
-                torque -=
-                    self.misfire * torque.max(0.0) * (0.5 - 0.5 * (TAU * 4.0 * cycle).cos()) * 2.0;
+                torque -= self.misfire * torque.max(0.0) * (0.5 - 0.5 * (TAU * 4.0 * cycle).cos()) * 2.0;
             }
         }
-        torque * (1.0 + self.gain + self.gain_per_rad_s * (omega_f - 150.0)) + self.bias_nm
-            - self.accessory_w / omega_f.max(60.0)
+        torque * (1.0 + self.gain + self.gain_per_rad_s * (omega_f - 150.0)) + self.bias_nm - self.accessory_w / omega_f.max(60.0)
     }
 }

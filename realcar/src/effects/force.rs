@@ -24,11 +24,7 @@ pub enum Growth {
 
 impl Growth {
     fn draw(dice: &mut Dice, rate: f64) -> Self {
-        [
-            Self::Linear(rate),
-            Self::Quadratic(rate),
-            Self::Saturating(rate),
-        ][dice.shape(3)]
+        [Self::Linear(rate), Self::Quadratic(rate), Self::Saturating(rate)][dice.shape(3)]
     }
 
     /// Growth at a temperature in °C.
@@ -74,19 +70,13 @@ impl Force {
             "kiss_point_offset" => {
                 self.kiss_mm = dice.either(0.10, 0.25);
                 self.closed_mm = [self.kiss_mm, 0.0, 0.5 * self.kiss_mm][dice.shape(3)];
-                format!(
-                    "first contact {:+.3} mm, closed {:+.3} mm",
-                    self.kiss_mm, self.closed_mm
-                )
+                format!("first contact {:+.3} mm, closed {:+.3} mm", self.kiss_mm, self.closed_mm)
             }
             "kiss_point_thermal" => {
                 let rate = dice.either(0.0014, 0.004);
                 self.kiss_growth = Growth::draw(dice, rate);
                 self.closed_grows = dice.shape(2) == 0;
-                format!(
-                    "{:.5?} mm/K, closed too: {}",
-                    self.kiss_growth, self.closed_grows
-                )
+                format!("{:.5?} mm/K, closed too: {}", self.kiss_growth, self.closed_grows)
             }
             "cushion_stiffness_thermal" => {
                 let rate = dice.either(0.0011, 0.0026);
@@ -97,37 +87,25 @@ impl Force {
                 self.loop_width = dice.magnitude(0.09, 0.24);
                 self.loop_travel = dice.within(0.015, 0.05);
                 self.loop_power = [1.0, 2.0][dice.shape(2)];
-                format!(
-                    "±{:.3} of the force, rounded over {:.3}, power {}",
-                    self.loop_width, self.loop_travel, self.loop_power
-                )
+                format!("±{:.3} of the force, rounded over {:.3}, power {}", self.loop_width, self.loop_travel, self.loop_power)
             }
             "plate_wobble" => {
                 let (order, more) = [(1.0, 1.5), (0.5, 1.0)][dice.shape(2)];
                 self.wobble_mm = more * dice.magnitude(0.14, 0.28);
                 self.wobble_order = order;
                 self.wobble_phase = dice.within(0.0, TAU);
-                format!(
-                    "{:.3} mm, order {} of the flywheel",
-                    self.wobble_mm, self.wobble_order
-                )
+                format!("{:.3} mm, order {} of the flywheel", self.wobble_mm, self.wobble_order)
             }
             "cushion_settling" => {
                 self.settle = dice.either(0.12, 0.26);
                 self.settle_tau_s = [dice.within(0.5, 0.9), dice.within(1.2, 2.2)][dice.shape(2)];
-                format!(
-                    "{:+.3} of the force within {:.2} s of contact",
-                    self.settle, self.settle_tau_s
-                )
+                format!("{:+.3} of the force within {:.2} s of contact", self.settle, self.settle_tau_s)
             }
             "cushion_knee" => {
                 self.knee = dice.either(0.24, 0.5);
                 self.knee_at = dice.within(0.40, 0.52);
                 self.knee_wide = [0.05, 0.09][dice.shape(2)];
-                format!(
-                    "{:+.3} of the force about {:.2}, width {}",
-                    self.knee, self.knee_at, self.knee_wide
-                )
+                format!("{:+.3} of the force about {:.2}, width {}", self.knee, self.knee_at, self.knee_wide)
             }
             _ => return None,
         };
@@ -151,19 +129,8 @@ impl Force {
     }
 
     /// Clamp force and whether the facings touch.
-    pub fn step(
-        &mut self,
-        h: f64,
-        v: &Vehicle,
-        x: f64,
-        theta_c: f64,
-        crank_rad: f64,
-    ) -> (f64, bool) {
-        let wobble = if self.wobble_mm == 0.0 {
-            0.0
-        } else {
-            self.wobble_mm * (self.wobble_order * crank_rad + self.wobble_phase).sin()
-        };
+    pub fn step(&mut self, h: f64, v: &Vehicle, x: f64, theta_c: f64, crank_rad: f64) -> (f64, bool) {
+        let wobble = if self.wobble_mm == 0.0 { 0.0 } else { self.wobble_mm * (self.wobble_order * crank_rad + self.wobble_phase).sin() };
         let xi = self.travel(v, x + wobble, theta_c);
         let touching = xi > map::contact(v);
         let mut force = map::cushion_force_n(v, xi) * (1.0 + self.stiffness_growth.at(theta_c));

@@ -77,53 +77,27 @@ impl Friction {
             "friction_level" => {
                 self.level = dice.either(0.08, 0.19);
                 self.level_but_at_rest = dice.shape(2) == 1;
-                format!(
-                    "factor {:.3}{}",
-                    1.0 + self.level,
-                    if self.level_but_at_rest {
-                        ", not at standstill"
-                    } else {
-                        ""
-                    }
-                )
+                format!("factor {:.3}{}", 1.0 + self.level, if self.level_but_at_rest { ", not at standstill" } else { "" })
             }
             "friction_fade" => {
                 self.fade = if dice.shape(2) == 0 {
-                    Fade::Step {
-                        loss: dice.magnitude(0.16, 0.38),
-                        at: dice.within(95.0, 125.0),
-                        wide: dice.within(6.0, 14.0),
-                    }
+                    Fade::Step { loss: dice.magnitude(0.16, 0.38), at: dice.within(95.0, 125.0), wide: dice.within(6.0, 14.0) }
                 } else {
-                    Fade::Slope {
-                        per_k: dice.magnitude(0.003, 0.007),
-                        from: dice.within(80.0, 105.0),
-                    }
+                    Fade::Slope { per_k: dice.magnitude(0.003, 0.007), from: dice.within(80.0, 105.0) }
                 };
                 format!("{:.4?}", self.fade)
             }
             "friction_slip_gradient" => {
                 self.slip = if dice.shape(2) == 0 {
-                    Slip::Stribeck {
-                        more: dice.either(0.26, 0.7),
-                        speed: dice.within(20.0, 55.0),
-                        rated: [0.25, 0.0][dice.shape(2)],
-                    }
+                    Slip::Stribeck { more: dice.either(0.26, 0.7), speed: dice.within(20.0, 55.0), rated: [0.25, 0.0][dice.shape(2)] }
                 } else {
-                    Slip::Slope {
-                        per_rad_s: dice.either(0.0018, 0.0044),
-                        rated: [70.0, 15.0][dice.shape(2)],
-                    }
+                    Slip::Slope { per_rad_s: dice.either(0.0018, 0.0044), rated: [70.0, 15.0][dice.shape(2)] }
                 };
                 format!("{:.5?}", self.slip)
             }
             "clutch_drag" => {
                 let d = dice.magnitude(1.8, 4.5);
-                self.drag = if dice.shape(2) == 0 {
-                    Drag::Constant(d)
-                } else {
-                    Drag::Viscous(d / 80.0)
-                };
+                self.drag = if dice.shape(2) == 0 { Drag::Constant(d) } else { Drag::Viscous(d / 80.0) };
                 format!("{:.4?}", self.drag)
             }
             "judder" => {
@@ -133,23 +107,12 @@ impl Friction {
                 self.judder_order = order;
                 self.judder_phase = dice.within(0.0, TAU);
                 self.judder_fades_rad_s = [f64::INFINITY, 90.0][dice.shape(2)];
-                format!(
-                    "{:.3} of the torque, order {}, fades {}",
-                    self.judder, self.judder_order, self.judder_fades_rad_s
-                )
+                format!("{:.3} of the torque, order {}, fades {}", self.judder, self.judder_order, self.judder_fades_rad_s)
             }
             "pressure_dependence" => {
                 self.pressure = dice.either(0.13, 0.28);
                 self.pressure_power = dice.shape(2) == 0;
-                format!(
-                    "{:+.3} {}",
-                    self.pressure,
-                    if self.pressure_power {
-                        "as a power"
-                    } else {
-                        "saturating"
-                    }
-                )
+                format!("{:+.3} {}", self.pressure, if self.pressure_power { "as a power" } else { "saturating" })
             }
             "wear_in" => {
                 self.wear_in = dice.either(0.2, 0.42);
@@ -159,11 +122,7 @@ impl Friction {
             "damp_facing" => {
                 self.damp = dice.magnitude(0.16, 0.36);
                 self.damp_by_work = dice.shape(2) == 0;
-                self.damp_scale = if self.damp_by_work {
-                    dice.within(800.0, 2000.0)
-                } else {
-                    dice.within(0.3, 0.7)
-                };
+                self.damp_scale = if self.damp_by_work { dice.within(800.0, 2000.0) } else { dice.within(0.3, 0.7) };
                 format!("-{:.3} at first, scale {:.1}", self.damp, self.damp_scale)
             }
             _ => return None,
@@ -189,12 +148,7 @@ impl Friction {
         let omega = slip.abs();
         let mut f = 1.0;
         if self.level != 0.0 {
-            f += self.level
-                * if self.level_but_at_rest {
-                    1.0 - (-omega / 6.0).exp()
-                } else {
-                    1.0
-                };
+            f += self.level * if self.level_but_at_rest { 1.0 - (-omega / 6.0).exp() } else { 1.0 };
         }
         f *= match self.fade {
             Fade::None => 1.0,
@@ -209,8 +163,7 @@ impl Friction {
         };
         if self.judder != 0.0 {
             let fading = 1.0 / (1.0 + (omega / self.judder_fades_rad_s).powi(2));
-            f *= 1.0
-                + self.judder * fading * (self.judder_order * slip_angle + self.judder_phase).sin();
+            f *= 1.0 + self.judder * fading * (self.judder_order * slip_angle + self.judder_phase).sin();
         }
         f * self.outside(force_n)
     }
@@ -219,21 +172,13 @@ impl Friction {
         let mut f = 1.0;
         if self.pressure != 0.0 {
             let load = (force_n / 600.0).max(0.02);
-            f *= if self.pressure_power {
-                load.powf(-self.pressure)
-            } else {
-                1.0 - 2.0 * self.pressure * (load / (1.0 + load) - 0.5)
-            };
+            f *= if self.pressure_power { load.powf(-self.pressure) } else { 1.0 - 2.0 * self.pressure * (load / (1.0 + load) - 0.5) };
         }
         if self.wear_in != 0.0 {
             f *= 1.0 + self.wear_in * (0.5 - (-self.worked_j / self.wear_in_j).exp());
         }
         if self.damp != 0.0 {
-            let done = if self.damp_by_work {
-                self.worked_j
-            } else {
-                self.slipped_s
-            };
+            let done = if self.damp_by_work { self.worked_j } else { self.slipped_s };
             f *= 1.0 - self.damp * (-done / self.damp_scale).exp();
         }
         f

@@ -26,10 +26,7 @@ pub struct Lag {
 impl Lag {
     /// A lag of the given shape.
     pub fn new(shape: Shape) -> Self {
-        Self {
-            shape,
-            ..Self::default()
-        }
+        Self { shape, ..Self::default() }
     }
 
     /// Puts the lag at rest at a value.
@@ -55,9 +52,5 @@ impl Lag {
 }
 
 fn first(y: f64, u: f64, h: f64, tau: f64) -> f64 {
-    if tau <= 0.0 {
-        u
-    } else {
-        u + (y - u) * (-h / tau).exp()
-    }
+    if tau <= 0.0 { u } else { u + (y - u) * (-h / tau).exp() }
 }

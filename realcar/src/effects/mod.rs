@@ -65,10 +65,7 @@ pub struct Dice {
 impl Dice {
     /// Chance from a seed; `size` scales every magnitude, 1 is as seen in practice and 0 is no effect.
     pub fn new(seed: u64, size: f64) -> Self {
-        Self {
-            rng: StdRng::seed_from_u64(seed),
-            size,
-        }
+        Self { rng: StdRng::seed_from_u64(seed), size }
     }
 
     /// Which of `n` shapes.

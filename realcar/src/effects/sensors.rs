@@ -20,18 +20,8 @@ impl Late {
     fn draw(dice: &mut Dice) -> (Self, String) {
         let total = dice.magnitude(0.024, 0.064);
         let filtered = [0.0, 0.5, 0.8][dice.shape(3)] * total;
-        let late = Self {
-            delay_s: total - filtered,
-            line: Ring::default(),
-            filter: Lag::new(Shape::First(filtered)),
-        };
-        (
-            late,
-            format!(
-                "{:.4} s dead time and {filtered:.4} s filter",
-                total - filtered
-            ),
-        )
+        let late = Self { delay_s: total - filtered, line: Ring::default(), filter: Lag::new(Shape::First(filtered)) };
+        (late, format!("{:.4} s dead time and {filtered:.4} s filter", total - filtered))
     }
 
     fn rest(&mut self, value: f64, h: f64) {
@@ -81,28 +71,18 @@ impl Sensors {
             "clutch_speed_gain" => {
                 self.gain_c = dice.either(0.012, 0.03);
                 self.gain_above = [0.0, 30.0][dice.shape(2)];
-                format!(
-                    "factor {:.4} above {} rad/s",
-                    1.0 + self.gain_c,
-                    self.gain_above
-                )
+                format!("factor {:.4} above {} rad/s", 1.0 + self.gain_c, self.gain_above)
             }
             "tone_wheel_runout" => {
                 self.runout = dice.magnitude(0.008, 0.02);
                 self.runout_order = [1.0, 2.0][dice.shape(2)];
-                format!(
-                    "{:.4} of the disc speed, order {}",
-                    self.runout, self.runout_order
-                )
+                format!("{:.4} of the disc speed, order {}", self.runout, self.runout_order)
             }
             "speed_dropout" => {
                 self.lost_share = dice.magnitude(0.9, 2.0);
                 self.lost_s = [0.06, 0.14][dice.shape(2)];
                 self.seed = dice.seed();
-                format!(
-                    "{:.2} times a second, {} s long",
-                    self.lost_share, self.lost_s
-                )
+                format!("{:.2} times a second, {} s long", self.lost_share, self.lost_s)
             }
             "blind_pickup" => {
                 self.blind_below = dice.magnitude(9.0, 22.0);
@@ -131,12 +111,7 @@ impl Sensors {
     pub fn sample(&mut self, t: f64, dt: f64, turn: f64) -> [f64; 2] {
         let [f, mut c] = self.now;
         let above = (c.abs() - self.gain_above).max(0.0) * c.signum();
-        c += self.gain_c
-            * if self.gain_above > 0.0 {
-                above * 1.25
-            } else {
-                c
-            };
+        c += self.gain_c * if self.gain_above > 0.0 { above * 1.25 } else { c };
         if self.runout != 0.0 {
             c += self.runout * c * (self.runout_order * turn).sin();
         }

@@ -40,16 +40,8 @@ impl Thermal {
         let shape = match id {
             "heat_partition" => {
                 self.share = dice.either(0.15, 0.33);
-                self.share_per_rad_s = if dice.shape(2) == 0 {
-                    0.0
-                } else {
-                    0.4 * self.share / 100.0
-                };
-                format!(
-                    "share {:.3}, {:.5} per rad/s",
-                    0.5 + self.share,
-                    self.share_per_rad_s
-                )
+                self.share_per_rad_s = if dice.shape(2) == 0 { 0.0 } else { 0.4 * self.share / 100.0 };
+                format!("share {:.3}, {:.5} per rad/s", 0.5 + self.share, self.share_per_rad_s)
             }
             "clutch_cooling" => {
                 let more = dice.magnitude(1.0, 2.6);
@@ -58,18 +50,12 @@ impl Thermal {
                     1 => self.exchange = -more / (1.0 + more),
                     _ => self.ventilation = more,
                 }
-                format!(
-                    "exchange {:+.2}, with speed {:+.2}",
-                    self.exchange, self.ventilation
-                )
+                format!("exchange {:+.2}, with speed {:+.2}", self.exchange, self.ventilation)
             }
             "plate_heat_soak" => {
                 self.plate_w_k = dice.magnitude(60.0, 150.0);
                 self.plate_j_k = [90.0, 180.0][dice.shape(2)];
-                format!(
-                    "{:.0} W/K to a plate of {} J/K",
-                    self.plate_w_k, self.plate_j_k
-                )
+                format!("{:.0} W/K to a plate of {} J/K", self.plate_w_k, self.plate_j_k)
             }
             "flash_temperature" => {
                 self.flash_k_w = dice.either(0.008, 0.016);
@@ -97,16 +83,10 @@ impl Thermal {
     /// Rates of the disc's and the body's temperature, K/s.
     pub fn step(&mut self, h: f64, v: &Vehicle, theta: [f64; 2], work: Work) -> [f64; 2] {
         let [disc, body] = theta;
-        let Work {
-            air,
-            power_w,
-            touching,
-            speeds,
-        } = work;
+        let Work { air, power_w, touching, speeds } = work;
         let slip = (speeds[0] - speeds[1]).abs();
         if self.flash_k_w != 0.0 {
-            self.flash_k +=
-                (self.flash_k_w * power_w - self.flash_k) * (1.0 - (-h / self.flash_tau_s).exp());
+            self.flash_k += (self.flash_k_w * power_w - self.flash_k) * (1.0 - (-h / self.flash_tau_s).exp());
         }
         let extra = self.plate_w_k * (self.plate_c - disc);
         if self.plate_w_k != 0.0 {
@@ -114,18 +94,11 @@ impl Thermal {
         }
         let factor = 1.0 + self.exchange + self.ventilation * speeds[0] / 150.0;
         if touching {
-            let share =
-                (v.gamma_3 + self.share + self.share_per_rad_s * (slip - 60.0)).clamp(0.05, 0.95);
+            let share = (v.gamma_3 + self.share + self.share_per_rad_s * (slip - 60.0)).clamp(0.05, 0.95);
             let across = v.gamma_1 * factor * (body - disc);
-            [
-                (across + share * power_w + extra) / v.c_1,
-                (-across + v.gamma_2 * (air - body) + (1.0 - share) * power_w) / v.c_b,
-            ]
+            [(across + share * power_w + extra) / v.c_1, (-across + v.gamma_2 * (air - body) + (1.0 - share) * power_w) / v.c_b]
         } else {
-            [
-                (v.gamma_2 * factor * (air - disc) + extra) / v.c_1,
-                2.0 * v.gamma_2 * (air - body) / v.c_b,
-            ]
+            [(v.gamma_2 * factor * (air - disc) + extra) / v.c_1, 2.0 * v.gamma_2 * (air - body) / v.c_b]
         }
     }
 }
