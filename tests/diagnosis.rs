@@ -1,0 +1,214 @@
+//! The diagnosis of drawn cars, end to end: a healthy car, a car with one effect, a car with an effect outside the library.
+//!
+//! `realcar` draws the cars at test time and shares no code with the plant, so that nothing here finds its own formulas again.
+
+use kisspoint::campaign::{self, Campaign, ReadOptions};
+use kisspoint::effects::REGISTRY;
+use kisspoint::fmu;
+use kisspoint::gap::diagnosis::{Diagnosis, DiagnosisError, diagnose};
+use realcar::{Car, Kind, draw_car_of};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+const SEED: u64 = 41;
+
+/// A folder that goes when the test ends.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("kisspoint-diagnosis-{}-{name}", std::process::id()));
+        std::fs::create_dir_all(&path).unwrap();
+        Self(path)
+    }
+
+    /// A folder that holds the campaign of `car`.
+    fn of(name: &str, car: &Car) -> Self {
+        let folder = Self::new(name);
+        car.write(&folder.0).unwrap();
+        folder
+    }
+
+    fn read(&self) -> Campaign {
+        campaign::read(&self.0, &ReadOptions::default()).unwrap()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// The first car of this kind that is recorded at 100 Hz without bench and holds all manoeuvres: the everyday campaign, and the quickest.
+fn everyday(kind: Kind) -> Car {
+    let is_everyday = |car: &Car| {
+        let r = &car.campaign.recordings;
+        r.len() == 9 && r.iter().all(|r| r.bench.is_none() && r.sample_rate_hz < 500.0)
+    };
+    (0..1000).map(|index| draw_car_of(SEED, index, kind)).find(is_everyday).unwrap()
+}
+
+/// The same car with only the recordings at these places.
+fn with_only(mut car: Car, places: &[usize]) -> Car {
+    car.campaign.recordings = places.iter().map(|&k| car.campaign.recordings[k].clone()).collect();
+    car
+}
+
+fn answer(campaign: &Campaign) -> Diagnosis {
+    diagnose(campaign, &|_, _| {}).unwrap()
+}
+
+/// A car that is worn: its clutch takes hold elsewhere. Diagnosed once for all tests that look at the answer.
+fn worn() -> &'static Diagnosis {
+    static ANSWER: OnceLock<Diagnosis> = OnceLock::new();
+    ANSWER.get_or_init(|| answer(&Folder::of("worn", &everyday(Kind::Single("kiss_point_offset"))).read()))
+}
+
+/// Launches of a healthy car: the smallest campaign that is worth a diagnosis.
+fn two_launches() -> Car {
+    with_only(everyday(Kind::Healthy), &[0, 1])
+}
+
+#[test]
+fn a_healthy_car_has_no_gap() {
+    let found = answer(&Folder::of("healthy", &everyday(Kind::Healthy)).read()).json;
+    assert_eq!(found["verdict"], "no_gap", "{}", found["which"]);
+    assert_eq!(found["where"]["primary"], Value::Null);
+    assert_eq!(found["which"]["effects"], Value::Array(Vec::new()));
+    check_structure(&found);
+}
+
+#[test]
+fn one_effect_is_named_and_closes_the_gap() {
+    let found = &worn().json;
+    assert_eq!(found["verdict"], "explained");
+    assert_eq!(found["where"]["primary"], "clutch_force");
+    let effects = found["which"]["effects"].as_array().unwrap();
+    assert_eq!(effects.len(), 1, "{effects:?}");
+    assert_eq!(effects[0]["id"], "kiss_point_offset");
+    let far = &found["how_far"];
+    assert!(far["closed_fraction"].as_f64().unwrap() > 0.95, "{far}");
+    assert!(far["before"].as_f64().unwrap() > 10.0 * far["after"].as_f64().unwrap(), "{far}");
+    check_structure(found);
+}
+
+#[test]
+fn an_effect_outside_the_library_is_flagged_and_located() {
+    let found = answer(&Folder::of("outside", &everyday(Kind::Outside("gusts"))).read()).json;
+    let verdict = found["verdict"].as_str().unwrap();
+    assert!(["unexplained", "partly_explained"].contains(&verdict), "{verdict}: {}", found["which"]["effects"]);
+    assert_eq!(found["where"]["unexplained_at"], "driveline");
+    check_structure(&found);
+}
+
+#[test]
+fn threads_change_no_byte() {
+    // A pair, so that the search for a second effect takes part.
+    let folder = Folder::of("threads", &with_only(everyday(Kind::Pair("kiss_point_offset", "engine_torque_gain")), &[0, 2, 3, 5, 8]));
+    let campaign = folder.read();
+    let [one, two] = [1, 2].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        format!("{:#}", pool.install(|| answer(&campaign)).json)
+    });
+    assert!(one.contains("\"explained\""), "{one}");
+    assert_eq!(one, two);
+}
+
+#[test]
+fn two_recordings_are_enough_and_one_is_held_out() {
+    let found = answer(&Folder::of("two", &two_launches()).read()).json;
+    assert_eq!(found["verdict"], "no_gap", "{}", found["which"]);
+    assert_eq!(found["how_far"]["held_out"].as_array().unwrap().len(), 1);
+    check_structure(&found);
+}
+
+#[test]
+fn one_recording_is_refused() {
+    let folder = Folder::of("one", &with_only(two_launches(), &[0]));
+    let refusal = diagnose(&folder.read(), &|_, _| {}).unwrap_err();
+    assert!(matches!(refusal, DiagnosisError::TooFew(1)), "{refusal:?}");
+    assert_eq!(
+        refusal.to_string(),
+        "the campaign has 1 usable recording(s); at least 2 are needed, one of them to judge on what took no part in the fit"
+    );
+}
+
+#[test]
+fn recordings_that_cannot_be_used_are_left_out_with_a_word() {
+    let folder = Folder::of("defects", &with_only(everyday(Kind::Healthy), &[0, 1, 2, 3, 4]));
+    edit(&folder.0.join("r03.csv"), |rows| rows.truncate(40));
+    edit(&folder.0.join("r04.csv"), |rows| rows[1..].iter_mut().for_each(|row| *row = without_flywheel_speed(row)));
+    // A sensor that fails for good one second into the recording.
+    edit(&folder.0.join("r05.csv"), |rows| rows[101..].iter_mut().for_each(|row| *row = without_flywheel_speed(row)));
+    let found = answer(&folder.read()).json;
+    let left_out = found["left_out"].as_array().unwrap();
+    let reason = |name: &str| left_out.iter().find(|l| l["recording"] == name).map_or("", |l| l["reason"].as_str().unwrap());
+    assert_eq!(left_out.len(), 2, "{left_out:?}");
+    assert!(reason("r03").contains("r03.csv") && reason("r03").contains("0.380 s are too short"), "{left_out:?}");
+    assert!(reason("r04").contains("r04.csv, channel omega_f_rad_s"), "{left_out:?}");
+    let notes: Vec<&str> = found["notes"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
+    assert!(notes.iter().any(|n| n.starts_with("r05") && n.contains("omega_f_rad_s")), "{notes:?}");
+}
+
+fn without_flywheel_speed(row: &str) -> String {
+    let mut cells: Vec<&str> = row.split(',').collect();
+    cells[1] = "NaN";
+    cells.join(",")
+}
+
+#[test]
+fn plant_parameters_are_variables_that_can_be_set() {
+    let plant = fmu::MODELS.iter().find(|m| m.description.name == "DrivelinePlant").unwrap();
+    for set in ["parameters", "nominal_parameters"] {
+        let named = worn().json["plant"][set].as_object().unwrap();
+        for (name, value) in named {
+            let variable = plant.description.variables.iter().find(|v| v.name == name.as_str());
+            assert!(variable.is_some(), "{set}: the plant has no variable {name}");
+            assert!(value.as_f64().is_some_and(f64::is_finite), "{set}: {name} = {value}");
+        }
+    }
+    let value = |set: &str, name: &str| worn().json["plant"][set][name].as_f64().unwrap();
+    let offset = "effect.kiss_point_offset.offset";
+    assert_eq!(value("nominal_parameters", offset), 0.0);
+    assert!(value("parameters", offset) != 0.0);
+}
+
+fn edit(file: &Path, change: impl FnOnce(&mut Vec<String>)) {
+    let text = std::fs::read_to_string(file).unwrap();
+    let mut rows: Vec<String> = text.lines().map(str::to_owned).collect();
+    change(&mut rows);
+    std::fs::write(file, rows.join("\n") + "\n").unwrap();
+}
+
+/// The keys and ranges that the schema requires. `tests/python/test_diagnosis.py` checks an answer against the schema itself.
+fn check_structure(found: &Value) {
+    let has = |at: &str, keys: &[&str]| {
+        let object = found.pointer(at).and_then(Value::as_object).unwrap_or_else(|| panic!("{at} is no object"));
+        for key in keys {
+            assert!(object.contains_key(*key), "{at}/{key} is missing");
+        }
+    };
+    has("", &["schema", "verdict", "where", "which", "how_far", "plant"]);
+    has("/where", &["primary", "subsystems"]);
+    has("/which", &["effects", "ranked"]);
+    has("/how_far", &["metric", "before", "after", "closed_fraction", "held_out"]);
+    has("/plant", &["parameters", "nominal_parameters"]);
+    assert_eq!(found["schema"], "kisspoint-diagnosis/1");
+    for number in ["before", "after", "noise_floor", "closed_fraction"] {
+        assert!(found["how_far"][number].as_f64().is_some_and(f64::is_finite), "how_far/{number}: {}", found["how_far"][number]);
+    }
+    let share = |v: &Value| v.as_f64().is_some_and(|s| (0.0..=1.0).contains(&s));
+    assert!(found["where"]["subsystems"].as_array().unwrap().iter().all(|s| s["id"].is_string() && share(&s["share"])));
+    for effect in found["which"]["effects"].as_array().unwrap() {
+        assert!(effect["id"].is_string() && share(&effect["probability"]) && effect["ambiguous_with"].is_array(), "{effect}");
+        for (name, p) in effect["parameters"].as_object().unwrap() {
+            let [low, value, high] = ["low", "value", "high"].map(|k| p[k].as_f64().unwrap_or(f64::NAN));
+            assert!(low <= value && value <= high, "{name}: {p}");
+        }
+    }
+    let ranked = found["which"]["ranked"].as_array().unwrap();
+    assert_eq!(ranked.len(), REGISTRY.len(), "every effect of the library is weighed");
+    assert!(ranked.iter().all(|r| r["id"].is_string() && r["verdict"].is_string() && r["reason"].is_string()));
+}
