@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 /// Options of `kisspoint blind`.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Example: kisspoint blind --cars 40 --seed 7")]
+#[command(after_help = "Examples:\n  kisspoint blind --cars 40 --seed 7")]
 pub struct Args {
     /// Cars to draw
     #[arg(long, value_name = "N", default_value_t = 20)]

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Options of `kisspoint diagnose`.
 #[derive(clap::Args, Debug)]
 #[command(
-    after_help = "Writes diagnosis.json, report.html, plant.ssv and DrivelinePlant.fmu into DIR. Exit code 0 whatever the verdict.\n\nExample: kisspoint diagnose measurements/car_17 --out out/car_17\n         kisspoint diagnose measurements/* --out out"
+    after_help = "Writes diagnosis.json, report.html, plant.ssv and DrivelinePlant.fmu into DIR. Exit code 0 whatever the verdict.\n\nExamples:\n  kisspoint diagnose measurements/car_17 --out out/car_17\n         kisspoint diagnose measurements/* --out out"
 )]
 pub struct Args {
     /// Folders with vehicle.json, recordings.json and the recordings

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 /// Options of `kisspoint replay`.
 #[derive(clap::Args, Debug)]
 #[command(
-    after_help = "Each recording is replayed freely from its first sample, driven by the reported torque and the commanded position.\n\nExample: kisspoint replay measurements/car_17"
+    after_help = "Each recording is replayed freely from its first sample, driven by the reported torque and the commanded position.\n\nExamples:\n  kisspoint replay measurements/car_17"
 )]
 pub struct Args {
     /// Folder with vehicle.json, recordings.json and the recordings
