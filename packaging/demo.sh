@@ -16,13 +16,13 @@ step "Build the command, and the library that goes into the FMUs"
 cargo build --profile quick --bin kisspoint
 cargo build --release --lib --no-default-features
 kisspoint=${CARGO_TARGET_DIR:-target}/quick/kisspoint
-library=${CARGO_TARGET_DIR:-target}/release/libkisspoint.so
+export KISSPOINT_LIBRARY=${CARGO_TARGET_DIR:-target}/release/libkisspoint.so
 
 step "The start-up of the paper beside its Table II"
 "$kisspoint" launch --plots "$out/figures"
 
 step "Both FMUs"
-"$kisspoint" fmu --out "$out" --library "$library"
+"$kisspoint" fmu --out "$out"
 
 step "Drive the plant with the recordings of $campaign: the gap"
 "$kisspoint" replay "$campaign"
