@@ -23,6 +23,8 @@ pub enum Verdict {
 pub const FIRST_GAIN: f64 = 20.0;
 /// Evidence that a second effect needs.
 pub const SECOND_GAIN: f64 = 30.0;
+/// Cost of the nuisances of a car within its tolerances.
+const WITHIN: f64 = 25.0;
 /// Share of the first effect's excess that a second effect has to take.
 pub const SECOND_SHARE: f64 = 0.6;
 /// Share of what the first effect explains below which a second one is a trifle: a difference of form.
@@ -30,7 +32,7 @@ pub const TRIFLE: f64 = 0.004;
 /// Cost per residual above which something structured is there.
 pub const STRUCTURED: f64 = 1.3;
 /// Share of the base's excess that an explanation may leave.
-pub const LEFT: f64 = 0.12;
+pub const LEFT: f64 = 0.06;
 /// Share of the base's excess above which an effect explains nothing worth naming.
 pub const HELPS: f64 = 0.5;
 
@@ -84,7 +86,9 @@ fn second_is_needed(search: &Search, single: &Hypothesis, pair: &Hypothesis) -> 
     let structure = data_1 - data_2.min(search.samples as f64);
     let explained = search.base.fit.cost - single.fit.cost;
     let takes_the_rest = gained > SECOND_SHARE * structure && gained > TRIFLE * explained;
-    evidence(single, pair) > SECOND_GAIN && (freed > SECOND_GAIN || takes_the_rest)
+    // Setting free means that little pull is left, not that some of much is gone.
+    let sets_free = freed > SECOND_GAIN && freed > 0.5 * (pulled_1 - WITHIN);
+    evidence(single, pair) > SECOND_GAIN && (sets_free || takes_the_rest)
 }
 
 /// Decides.
