@@ -10,7 +10,7 @@
 //! | T_e, T_L | engine torque, load torque | N·m | eq. (7) |
 //! | ℓ_1, ℓ_2 | observer gains | N·m·s/rad, N·m/rad | Table I, read as 300 and −4252 |
 //!
-//! With the signs as printed the poles are +1573 and +14 1/s; swapped they are −1573 and −14.3 1/s. (8b) is printed with
+//! With the signs as printed the poles are +1601 and −14.1 1/s; swapped they are −1573 and −14.3 1/s. (8b) is printed with
 //! −b_c ω_c, but follows from (7b) with a plus. (9) is discretised exactly, so the fast pole is stable at every step.
 
 use super::held::Held;

@@ -1,0 +1,170 @@
+//! The invariants of docs/architecture.md that the source itself can show.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::{fs, iter};
+
+/// Which modules each module may import; the one list of import directions.
+const IMPORTS: [(&str, &[&str]); 14] = [
+    ("physics", &[]),
+    ("vehicle", &["physics"]),
+    ("effects", &["physics", "vehicle"]),
+    ("plant", &["physics", "vehicle", "effects"]),
+    ("control", &["physics", "vehicle"]),
+    ("fmi2", &["physics", "vehicle", "effects", "plant", "control"]),
+    ("launch", &["physics", "vehicle", "effects", "plant", "control"]),
+    ("plots", &["physics", "vehicle", "effects", "plant", "control", "launch"]),
+    ("campaign", &[]),
+    ("report", &["effects"]),
+    // Of the report, only the form in which curves are handed over.
+    ("gap", &["physics", "vehicle", "effects", "plant", "campaign", "report"]),
+    ("fmu", &["physics", "vehicle", "effects", "control", "fmi2", "launch"]),
+    ("cli", &["physics", "vehicle", "effects", "plant", "control", "launch", "plots", "campaign", "report", "gap", "fmu"]),
+    ("main", &[]),
+];
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Every file below `dir` with this ending.
+fn files(dir: &Path, ending: &str) -> Vec<PathBuf> {
+    let entries = fs::read_dir(dir).unwrap_or_else(|e| panic!("{}: {e}", dir.display()));
+    let mut all: Vec<PathBuf> = entries
+        .map(|entry| entry.unwrap().path())
+        .flat_map(|path| if path.is_dir() { files(&path, ending) } else { vec![path] })
+        .filter(|path| path.extension().is_some_and(|e| e == ending))
+        .collect();
+    all.sort();
+    all
+}
+
+/// The text without comments, without string literals that span no line end, and without the tests at its end.
+fn code(path: &Path) -> String {
+    let text = fs::read_to_string(path).unwrap();
+    let text = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
+    let mut code = String::new();
+    for line in text.lines() {
+        for (k, part) in line.split("//").next().unwrap_or_default().split('"').enumerate() {
+            code.push_str(if k % 2 == 0 { part } else { "\"\"" });
+        }
+        code.push('\n');
+    }
+    code
+}
+
+/// The top-level module that a source file belongs to.
+fn module(path: &Path) -> String {
+    let inside = path.strip_prefix(root().join("src")).unwrap();
+    inside.components().next().unwrap().as_os_str().to_string_lossy().trim_end_matches(".rs").to_owned()
+}
+
+/// Top-level modules that this code names as `crate::…`, also in a list.
+fn imports(code: &str) -> BTreeSet<String> {
+    let name = |text: &str| text.trim().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
+    code.split("crate::")
+        .skip(1)
+        .flat_map(|rest| match rest.strip_prefix('{') {
+            Some(list) => list.split('}').next().unwrap_or_default().split(',').map(name).collect::<Vec<_>>(),
+            None => vec![name(rest)],
+        })
+        .filter(|n| !n.is_empty())
+        .collect()
+}
+
+#[test]
+fn imports_flow_one_way() {
+    let mut seen = BTreeSet::new();
+    for path in files(&root().join("src"), "rs") {
+        let own = module(&path);
+        if own == "lib" {
+            continue;
+        }
+        let (_, allowed) = IMPORTS.iter().find(|(name, _)| *name == own).unwrap_or_else(|| panic!("{own} has no line in IMPORTS"));
+        for other in imports(&code(&path)) {
+            assert!(other == own || allowed.contains(&other.as_str()), "{} imports {other}; {own} may import {allowed:?}", path.display());
+        }
+        seen.insert(own);
+    }
+    assert_eq!(seen.len(), IMPORTS.len(), "IMPORTS names a module that is not there");
+}
+
+#[test]
+fn the_directions_have_no_circle() {
+    for (name, allowed) in IMPORTS {
+        let mut reached: BTreeSet<&str> = allowed.iter().copied().collect();
+        for _ in 0..IMPORTS.len() {
+            reached = reached.iter().flat_map(|m| iter::once(*m).chain(IMPORTS.iter().find(|i| i.0 == *m).unwrap().1.iter().copied())).collect();
+        }
+        assert!(!reached.contains(name), "{name} imports itself by a detour");
+    }
+}
+
+#[test]
+fn physics_and_control_never_name_fmi() {
+    for folder in ["physics", "control"] {
+        for path in files(&root().join("src").join(folder), "rs") {
+            let named = code(&path).to_lowercase();
+            assert!(!named.contains("fmi"), "{} names FMI", path.display());
+        }
+    }
+}
+
+#[test]
+fn every_file_of_an_effect_is_registered() {
+    let found: BTreeSet<String> = files(&root().join("src/effects"), "rs")
+        .iter()
+        .map(|p| p.file_stem().unwrap().to_string_lossy().into_owned())
+        .filter(|stem| stem != "mod")
+        .collect();
+    let registered: BTreeSet<String> = kisspoint::effects::REGISTRY.iter().map(|e| e.id.to_owned()).collect();
+    assert_eq!(found, registered);
+}
+
+#[test]
+fn unsafe_code_stands_in_fmi2_alone() {
+    for path in files(&root().join("src"), "rs").into_iter().filter(|p| module(p) != "fmi2") {
+        let words = code(&path);
+        let found = words.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|word| word == "unsafe");
+        assert!(!found, "{} is unsafe", path.display());
+    }
+    let tour = fs::read_to_string(root().join("src/lib.rs")).unwrap();
+    assert!(tour.contains("#![deny(unsafe_code)]"));
+    assert_eq!(tour.matches("#[allow(unsafe_code)]").count(), 1);
+}
+
+#[test]
+fn no_file_names_a_path_of_one_machine() {
+    let homes: Vec<String> = ["home", "Users", "root", "work"].iter().map(|name| format!("/{name}/")).collect();
+    for folder in ["src", "docs", "tests", "packaging", "benches", "realcar", "modelDescription"] {
+        for ending in ["rs", "md", "sh", "py", "xml", "toml", "c", "js", "json"] {
+            for path in files(&root().join(folder), ending) {
+                let text = fs::read_to_string(&path).unwrap();
+                for line in text.lines() {
+                    let named = homes.iter().find(|home| line.match_indices(home.as_str()).any(|(at, _)| begins_a_path(line, at)));
+                    assert!(named.is_none(), "{}: {line}", path.display());
+                }
+            }
+        }
+    }
+}
+
+/// Whether what stands at `at` is the beginning of a path, not its middle.
+fn begins_a_path(line: &str, at: usize) -> bool {
+    !line[..at].ends_with(|c: char| c.is_alphanumeric() || matches!(c, '.' | '_' | '-' | '/' | '}' | ')' | '~'))
+}
+
+#[test]
+fn every_link_of_the_documentation_leads_somewhere() {
+    let mut pages = files(&root().join("docs"), "md");
+    pages.extend(["README.md", "CHANGELOG.md"].map(|name| root().join(name)));
+    for page in pages {
+        let text = fs::read_to_string(&page).unwrap();
+        for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+            let file = link.split('#').next().unwrap_or_default();
+            if !link.contains("://") && !file.is_empty() {
+                assert!(page.parent().unwrap().join(file).exists(), "{}: {link}", page.display());
+            }
+        }
+    }
+}
