@@ -94,7 +94,8 @@ fn the_directions_have_no_circle() {
     for (name, allowed) in IMPORTS {
         let mut reached: BTreeSet<&str> = allowed.iter().copied().collect();
         for _ in 0..IMPORTS.len() {
-            reached = reached.iter().flat_map(|m| iter::once(*m).chain(IMPORTS.iter().find(|i| i.0 == *m).unwrap().1.iter().copied())).collect();
+            reached =
+                reached.iter().flat_map(|m| iter::once(*m).chain(IMPORTS.iter().find(|i| i.0 == *m).unwrap().1.iter().copied())).collect();
         }
         assert!(!reached.contains(name), "{name} imports itself by a detour");
     }

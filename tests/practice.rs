@@ -31,8 +31,7 @@ fn practice_campaigns_are_replayed_and_diagnosed() {
         let json = diagnose(&campaign, &|_, _| {}).expect("a practice campaign can be diagnosed").json;
         let truth: Vec<&str> = truth.as_array().into_iter().flatten().filter_map(serde_json::Value::as_str).collect();
         let verdict = json["verdict"].as_str().unwrap_or_default();
-        let got: Vec<&str> =
-            json["which"]["effects"].as_array().into_iter().flatten().filter_map(|e| e["id"].as_str()).collect();
+        let got: Vec<&str> = json["which"]["effects"].as_array().into_iter().flatten().filter_map(|e| e["id"].as_str()).collect();
         println!("{case} {truth:?}: {verdict} {got:?}");
         if truth.is_empty() {
             healthy += 1;
@@ -46,7 +45,9 @@ fn practice_campaigns_are_replayed_and_diagnosed() {
             unknown += usize::from(verdict == "unexplained" || verdict == "partly_explained");
         }
     }
-    println!("healthy flagged {flagged}/{healthy}, effects named {named}/{known}, extra {extra}, outside the library flagged {unknown}/{others}");
+    println!(
+        "healthy flagged {flagged}/{healthy}, effects named {named}/{known}, extra {extra}, outside the library flagged {unknown}/{others}"
+    );
     assert_eq!(flagged, 0, "a healthy car was flagged");
     assert!(named * 100 >= 95 * known, "{named} of {known} effects were named");
     assert!(extra * 20 <= answers.as_object().map_or(0, serde_json::Map::len), "{extra} effects too many");

@@ -54,6 +54,9 @@ pub enum DiagnoseError {
     /// The FMU.
     #[error(transparent)]
     Fmu(#[from] FmuError),
+    /// Two campaigns would share a folder.
+    #[error("{} and {} have one name, so that their answers would overwrite each other; diagnose them one by one", .0.display(), .1.display())]
+    SameName(PathBuf, PathBuf),
     /// Threads.
     #[error("threads cannot be started: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
@@ -77,9 +80,16 @@ pub fn run(args: &Args) -> Result<(), DiagnoseError> {
     let channel_map = args.channel_map.as_deref().map(ChannelMap::from_file).transpose()?;
     let options = ReadOptions { channel_map, strict: args.strict };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
+    let several = args.campaigns.len() > 1;
+    let folder_of = |path: &Path| std::fs::canonicalize(path).ok().and_then(|p| p.file_name().map(PathBuf::from)).unwrap_or_default();
+    for (k, path) in args.campaigns.iter().enumerate() {
+        let same = args.campaigns[..k].iter().find(|other| folder_of(other) == folder_of(path));
+        if let Some(other) = same.filter(|_| several) {
+            return Err(DiagnoseError::SameName(other.clone(), path.clone()));
+        }
+    }
     for path in &args.campaigns {
-        let several = args.campaigns.len() > 1;
-        let out = args.out.as_ref().map(|out| if several { out.join(path.file_name().unwrap_or(path.as_os_str())) } else { out.clone() });
+        let out = args.out.as_ref().map(|out| if several { out.join(folder_of(path)) } else { out.clone() });
         if several && !args.json {
             println!("{}", path.display());
         }

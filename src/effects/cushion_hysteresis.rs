@@ -1,6 +1,6 @@
 //! Force differs between closing and opening: F (1 + width · z / 2), z from −1 (opening) to +1 (closing).
 //!
-//! z is a play operator over the travel `stroke`: z = 2 (x − m)/stroke, with the memory m kept within stroke/2 of x.
+//! Each branch is approached exponentially over half the travel `stroke`, as in Dahl's model: dz/dx = 2 (sign(dx) − z) sign(dx)/stroke.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|

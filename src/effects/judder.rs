@@ -3,7 +3,7 @@
 //! | symbol | meaning | unit |
 //! |---|---|---|
 //! | `cosine`, `sine` | relative amplitude in two phases | 1 |
-//! | n, `order` | pulsations per revolution of slip | 1 |
+//! | n, `order` | pulsations per radian of slip angle | 1 |
 //! | φ | slip angle since the start | rad |
 
 use super::{Act, Effect, Parameters, Subsystem, param};

@@ -211,6 +211,9 @@ fn tolerances(f: &Findings) -> Value {
     Value::Object(f.problem.nuisances.iter().zip(&point.z).map(|(n, z)| (n.name.clone(), round(*z))).collect())
 }
 
+/// Cost of the nuisances of a car within its tolerances, about.
+const USUAL_PULL: f64 = 25.0;
+
 /// Probability that the verdict is right, as far as the evidence tells: of the chosen effects among their rivals, or of no gap.
 fn confidence(f: &Findings) -> f64 {
     let chosen = &f.decision.chosen;
@@ -222,7 +225,9 @@ fn confidence(f: &Findings) -> f64 {
         Verdict::Explained => 0.05 * (f.decision.left / HELPS).min(1.0),
         _ => 0.2 * (STRUCTURED * f.search.samples as f64 / f.decision.chosen.fit.cost).min(1.0),
     };
-    (among_rivals / (1.0 + against)).clamp(0.0, 0.99)
+    // Tolerances that had to be pulled far say that something else is not as believed.
+    let pulled = (prior(&chosen.fit.point) - USUAL_PULL).max(0.0) / USUAL_PULL;
+    (among_rivals / ((1.0 + against) * (1.0 + 0.1 * pulled))).clamp(0.0, 0.95)
 }
 
 fn sentence(f: &Findings, closed: f64) -> String {

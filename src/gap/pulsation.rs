@@ -15,6 +15,9 @@ const ORDERS: std::ops::Range<f64> = 0.15..12.0;
 /// Orders that become starts.
 const STARTS: usize = 2;
 
+/// Samples of a recording that the scan looks at: the first slip of a long recording tells as much as all of it.
+const LONGEST_TRACK: usize = 2000;
+
 /// One recording's torque and slip angle, and the residual to be explained.
 struct Track {
     torque: Vec<f64>,
@@ -61,11 +64,11 @@ fn track(problem: &Problem, point: &Point, k: usize, series: &Series, residuals:
     let (vehicle, effects) = problem.plant_at(point);
     let predicted = predict(series, &vehicle, &effects, point.theta_shift[k], Follow::Horizon(HORIZON_S));
     let block = series.block;
-    let samples = series.len() / block;
+    let samples = (series.len() / block).min(LONGEST_TRACK);
     let dt = series.dt * block as f64;
     let mut angle = Vec::with_capacity(samples);
     let mut phi = 0.0;
-    for j in 0..series.len() {
+    for j in 0..samples * block {
         if j % block == 0 && angle.len() < samples {
             angle.push(phi);
         }
