@@ -99,10 +99,12 @@ class Diagnosis(Mapping[str, Any]):
         from matplotlib.figure import Figure
 
         runs = self.replay(recording)
+        # The car's curve is wide, so that it stays visible behind one that fits.
+        styles = {"real": {"color": "0.7", "lw": 4}, "before": {"color": "C1", "ls": "--"}, "after": {"color": "C0"}}
         figure = Figure(figsize=(8, 5), layout="constrained")
         for axes, channel in zip(figure.subplots(2, 1, sharex=True), ("omega_f_rad_s", "omega_c_rad_s"), strict=True):
-            for name, style in (("real", "k-"), ("before", "C1--"), ("after", "C0-")):
-                axes.plot(runs["real"]["time_s"], runs[name][channel], style, label=name)
+            for name, style in styles.items():
+                axes.plot(runs["real"]["time_s"], runs[name][channel], **style, label=name)
             axes.set_ylabel(channel.replace("_rad_s", "") + " [rad/s]")
         figure.axes[0].legend()
         figure.axes[1].set_xlabel("time [s]")
