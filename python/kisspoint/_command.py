@@ -1,0 +1,35 @@
+"""The command `kisspoint`, as this package holds it."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+
+class KisspointError(RuntimeError):
+    """What the command said when it refused: which input is wrong, and what to do."""
+
+
+def path() -> Path:
+    """$KISSPOINT, the command in this package, or the one on the path."""
+    if "KISSPOINT" in os.environ:
+        return Path(os.environ["KISSPOINT"])
+    own = Path(__file__).with_name("kisspoint.exe" if sys.platform == "win32" else "kisspoint")
+    found = own if own.is_file() else shutil.which("kisspoint")
+    if not found:
+        raise KisspointError("the command kisspoint was not found: install this package with pip, or set KISSPOINT to the command")
+    return Path(found)
+
+
+def run(*arguments: object) -> str:
+    """Runs the command and returns what it prints."""
+    done = subprocess.run([str(path()), *map(str, arguments)], capture_output=True, encoding="utf-8")
+    if done.returncode != 0:
+        raise KisspointError(done.stderr.strip().removeprefix("kisspoint: "))
+    return done.stdout
+
+
+def main() -> int:
+    """Hands the command line over to the command."""
+    return subprocess.run([str(path()), *sys.argv[1:]]).returncode

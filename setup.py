@@ -1,0 +1,41 @@
+"""Builds the command and the FMUs' shared library with cargo, and puts both into the Python package."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from setuptools import Distribution, setup
+from setuptools.command.bdist_wheel import bdist_wheel
+from setuptools.command.build_py import build_py
+
+ROOT = Path(__file__).parent
+TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
+COMMAND, LIBRARY = ("kisspoint.exe", "kisspoint.dll") if sys.platform == "win32" else ("kisspoint", "libkisspoint.so")
+
+
+class WithCargo(build_py):
+    def run(self):
+        super().run()
+        profile = os.environ.get("KISSPOINT_PROFILE", "quick")
+        for what in (["--profile", profile, "--bin", "kisspoint"], ["--release", "--lib", "--no-default-features"]):
+            subprocess.run(["cargo", "build", *what], cwd=ROOT, check=True)
+        package = Path(self.build_lib) / "kisspoint"
+        shutil.copy2(TARGET / profile / COMMAND, package / COMMAND)
+        shutil.copy2(TARGET / "release" / LIBRARY, package / LIBRARY)
+
+
+class ForThisPlatform(bdist_wheel):
+    """The wheel holds programs of one platform, but suits every Python."""
+
+    def get_tag(self):
+        return "py3", "none", super().get_tag()[2]
+
+
+class Binary(Distribution):
+    def has_ext_modules(self):
+        return True
+
+
+setup(distclass=Binary, cmdclass={"build_py": WithCargo, "bdist_wheel": ForThisPlatform})
