@@ -141,7 +141,7 @@ fn effects_json(f: &Findings) -> Vec<Value> {
                 .map_or(String::new(), |other| format!("{}; or {}", entry.effect.shown_by, REGISTRY[other].effect.shown_by));
             json!({
                 "id": entry.id,
-                "probability": round(1.0 / (1.0 + odds)),
+                "probability": round((1.0 / (1.0 + odds)).min(SUREST)),
                 "ambiguous_with": group,
                 "separated_by": split,
                 "parameters": intervals(f, entry.parameters.clone()),
@@ -211,6 +211,9 @@ fn tolerances(f: &Findings) -> Value {
     Value::Object(f.problem.nuisances.iter().zip(&point.z).map(|(n, z)| (n.name.clone(), round(*z))).collect())
 }
 
+/// The surest that an answer is: a car may hold what no candidate stands for, and drawn cars show wrong answers at about this rate.
+const SUREST: f64 = 0.95;
+
 /// Cost of the nuisances of a car within its tolerances, about.
 const USUAL_PULL: f64 = 25.0;
 
@@ -227,14 +230,15 @@ fn confidence(f: &Findings) -> f64 {
     };
     // Tolerances that had to be pulled far say that something else is not as believed.
     let pulled = (prior(&chosen.fit.point) - USUAL_PULL).max(0.0) / USUAL_PULL;
-    (among_rivals / ((1.0 + against) * (1.0 + 0.1 * pulled))).clamp(0.0, 0.95)
+    (among_rivals / ((1.0 + against) * (1.0 + 0.1 * pulled))).clamp(0.0, SUREST)
 }
 
 fn sentence(f: &Findings, closed: f64) -> String {
     let names: Vec<&str> = f.decision.chosen.effects.iter().map(|&e| REGISTRY[e].id).collect();
     let names = names.join(" and ");
     let at = f.location.unexplained_at.map_or("an unknown place", |s| s.id());
-    let share = format!("{:.0} % of the gap on recordings that took no part in the fit", 100.0 * closed);
+    // Rounded down: "100 %" is said of a gap that is closed, not of one that nearly is.
+    let share = format!("{:.1} % of the gap on recordings that took no part in the fit", (1000.0 * closed).floor() / 10.0);
     match f.decision.verdict {
         Verdict::NoGap => "The car lies within its tolerances: nothing is left beyond noise.".to_owned(),
         Verdict::Explained => format!("The gap is explained by {names}, which closes {share}."),
