@@ -7,6 +7,7 @@
 use super::balance::{self, HIGH_TORQUE_NM, HOT_DEGC, Window};
 use super::decide::{Decision, Verdict};
 use super::fit::{self, Coordinate, Point, Problem};
+use super::freeform;
 use super::select::Search;
 use crate::effects::{REGISTRY, Subsystem};
 use nalgebra::{DMatrix, DVector};
@@ -224,10 +225,7 @@ fn of_unknown(problem: &Problem, search: &Search, decision: &Decision) -> Subsys
             false => Subsystem::Driveline,
         };
     }
-    // Within the clutch, the candidate that comes nearest tells which part behaves like that.
-    let within = [Subsystem::Actuator, Subsystem::ClutchForce, Subsystem::Friction, Subsystem::Thermal];
-    let nearest = search.singles.iter().map(|h| REGISTRY[h.effects[0]].effect.subsystem).find(|s| within.contains(s));
-    nearest.unwrap_or(Subsystem::Friction)
+    freeform::part_of_clutch(problem, search)
 }
 
 fn phase_name(phase: u8) -> &'static str {
