@@ -15,7 +15,7 @@ const IMPORTS: [(&str, &[&str]); 14] = [
     ("launch", &["physics", "vehicle", "effects", "plant", "control"]),
     ("plots", &["physics", "vehicle", "effects", "plant", "control", "launch"]),
     ("campaign", &[]),
-    ("report", &["effects"]),
+    ("report", &["vehicle", "effects"]),
     // Of the report, only the form in which curves are handed over.
     ("gap", &["physics", "vehicle", "effects", "plant", "campaign", "report"]),
     ("fmu", &["physics", "vehicle", "effects", "control", "fmi2", "launch"]),

@@ -4,9 +4,11 @@ use super::error::CommandError;
 use super::files::write_all;
 use super::output::{print, print_json};
 use super::progress::Progress;
-use crate::campaign::{self, ChannelMap, ReadOptions};
+use crate::campaign::{self, Campaign, ChannelMap, ReadOptions, Recording};
+use crate::effects::REGISTRY;
 use crate::fmu::{self, FmuError, library, ssv};
 use crate::gap::answer::plant_parameters;
+use crate::gap::balance::{HIGH_TORQUE_NM, HOT_DEGC};
 use crate::gap::diagnosis::{Diagnosis, diagnose};
 use crate::report;
 use serde_json::{Value, json};
@@ -102,26 +104,55 @@ fn one(
     let bar = Progress::new();
     let found = pool.install(|| diagnose(&campaign, &|what, share| bar.tell(what, share)));
     bar.finish();
-    let left_out = campaign.left_out;
-    let diagnosis = found.map_err(|source| CommandError::Diagnosis { path: path.to_owned(), source, left_out })?;
+    let refused = |source| CommandError::Diagnosis { path: path.to_owned(), source, left_out: campaign.left_out.clone() };
+    let diagnosis = found.map_err(refused)?;
+    let shown = name(path).display().to_string();
     if let Some(out) = out {
-        write_all(out, &files(&diagnosis, &provenance(&campaign.fingerprint), libraries)?)?;
+        write_all(out, &files(&diagnosis, &shown, &provenance(&campaign, options), libraries)?)?;
     }
     Ok(diagnosis)
 }
 
-fn provenance(fingerprint: &str) -> Vec<(String, String)> {
-    [("kisspoint", env!("CARGO_PKG_VERSION")), ("data fingerprint (SHA-256)", fingerprint)]
-        .map(|(k, v)| (k.to_owned(), v.to_owned()))
-        .to_vec()
+/// What a reader needs to repeat the answer, or to doubt it.
+fn provenance(campaign: &Campaign, options: &ReadOptions) -> Vec<(String, String)> {
+    let recordings = &campaign.recordings;
+    let mut rates: Vec<f64> = recordings.iter().map(|r| r.sample_rate_hz).collect();
+    rates.sort_by(f64::total_cmp);
+    rates.dedup();
+    let rates: Vec<String> = rates.iter().map(|rate| format!("{rate} Hz")).collect();
+    let bench = |has: fn(&Recording) -> bool, what| recordings.iter().any(has).then_some(what);
+    let bench = [
+        bench(|r| r.x_to.is_some(), "position"),
+        bench(|r| r.t_fc.is_some(), "clutch torque"),
+        bench(|r| r.theta_c.is_some(), "disc temperature"),
+    ];
+    let bench: Vec<&str> = bench.into_iter().flatten().collect();
+    let tolerances = campaign.vehicle_json["tolerance"].as_object().map_or(0, serde_json::Map::len);
+    let facts = [
+        ("kisspoint", env!("CARGO_PKG_VERSION").to_owned()),
+        ("recordings", format!("{} used at {}, {} left out", recordings.len(), rates.join(" and "), campaign.left_out.len())),
+        ("bench channels", if bench.is_empty() { "none".to_owned() } else { bench.join(", ") }),
+        ("candidates", format!("{} effects, alone and in pairs, with {tolerances} declared tolerances free", REGISTRY.len())),
+        ("channel map", if options.channel_map.is_some() { "yes" } else { "none: the files have the names of the contract" }.to_owned()),
+        ("recordings with defects", if options.strict { "refused (--strict)" } else { "left out, with a word" }.to_owned()),
+        ("data fingerprint (SHA-256)", campaign.fingerprint.clone()),
+    ];
+    facts.map(|(k, v)| (k.to_owned(), v)).to_vec()
 }
 
 fn files(
     diagnosis: &Diagnosis,
+    name: &str,
     provenance: &[(String, String)],
     libraries: &[library::Library],
 ) -> Result<Vec<(&'static str, Vec<u8>)>, FmuError> {
-    let report = report::html(&report::Input { diagnosis: &diagnosis.json, overlays: &diagnosis.overlays, provenance });
+    let report = report::html(&report::Input {
+        name,
+        diagnosis: &diagnosis.json,
+        overlays: &diagnosis.overlays,
+        provenance,
+        regions: &format!("cold is a disc below {HOT_DEGC} °C, low torque a clutch torque below {HIGH_TORQUE_NM} N·m"),
+    });
     let plant = fmu::MODELS.iter().find(|m| m.description.name == "DrivelinePlant").expect("the plant is one of the models");
     let archive = fmu::archive(plant, libraries, &diagnosis.vehicle, &diagnosis.effects)?;
     let named = plant_parameters(&diagnosis.vehicle, &diagnosis.effects);
