@@ -47,8 +47,8 @@ fn parameter(id: &str, name: &str, p: &Value) -> String {
     let value = real(p, "value");
     let (shown, interval, drawn) = match (value, real(p, "low"), real(p, "high")) {
         (Some(value), Some(low), Some(high)) if high > low => {
-            let [shown, from, to] = estimate([value, low, high]);
-            (shown, format!("{from} to {to}"), null.map_or_else(String::new, |null| whisker(value, low, high, null)))
+            let (shown, interval) = estimate([value, low, high]);
+            (shown, interval, null.map_or_else(String::new, |null| whisker(value, low, high, null)))
         }
         (Some(value), _, _) => (number(value, 4), "not stated".to_owned(), String::new()),
         _ => ("–".to_owned(), "not stated".to_owned(), String::new()),

@@ -118,15 +118,19 @@ pub fn meaning(raw: &str) -> String {
     raw.replace("degC", "°C").replace("2 pi", "2π")
 }
 
-/// Estimate and the ends of its interval with the decimals that the interval is worth, all in one power of ten where they are tiny.
-pub fn estimate([value, low, high]: [f64; 3]) -> [String; 3] {
+/// Estimate and interval with the decimals that the interval is worth, in a power of ten where they are tiny.
+pub fn estimate([value, low, high]: [f64; 3]) -> (String, String) {
     let largest = value.abs().max(low.abs()).max(high.abs());
     let power = if largest < 1e-3 { largest.log10().floor() as i32 } else { 0 };
     let scale = 10f64.powi(-power);
     // Two digits of the interval's width are all that an estimate is worth.
     let places = (1 - ((high - low) * scale).log10().floor() as i32).clamp(0, 9) as usize;
-    let tail = if power == 0 { String::new() } else { format!("·10{}", superscript(power)) };
-    [value, low, high].map(|v| fixed(v * scale, places) + &tail)
+    let [value, low, high] = [value, low, high].map(|v| fixed(v * scale, places));
+    if power == 0 {
+        return (value, format!("{low} to {high}"));
+    }
+    let tail = format!("·10{}", superscript(power));
+    (format!("{value}{tail}"), format!("({low} to {high}){tail}"))
 }
 
 fn superscript(power: i32) -> String {
@@ -174,9 +178,13 @@ mod tests {
 
     #[test]
     fn an_estimate_is_no_more_precise_than_its_interval() {
-        assert_eq!(estimate([0.002_085_6, 0.002_062, 0.002_109]), ["0.002086", "0.002062", "0.002109"]);
-        assert_eq!(estimate([7.85e-8, -7.2e-8, 2.29e-7]), ["0.8·10⁻⁷", "−0.7·10⁻⁷", "2.3·10⁻⁷"]);
-        assert_eq!(estimate([119.2, 114.0, 124.0]), ["119", "114", "124"]);
+        let read = |all| {
+            let (value, interval) = estimate(all);
+            format!("{value}, {interval}")
+        };
+        assert_eq!(read([0.002_085_6, 0.002_062, 0.002_109]), "0.002086, 0.002062 to 0.002109");
+        assert_eq!(read([7.85e-8, -7.2e-8, 2.29e-7]), "0.8·10⁻⁷, (−0.7 to 2.3)·10⁻⁷");
+        assert_eq!(read([119.2, 114.0, 124.0]), "119, 114 to 124");
     }
 
     #[test]

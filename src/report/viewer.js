@@ -116,7 +116,8 @@ function mark(p, time) {
     return;
   }
   const i = nearest(channel.times, time), place = p.x.at(channel.times[i]);
-  p.cursor.setAttribute("d", `M${place} 0V${p.height}`);
+  // The cursor stands at one instant everywhere; where samples are left out, the nearest that is drawn is read.
+  p.cursor.setAttribute("d", `M${p.x.at(time)} 0V${p.height}`);
   for (const k of CURVES) {
     if (!state.shown[k]) continue;
     const value = channel.values[k][i];
