@@ -111,8 +111,11 @@ fn as_text(file: &Path, findings: &[Finding], facts: &[plausible::Fact]) -> Stri
     text
 }
 
-/// Standard deviations that an engineer usually has: name, `rel` or `abs`, size, why.
-const TOLERANCES: [(&str, &str, f64, &str); 12] = [
+/// Name, `rel` or `abs`, size, why.
+type Tolerance = (&'static str, &'static str, f64, &'static str);
+
+/// Standard deviations that an engineer usually has.
+const TOLERANCES: [Tolerance; 12] = [
     ("driveline.J_f", "rel", 0.01, "from CAD data and a run-down test"),
     ("driveline.J_c", "rel", 0.02, "vehicle mass with an unknown load"),
     ("driveline.b_f", "rel", 0.1, "from run-down tests"),
@@ -143,7 +146,7 @@ fn draft() -> String {
         write!(text, ",\n \"{group}\": {{").expect("a String takes any text");
         let content = document[group].as_object().expect("a group of the vehicle is an object");
         for (k, key) in keys(group, content).into_iter().enumerate() {
-            let numbers: Vec<&Number> = NUMBERS.iter().filter(|n| belongs(n.name, group, &key)).collect();
+            let numbers: Vec<&Number<Vehicle>> = NUMBERS.iter().filter(|n| belongs(n.name, group, &key)).collect();
             let comment: Vec<String> = numbers.iter().map(|n| format!("{} [{}], {} to {}", n.meaning, n.unit, n.min, n.max)).collect();
             let comma = if k == 0 { "" } else { "," };
             write!(text, "{comma}\n  \"_{key}\": {},\n  \"{key}\": {}", json!(comment.join("; ")), content[&key])
@@ -152,17 +155,10 @@ fn draft() -> String {
         text.push_str("\n }");
     }
     text.push_str(",\n \"_tolerance\": \"One standard deviation of what you know of a number, rel(ative) or abs(olute); a diagnosis forgives that much.\"");
-    text.push_str(",\n \"tolerance\": {");
-    for (k, (name, kind, size, _)) in TOLERANCES.iter().enumerate() {
-        let comma = if k == 0 { "" } else { "," };
-        write!(text, "{comma}\n  \"{name}\": {{\"{kind}\": {size}}}").expect("a String takes any text");
-    }
-    text.push_str("\n },\n \"_tolerances\": {");
-    for (k, (name, _, _, why)) in TOLERANCES.iter().enumerate() {
-        let comma = if k == 0 { "" } else { "," };
-        write!(text, "{comma}\n  \"{name}\": {}", json!(why)).expect("a String takes any text");
-    }
-    text + "\n }\n}\n"
+    let entries = |one: fn(&Tolerance) -> String| TOLERANCES.iter().map(one).collect::<Vec<_>>().join(",\n  ");
+    let sizes = entries(|(name, kind, size, _)| format!("\"{name}\": {{\"{kind}\": {size}}}"));
+    let reasons = entries(|(name, _, _, why)| format!("\"{name}\": {}", json!(why)));
+    text + ",\n \"tolerance\": {\n  " + &sizes + "\n },\n \"_tolerances\": {\n  " + &reasons + "\n }\n}\n"
 }
 
 /// The keys of a group in the order of the model description.
