@@ -53,14 +53,14 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
     let channel_map = args.channel_map.as_deref().map(ChannelMap::from_file).transpose()?;
     let options = ReadOptions { channel_map, strict: args.strict };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
-    let answer = |path: &Path, out: Option<&Path>| one(path, out, &options, &pool, &libraries);
+    let answer = |path: &Path, out: Option<&Path>, label: &str| one(path, out, label, &options, &pool, &libraries);
     let [path] = args.campaigns.as_slice() else { return several(args, answer) };
-    let diagnosis = answer(path, args.out.as_deref())?;
+    let diagnosis = answer(path, args.out.as_deref(), "")?;
     if args.json { print_json(&diagnosis.json) } else { print(&summary(&diagnosis, args.out.as_deref())) }
 }
 
 /// Diagnoses one campaign after the other. What is wrong with one does not stop the next ones.
-fn several(args: &Args, answer: impl Fn(&Path, Option<&Path>) -> Result<Diagnosis, CommandError>) -> Result<(), CommandError> {
+fn several(args: &Args, answer: impl Fn(&Path, Option<&Path>, &str) -> Result<Diagnosis, CommandError>) -> Result<(), CommandError> {
     let all = args.campaigns.len();
     for (k, path) in args.campaigns.iter().enumerate() {
         if let Some(other) = args.campaigns[..k].iter().find(|other| name(other) == name(path)) {
@@ -68,10 +68,11 @@ fn several(args: &Args, answer: impl Fn(&Path, Option<&Path>) -> Result<Diagnosi
         }
     }
     let mut failed = 0;
-    for path in &args.campaigns {
+    for (k, path) in args.campaigns.iter().enumerate() {
+        let label = format!("{} ({} of {all}): ", name(path).display(), k + 1);
         let out = args.out.as_ref().map(|out| out.join(name(path)));
         let shown = path.display().to_string();
-        match answer(path, out.as_deref()) {
+        match answer(path, out.as_deref(), &label) {
             Ok(diagnosis) if args.json => print(&format!("{}\n", json!({"campaign": shown, "diagnosis": diagnosis.json})))?,
             Ok(diagnosis) => print(&format!("{shown}\n{}", summary(&diagnosis, out.as_deref())))?,
             Err(error @ (CommandError::Campaign(_) | CommandError::Diagnosis { .. })) => {
@@ -96,13 +97,14 @@ fn name(path: &Path) -> PathBuf {
 fn one(
     path: &Path,
     out: Option<&Path>,
+    label: &str,
     options: &ReadOptions,
     pool: &rayon::ThreadPool,
     libraries: &[library::Library],
 ) -> Result<Diagnosis, CommandError> {
     let campaign = campaign::read(path, options)?;
     let bar = Progress::new();
-    let found = pool.install(|| diagnose(&campaign, &|what, share| bar.tell(what, share)));
+    let found = pool.install(|| diagnose(&campaign, &|what, share| bar.tell(&format!("{label}{what}"), share)));
     bar.finish();
     let refused = |source| CommandError::Diagnosis { path: path.to_owned(), source, left_out: campaign.left_out.clone() };
     let diagnosis = found.map_err(refused)?;

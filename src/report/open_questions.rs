@@ -27,9 +27,25 @@ pub fn section(diagnosis: &Value) -> String {
         })
         .collect();
     out += &items("Recordings left out", &left);
-    let notes: Vec<String> = texts(diagnosis, "notes").iter().map(|n| escape(n)).collect();
-    out += &items("Notes", &notes);
+    out += &items("Notes", &notes(&texts(diagnosis, "notes")));
     out
+}
+
+/// Notes as they come; what was done to several recordings alike stands there once.
+fn notes(all: &[&str]) -> Vec<String> {
+    let mut groups: Vec<(&str, Vec<&str>)> = Vec::new();
+    for note in all {
+        let (recording, what) = note.split_once(": ").filter(|(head, _)| !head.contains(' ')).unwrap_or(("", note));
+        match groups.iter_mut().find(|g| g.0 == what) {
+            Some(group) => group.1.push(recording),
+            None => groups.push((what, vec![recording])),
+        }
+    }
+    let one = |(what, names): &(&str, Vec<&str>)| {
+        let names: Vec<&str> = names.iter().copied().filter(|n| !n.is_empty()).collect();
+        if names.is_empty() { escape(what) } else { format!("<b>{}</b>: {}", escape(&names.join(", ")), escape(what)) }
+    };
+    groups.iter().map(one).collect()
 }
 
 fn items(heading: &str, items: &[String]) -> String {
@@ -76,4 +92,19 @@ fn not_assessable(entries: &[Value]) -> String {
         "<h3>Not assessable from these recordings</h3>\n<table class=\"plain\"><thead><tr><th scope=\"col\">Effect</th><th scope=\"col\">What to measure</th></tr></thead>\
          <tbody>{rows}</tbody></table>\n"
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_notes_of_several_recordings_stand_there_once() {
+        let all =
+            ["r01: n: rpm converted to rad/s", "r02: n: rpm converted to rad/s", "No torque transducer: force and friction <look> alike."];
+        assert_eq!(
+            notes(&all),
+            ["<b>r01, r02</b>: n: rpm converted to rad/s", "No torque transducer: force and friction &lt;look&gt; alike."]
+        );
+    }
 }
