@@ -140,10 +140,12 @@ const FIGURES: [(&str, &str, &str, f64); 3] = [
 ];
 
 fn engagement(far: &Value) -> String {
-    let recordings = far["kpi"].as_object().filter(|map| !map.is_empty());
-    let Some(recordings) = recordings else {
+    let some = |figure: &Value| ["real", "before", "after"].iter().any(|k| real(figure, k).is_some());
+    let engages = |figures: &Value| FIGURES.iter().any(|f| some(&figures[f.0]));
+    let recordings: Vec<(&String, &Value)> = far["kpi"].as_object().into_iter().flatten().filter(|(_, figures)| engages(figures)).collect();
+    if recordings.is_empty() {
         return absent("No engagement figures: no recording holds an engagement up to lock-up, or they were not handed over.");
-    };
+    }
     let held = texts(far, "held_out");
     let mut rows = String::new();
     for (name, figures) in recordings {
