@@ -87,7 +87,7 @@ pub enum VehicleError {
     #[error("unknown vehicle number \"{0}\"; did you mean \"{1}\"? Remove it or correct its name")]
     Unknown(String, String),
     /// A number is outside its bounds.
-    #[error("vehicle number \"{name}\" = {value} {unit} is outside {min} to {max}; check its unit")]
+    #[error("vehicle number \"{name}\" = {} is outside {min} to {max}; check its unit", quantity(*.value, .unit))]
     Bounds {
         /// Flat name.
         name: String,
@@ -103,6 +103,11 @@ pub enum VehicleError {
     /// Numbers contradict each other.
     #[error("{0}")]
     Implausible(String),
+}
+
+/// A number with its unit, if it has one.
+fn quantity(value: f64, unit: &str) -> String {
+    if unit == "1" { value.to_string() } else { format!("{value} {unit}") }
 }
 
 /// Arrays of the file: group, key, flat names of their coefficients, least count.
@@ -262,6 +267,6 @@ mod tests {
         assert!(Vehicle::from_value(&value).unwrap_err().to_string().contains("actuator.x_cnt = 9"));
         let mut value = Vehicle::paper().to_value();
         value["thermal"]["gamma_3"] = 50.into();
-        assert!(Vehicle::from_value(&value).unwrap_err().to_string().contains("outside 0 to 1"));
+        assert!(Vehicle::from_value(&value).unwrap_err().to_string().contains("gamma_3\" = 50 is outside 0 to 1"));
     }
 }

@@ -101,10 +101,7 @@ fn as_text(file: &Path, findings: &[Finding], facts: &[plausible::Fact]) -> Stri
     for fact in facts {
         writeln!(text, "  {:<52}{:>12.4} {}", fact.meaning, fact.value, fact.unit).expect("a String takes any text");
     }
-    match findings.len() {
-        0 => text.push_str("\nNothing is implausible.\n"),
-        n => writeln!(text, "\n{n} implausible:").expect("a String takes any text"),
-    }
+    text.push_str(if findings.is_empty() { "\nNothing is implausible.\n" } else { "\nImplausible, though it can be used:\n" });
     for f in findings {
         writeln!(text, "  {}: {}\n    {}", f.number, f.what, f.remedy).expect("a String takes any text");
     }

@@ -1,13 +1,11 @@
-"""The Python package: a campaign from its folder and from memory, and the retuned plant."""
+"""The Python package: a campaign, its answer, the retuned plant; recordings in memory are in the notebook."""
 
-import json
 import math
 import os
 import shutil
 import subprocess
 import sys
 
-import pandas
 import pytest
 from conftest import ROOT, find_command
 
@@ -60,13 +58,6 @@ def test_gaps_parameters_and_files_are_told(found):
 def test_it_is_typed():
     done = subprocess.run([sys.executable, "-m", "mypy"], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
-
-
-def test_tables_in_memory_give_the_same_answer(found):
-    tables = {path.stem: pandas.read_csv(path) for path in sorted(EXAMPLE.glob("*.csv"))}
-    about = json.loads((EXAMPLE / "recordings.json").read_text())
-    again = kisspoint.diagnose(tables, about=about, vehicle=EXAMPLE / "vehicle.json")
-    assert again["plant"] == found["plant"] and again["which"] == found["which"]
 
 
 def test_a_plant_is_stepped_and_named_variables_are_checked(found):
