@@ -10,7 +10,7 @@ use crate::effects::{REGISTRY, find};
 /// The section.
 pub fn section(diagnosis: &Value) -> String {
     let which = &diagnosis["which"];
-    let mut out = next(which);
+    let mut out = next(diagnosis);
     if which["not_assessable"].is_array() {
         out += &not_assessable(list(which, "not_assessable"));
     } else {
@@ -56,17 +56,29 @@ fn items(heading: &str, items: &[String]) -> String {
     format!("<h3>{heading}</h3>\n<ul>{list}</ul>\n")
 }
 
-/// What would split the ambiguity groups.
-fn next(which: &Value) -> String {
-    let splits: Vec<String> = list(which, "effects")
-        .iter()
-        .filter_map(|e| {
-            let group: Vec<String> = text(e, "id").into_iter().chain(texts(e, "ambiguous_with")).map(|id| escape(&words(id))).collect();
-            let how = text(e, "separated_by").filter(|_| group.len() > 1)?;
-            Some(format!("{}: this would tell {} apart.", escape(&title(how.trim_end_matches('.'))), enumeration(&group)))
-        })
-        .collect();
-    items("Measure next", &splits)
+/// What shows more of a subsystem whose gap no effect of the library accounts for.
+const CLOSER_LOOKS: [(&str, &str); 7] = [
+    ("engine", "a torque meter behind the flywheel, or torque steps with the clutch open: is what the ECU reports what the engine gives?"),
+    ("actuator", "the bearing position by a sensor beside the command, in a chirp and in slow ramps both ways"),
+    ("clutch_force", "clutch torque by a transducer and bearing position by a sensor, in slow ramps both ways, cold and hot"),
+    ("friction", "clutch torque by a transducer at constant position, with slip and disc temperature varied one at a time"),
+    ("thermal", "the disc temperature by a thermocouple, in repeated launches and while cooling, open and locked"),
+    ("driveline", "the load by a coast-down with the clutch open, and wheel speed beside the disc speed for what lies between"),
+    ("sensors", "both speeds against an encoder, or each other in a locked drive with steps: gain, delay and filtering"),
+];
+
+/// What would split the ambiguity groups, and what would show more of a gap without a cause.
+fn next(diagnosis: &Value) -> String {
+    let which = &diagnosis["which"];
+    let unknown = text(&diagnosis["where"], "unexplained_at");
+    let look = CLOSER_LOOKS.iter().find(|(id, _)| Some(*id) == unknown);
+    let look = look.map(|(id, how)| format!("What is not in the library, in <b>{}</b>: measure {how}", escape(&words(id))));
+    let splits = list(which, "effects").iter().filter_map(|e| {
+        let group: Vec<String> = text(e, "id").into_iter().chain(texts(e, "ambiguous_with")).map(|id| escape(&words(id))).collect();
+        let how = text(e, "separated_by").filter(|_| group.len() > 1)?;
+        Some(format!("{}: this would tell {} apart.", escape(&title(how.trim_end_matches('.'))), enumeration(&group)))
+    });
+    items("Measure next", &look.into_iter().chain(splits).collect::<Vec<_>>())
 }
 
 /// Grouped by what to measure, since that is what gets planned.
