@@ -18,9 +18,9 @@ NOTEBOOK = ROOT / "docs/from-recordings-to-fmu.ipynb"
 def executed():
     """The notebook with fresh outputs; the package is that of this checkout, with the command that the tests use."""
     notebook = nbformat.read(NOTEBOOK, as_version=4)
-    os.environ.setdefault("KISSPOINT", str(find_command()))
-    os.environ["PYTHONPATH"] = os.pathsep.join([str(ROOT / "python"), os.environ.get("PYTHONPATH", "")])
-    NotebookClient(notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(ROOT)}}).execute()
+    paths = os.pathsep.join([str(ROOT / "python"), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "KISSPOINT": str(find_command()), "PYTHONPATH": paths}
+    NotebookClient(notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(ROOT)}}).execute(env=environment)
     for cell in notebook.cells:
         cell.metadata.pop("execution", None)
     return notebook

@@ -74,17 +74,17 @@ def test_it_installs_into_a_fresh_environment_and_needs_nothing_else(tmp_path):
     shutil.copytree(ROOT / "python", source / "python", ignore=shutil.ignore_patterns("*.egg-info", "__pycache__"))
     for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE-MIT", "LICENSE-APACHE"):
         shutil.copy(ROOT / name, source)
-    built = {**os.environ, "KISSPOINT": str(find_command()), "KISSPOINT_LIBRARY": str(find_command().with_name("libkisspoint.so"))}
+    # Without what this session sets: the package must find its own command and library.
+    bare = {name: value for name, value in os.environ.items() if not name.startswith(("KISSPOINT", "PYTHON"))}
+    built = {**bare, "KISSPOINT": str(find_command()), "KISSPOINT_LIBRARY": str(find_command().with_name("libkisspoint.so"))}
     pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
     subprocess.run([*pip, "wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", tmp_path, source], env=built, check=True)
     (wheel,) = tmp_path.glob("kisspoint-*-py3-none-*.whl")
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", tmp_path / "fresh"], check=True)
     python = tmp_path / "fresh/bin/python"
-    subprocess.run([*pip, "--python", python, "install", "--no-deps", "--no-index", wheel], check=True)
-    # Without what this test session sets: the package must find its own command and library.
-    bare = {name: value for name, value in os.environ.items() if not name.startswith(("KISSPOINT", "PYTHON"))}
+    subprocess.run([*pip, "--python", python, "install", "--no-deps", "--no-index", wheel], env=bare, check=True)
     asked = f"import kisspoint; print(kisspoint.diagnose({str(EXAMPLE)!r}).verdict)"
-    said = subprocess.run([python, "-c", asked], env=bare, cwd=tmp_path, check=True, capture_output=True, text=True).stdout
+    said = subprocess.run([python, "-c", asked], env=bare, cwd=tmp_path, check=True, stdout=subprocess.PIPE, text=True).stdout
     assert said.strip() == "explained"
     command = subprocess.run([tmp_path / "fresh/bin/kisspoint", "--version"], env=bare, check=True, capture_output=True, text=True).stdout
     assert command.startswith("kisspoint 0.")
