@@ -4,7 +4,7 @@ use super::error::{CommandError, at};
 use crate::effects::{self, Parameters};
 use crate::vehicle::{Vehicle, VehicleError};
 use serde_json::Value;
-use std::io::{ErrorKind, Write};
+use std::io::ErrorKind;
 use std::path::Path;
 
 /// What a vehicle file holds.
@@ -37,13 +37,12 @@ pub fn read_vehicle(path: &Path) -> Result<VehicleFile, CommandError> {
 /// # Errors
 /// A file that exists, or cannot be written.
 pub fn write_new(path: &Path, text: &str, force: bool) -> Result<(), CommandError> {
-    let mut options = std::fs::OpenOptions::new();
-    options.write(true).create(true).truncate(true).create_new(!force);
-    let written = options.open(path).and_then(|mut file| file.write_all(text.as_bytes()));
-    written.map_err(|source| match source.kind() {
-        ErrorKind::AlreadyExists => CommandError::Exists(path.to_owned()),
-        _ => at(path)(source),
-    })
+    if path.exists() && !force {
+        return Err(CommandError::Exists(path.to_owned()));
+    }
+    let unnamed = || at(path)(ErrorKind::InvalidFilename.into());
+    let name = path.file_name().ok_or_else(unnamed)?.to_string_lossy();
+    write_all(path.parent().unwrap_or(Path::new("")), &[(name, text.as_bytes().to_vec())])
 }
 
 /// Writes files into a folder: every one beside its place first, and into it when it is complete, so that an interruption leaves nothing
@@ -51,9 +50,10 @@ pub fn write_new(path: &Path, text: &str, force: bool) -> Result<(), CommandErro
 ///
 /// # Errors
 /// A folder or a file that cannot be written.
-pub fn write_all(folder: &Path, files: &[(&str, Vec<u8>)]) -> Result<(), CommandError> {
+pub fn write_all(folder: &Path, files: &[(impl AsRef<str>, Vec<u8>)]) -> Result<(), CommandError> {
     std::fs::create_dir_all(folder).map_err(at(folder))?;
     for (name, bytes) in files {
+        let name = name.as_ref();
         let (path, partial) = (folder.join(name), folder.join(format!(".{name}.partial")));
         std::fs::write(&partial, bytes).and_then(|()| std::fs::rename(&partial, &path)).map_err(at(path))?;
     }

@@ -1,10 +1,10 @@
 //! `kisspoint fmu`: writes both FMUs, and their coupling for masters.
 
 use super::error::CommandError;
-use super::files::read_vehicle;
+use super::files::{read_vehicle, write_all};
 use super::output::{print, print_json};
 use crate::effects;
-use crate::fmu::{library, write_all};
+use crate::fmu::{all, library};
 use crate::vehicle::Vehicle;
 use serde_json::json;
 use std::path::PathBuf;
@@ -41,8 +41,9 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
         Some(path) => read_vehicle(path).map(|file| (file.vehicle, file.effects))?,
     };
     let libraries = library::find(&args.library)?;
-    let written = write_all(&args.out, &libraries, &vehicle, &effects)?;
-    let written: Vec<String> = written.iter().map(|path| path.display().to_string()).collect();
+    let files = all(&libraries, &vehicle, &effects)?;
+    write_all(&args.out, &files)?;
+    let written: Vec<String> = files.iter().map(|(name, _)| args.out.join(name).display().to_string()).collect();
     let platforms: Vec<&str> = libraries.iter().map(|l| l.platform).collect();
     if args.json {
         return print_json(&json!({"written": written, "platforms": platforms}));
