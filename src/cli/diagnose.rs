@@ -4,6 +4,7 @@ use super::error::CommandError;
 use super::files::write_all;
 use super::output::{print, print_json};
 use super::progress::Progress;
+use super::summary::summary;
 use crate::campaign::{self, Campaign, ChannelMap, ReadOptions, Recording};
 use crate::effects::REGISTRY;
 use crate::fmu::{self, FmuError, library, ssv};
@@ -162,9 +163,7 @@ fn files(
         .description
         .variables
         .iter()
-        .filter_map(|v| {
-            named.get(v.name).and_then(serde_json::Value::as_f64).map(|value| ssv::Parameter { name: v.name, value, unit: v.unit })
-        })
+        .filter_map(|v| named.get(v.name).and_then(Value::as_f64).map(|value| ssv::Parameter { name: v.name, value, unit: v.unit }))
         .collect();
     Ok(vec![
         ("diagnosis.json", format!("{:#}\n", diagnosis.json).into_bytes()),
@@ -172,26 +171,4 @@ fn files(
         ("plant.ssv", ssv::write("retuned", &set).into_bytes()),
         ("DrivelinePlant.fmu", archive),
     ])
-}
-
-fn summary(diagnosis: &Diagnosis, out: Option<&Path>) -> String {
-    let json = &diagnosis.json;
-    let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
-    let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
-    let mut lines = vec![text(&json["sentence"])];
-    for effect in list(&json["which"]["effects"]) {
-        lines.push(format!("  {} (probability {})", text(&effect["id"]), effect["probability"]));
-        for (name, p) in effect["parameters"].as_object().into_iter().flatten() {
-            lines.push(format!("    {name} = {} [{}, {}] {}", p["value"], p["low"], p["high"], text(&p["unit"])));
-        }
-        let group: Vec<String> = list(&effect["ambiguous_with"]).iter().map(text).collect();
-        if !group.is_empty() {
-            lines.push(format!("    not told apart from: {}", group.join(", ")));
-        }
-    }
-    let far = &json["how_far"];
-    lines.push(format!("  speed error on held-out recordings: {} -> {} rad/s (noise {})", far["before"], far["after"], far["noise_floor"]));
-    lines.extend(list(&json["left_out"]).iter().map(|left| format!("  left out: {}: {}", text(&left["recording"]), text(&left["reason"]))));
-    lines.extend(out.map(|out| format!("  written: {}", out.join("report.html").display())));
-    lines.join("\n") + "\n"
 }

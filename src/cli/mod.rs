@@ -14,6 +14,7 @@ pub mod output;
 pub mod plausible;
 pub mod progress;
 pub mod replay;
+pub mod summary;
 pub mod vehicle;
 
 use clap::{CommandFactory, Parser, Subcommand};
