@@ -30,8 +30,14 @@ pub fn section(input: &Input) -> String {
     if entries.is_empty() {
         return lead(place) + &absent("The gap per equation, phase and region was not handed over.");
     }
-    lead(place) + &map(entries, place) + &how_to_read(entries, input.regions)
+    let hidden = text(place, "primary").is_some() && !entries.iter().any(|e| flag(e, "significant"));
+    let hidden = if hidden { HIDDEN } else { "" };
+    lead(place) + hidden + &map(entries, place) + &how_to_read(entries, input.regions)
 }
+
+/// A gap of which the map shows nothing.
+const HIDDEN: &str = "<p>No cell stands out: moved far enough, the numbers of the vehicle hide this gap from the balances. What speaks for an effect is that \
+    they would have to move further than their tolerances make likely.</p>\n";
 
 /// Subsystems in the order of their importance, the primary one first.
 pub fn subsystems(place: &Value) -> Vec<&str> {
