@@ -195,6 +195,8 @@ fn ranked(f: &Findings) -> Vec<Value> {
             ("not assessable", format!("these recordings could not show it; measure: {}", REGISTRY[e].effect.shown_by))
         } else if ambiguous.contains(&e) {
             ("ambiguous", format!("within {AMBIGUOUS_NATS} nats of the chosen explanation"))
+        } else if fitted && f.decision.chosen.effects.is_empty() {
+            ("rejected", "fitted, it does not earn its place".to_owned())
         } else if fitted {
             ("rejected", "fitted alone, it leaves more unexplained than the chosen explanation".to_owned())
         } else {

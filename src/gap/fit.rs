@@ -150,15 +150,31 @@ impl Coordinate {
             Self::Effect(k) => point.effects[k],
         }
     }
+    /// Whether the parameter is a factor on a number. A factor and the relative tolerance of the same number move by their logarithms, so that
+    /// the valley in which only their product counts is straight.
+    fn is_factor(self) -> bool {
+        matches!(self, Self::Effect(k) if PARAMETERS[k].null == 1.0 && effects::owner(k).effect.amplitudes.contains(&k))
+    }
     /// Moves a point, within the bounds of effect parameters.
     pub fn moved(self, point: &Point, by: f64) -> Point {
+        let factor = self.is_factor();
         let mut moved = point.clone();
         let slot = self.slot(&mut moved);
-        *slot += by;
+        *slot = if factor && *slot > 0.0 { *slot * (by / *slot).exp() } else { *slot + by };
         if let Self::Effect(k) = self {
             *slot = slot.clamp(PARAMETERS[k].min, PARAMETERS[k].max);
         }
         moved
+    }
+    /// How much of a move the bounds leave.
+    fn room(self, point: &Point, by: f64) -> f64 {
+        let Self::Effect(k) = self else { return by };
+        let (from, to) = (self.get(point), self.get(&self.moved(point, by)));
+        match to == PARAMETERS[k].min || to == PARAMETERS[k].max {
+            false => by,
+            true if self.is_factor() && from > 0.0 && to > 0.0 => from * (to / from).ln(),
+            true => to - from,
+        }
     }
     /// Precision that the prior gives, 1/variance.
     fn precision(self) -> f64 {
@@ -274,23 +290,10 @@ pub struct Fit {
     pub curvature: DMatrix<f64>,
 }
 
-/// Iterations between two differentiations along the nuisances.
-const KEEP_NUISANCE_COLUMNS: usize = 1;
-
 /// Steps that an iteration tries, each shorter than the one before.
 const TRIES: usize = 7;
 /// Factor on the damping of a step that led nowhere.
 const SHRINK: f64 = 20.0;
-
-/// Differentiates anew along all coordinates but the first `kept`.
-fn refresh(problem: &Problem, point: &Point, residuals: &[Residuals], coordinates: &[Coordinate], kept: usize, columns: &mut Columns) {
-    let fresh = derivatives(problem, point, residuals, &coordinates[kept..]);
-    columns.resize(problem.series.len(), Vec::new());
-    for (own, fresh) in columns.iter_mut().zip(fresh) {
-        own.retain(|(c, _)| *c < kept);
-        own.extend(fresh.into_iter().map(|(c, column)| (c + kept, column)));
-    }
-}
 
 /// Rounds in which parameters that would leave their bounds are stopped there.
 const STOPS: usize = 4;
@@ -305,8 +308,8 @@ fn bounded_step(h: &DMatrix<f64>, g: &DVector<f64>, damping: f64, coordinates: &
     let mut stopped = vec![false; coordinates.len()];
     for _ in 0..STOPS {
         let step = curvature.clone().cholesky()?.solve(&downhill);
-        let room = |k: usize| coordinates[k].get(&coordinates[k].moved(point, step[k])) - coordinates[k].get(point);
-        let leaving: Vec<usize> = (0..step.len()).filter(|&k| !stopped[k] && (room(k) - step[k]).abs() > 1e-9 * step[k].abs()).collect();
+        let room = |k: usize| coordinates[k].room(point, step[k]);
+        let leaving: Vec<usize> = (0..step.len()).filter(|&k| !stopped[k] && room(k) != step[k]).collect();
         if leaving.is_empty() {
             return Some(step);
         }
@@ -329,16 +332,12 @@ pub fn fit(problem: &Problem, effects: &[usize], start: &Point, iterations: usiz
     let mut point = start.clone();
     let mut residuals = problem.all_residuals(&point);
     let mut cost = problem.cost(&point, &residuals);
-    let of_effects = coordinates.iter().filter(|c| matches!(c, Coordinate::Effect(_))).count();
     // Damping is in units of tolerances: an effect and the tolerance that it resembles share a valley, flat but for the
     // prior, along which damping in proportion to the curvature would hardly move.
     let mut damping = 0.0_f64;
     let mut curvature = DMatrix::identity(coordinates.len(), coordinates.len());
-    let mut columns = Columns::new();
-    for iteration in 0..iterations {
-        // The nuisances' derivatives change slowly and cost most: they are kept for a few steps.
-        let kept = if iteration % KEEP_NUISANCE_COLUMNS == 0 { 0 } else { coordinates.len() - of_effects };
-        refresh(problem, &point, &residuals, &coordinates, kept, &mut columns);
+    for _ in 0..iterations {
+        let columns = derivatives(problem, &point, &residuals, &coordinates);
         let (h, g) = normal_equations(&point, &residuals, &columns, &coordinates);
         let before = cost;
         for _ in 0..TRIES {

@@ -41,8 +41,6 @@ pub fn part_of_clutch(problem: &Problem, search: &Search) -> Subsystem {
         [Some(problem.nominal()), effects].into_iter().flatten().map(|p| evidence_of(problem, &p, part)).fold(f64::NEG_INFINITY, f64::max)
     };
     let all: Vec<(Subsystem, f64)> = PARTS.into_par_iter().map(|part| (part, of(part))).collect();
-        println!("      {}", all.iter().map(|(p, e)| format!("{} {:.0}", p.id(), e)).collect::<Vec<_>>().join(", "));
-    }
     all.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(Subsystem::Friction, |b| b.0)
 }
 

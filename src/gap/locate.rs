@@ -9,7 +9,7 @@ use super::decide::{Decision, Verdict};
 use super::fit::{self, Coordinate, Point, Problem};
 use super::freeform;
 use super::select::Search;
-use crate::effects::{REGISTRY, Subsystem};
+use crate::effects::{self, REGISTRY, Subsystem};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -57,26 +57,39 @@ fn two_sided_p(z: f64) -> f64 {
 
 /// Locates the gap of a decided campaign.
 pub fn locate(problem: &Problem, search: &Search, decision: &Decision) -> Location {
-    let windows = balance::windows(problem, &search.base.fit.point);
+    // With the tolerances that stand and no effect: tolerances alone would have bent towards the gap and hidden it.
+    let windows = balance::windows(problem, &Point { effects: effects::null(), ..decision.chosen.fit.point.clone() });
     let mut cells = cells(&windows);
     mark_significant(&mut cells);
     let remainder = matches!(decision.verdict, Verdict::Unexplained | Verdict::PartlyExplained);
     let unexplained_at = remainder.then(|| of_unknown(problem, search, decision));
-    let of_effects: Vec<Subsystem> = decision.chosen.effects.iter().map(|&e| REGISTRY[e].effect.subsystem).collect();
-    let primary = match decision.verdict {
-        Verdict::NoGap => None,
-        Verdict::Explained => of_effects.first().copied(),
-        _ => unexplained_at,
+    let shares = shares(search, decision, unexplained_at);
+    let first = decision.chosen.effects.first().map(|&e| REGISTRY[e].effect.subsystem);
+    let primary = if decision.verdict == Verdict::NoGap { None } else { first.or(unexplained_at) };
+    Location { primary, shares, cells, unexplained_at }
+}
+
+/// Share of each subsystem in what the tolerances alone leave: what its effects take away, and for an unknown gap what is left.
+fn shares(search: &Search, decision: &Decision, unexplained_at: Option<Subsystem>) -> Vec<(Subsystem, f64)> {
+    let chosen = &decision.chosen;
+    let without = |e: usize| -> f64 {
+        let rest: Vec<usize> = chosen.effects.iter().copied().filter(|o| *o != e).collect();
+        let known = search.singles.iter().find(|h| !rest.is_empty() && h.effects == rest);
+        known.map_or(search.base.fit.cost, |h| h.fit.cost) - chosen.fit.cost
     };
+    let of_effects = chosen.effects.iter().map(|&e| (REGISTRY[e].effect.subsystem, without(e)));
+    let left = (chosen.fit.cost - search.samples as f64).max(1.0);
     let mut shares: Vec<(Subsystem, f64)> = Vec::new();
-    let mut named: Vec<Subsystem> = primary.into_iter().chain(of_effects).collect();
-    named.dedup();
-    for (k, s) in named.iter().enumerate().filter(|(k, s)| !named[..*k].contains(s)) {
-        shares.push((*s, 0.5_f64.powi(k as i32)));
+    for (subsystem, cost) in of_effects.chain(unexplained_at.map(|s| (s, left))) {
+        match shares.iter_mut().find(|(s, _)| *s == subsystem) {
+            Some((_, sum)) => *sum += cost.max(0.0),
+            None => shares.push((subsystem, cost.max(0.0))),
+        }
     }
     let total: f64 = shares.iter().map(|s| s.1).sum();
-    shares.iter_mut().for_each(|s| s.1 /= total);
-    Location { primary, shares, cells, unexplained_at }
+    shares.iter_mut().for_each(|s| s.1 /= total.max(f64::MIN_POSITIVE));
+    shares.sort_by(|a, b| b.1.total_cmp(&a.1));
+    shares
 }
 
 /// What may be wrong in one place only: a torque, or a speed as it is sensed.

@@ -97,10 +97,10 @@ fn target(name: &str) -> Option<Target> {
     }
 }
 
-/// Vehicle and effects with every nuisance moved by `z` standard deviations.
+/// Vehicle and effects with every nuisance moved by `z` standard deviations; relative ones by their logarithm.
 pub fn apply(nuisances: &[Nuisance], z: &[f64], vehicle: &mut Vehicle, effects: &mut Parameters) {
     for (n, z) in nuisances.iter().zip(z) {
-        let moved = |value: f64| if n.relative { value * (1.0 + n.sigma * z) } else { value + n.sigma * z };
+        let moved = |value: f64| if n.relative { value * (n.sigma * z).exp() } else { value + n.sigma * z };
         match &n.target {
             Target::Effect(k) => effects[*k] = moved(effects[*k]),
             Target::Numbers(numbers) => {

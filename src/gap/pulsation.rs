@@ -66,8 +66,6 @@ pub fn rhythm(problem: &Problem, point: &Point, residuals: &[Residuals]) -> Opti
     };
     let [time, crank] = [Clock::Time, Clock::Crank].map(of);
     let best = if time > crank { (Clock::Time, time) } else { (Clock::Crank, crank) };
-        println!("      rhythm {time:.2} {crank:.2}");
-    }
     (best.1 > RHYTHMIC).then_some(best.0)
 }
 
