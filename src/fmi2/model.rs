@@ -3,6 +3,7 @@
 use super::variables::{Description, Variable};
 use super::words::{Reader, Writer};
 use crate::effects::{PARAMETERS, Parameters};
+use crate::plant::pace::TooFast;
 use crate::vehicle::{NUMBERS, Vehicle};
 
 /// A model behind an FMU. `values` hold every variable in the order of the model description; a model reads inputs and parameters
@@ -20,7 +21,10 @@ pub trait Model: Send {
     }
 
     /// Takes tunable parameters that were changed.
-    fn tune(&mut self, values: &[f64]);
+    ///
+    /// # Errors
+    /// Parameters that make no plant; those before stay.
+    fn tune(&mut self, values: &[f64]) -> Result<(), TooFast>;
 
     /// Advances by `h` seconds with the inputs held, and writes the outputs. Bit k of `doubts` says that the last value offered for
     /// the k-th variable was refused, so that an older one stands there.
