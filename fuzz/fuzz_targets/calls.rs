@@ -72,7 +72,16 @@ impl Used {
         match bytes.byte() % 24 {
             0..=3 => self.set(bytes),
             4..=7 => self.step(bytes),
-            8 => _ = fmi2SetupExperiment(c, i32::from(bytes.byte()), TIMES[bytes.below(10)], TIMES[bytes.below(10)], i32::from(bytes.byte() & 1), 1.0),
+            8 => {
+                _ = fmi2SetupExperiment(
+                    c,
+                    i32::from(bytes.byte()),
+                    TIMES[bytes.below(10)],
+                    TIMES[bytes.below(10)],
+                    i32::from(bytes.byte() & 1),
+                    1.0,
+                )
+            }
             9 => _ = fmi2EnterInitializationMode(c),
             10 => {
                 if fmi2ExitInitializationMode(c) == Status::Ok {
@@ -111,8 +120,7 @@ impl Used {
 
 fuzz_target!(|data: &[u8]| {
     let mut bytes = Bytes(data);
-    let mut used =
-        models().map(|(guid, description)| Used { component: instance(guid), description, state: ptr::null_mut(), time: 0.0 });
+    let mut used = models().map(|(guid, description)| Used { component: instance(guid), description, state: ptr::null_mut(), time: 0.0 });
     if bytes.byte() & 1 == 1 {
         // Straight to stepping, so that not every input must find the way itself.
         for u in &used {
