@@ -112,6 +112,9 @@ def test_a_vehicle_gives_its_numbers_as_start_values(kisspoint, fmus, tmp_path):
     kisspoint("fmu", "--out", tmp_path, "--vehicle", file)
     model = Model(tmp_path / "DrivelinePlant.fmu")
     assert float(model.variables["driveline.J_c"].start) == 0.75
+    # An importer that keeps FMUs by their GUID must not take one car for the other.
+    paper = Model(fmus["DrivelinePlant"])
+    assert model.description.guid != paper.description.guid and model.description.guid[:24] == paper.description.guid[:24]
     instance = model.instance()
     assert instance.get("driveline.J_c", "friction.m_0") == [0.75, 0.2]
     instance.free()
