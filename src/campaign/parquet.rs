@@ -5,6 +5,7 @@
 //! key `units` (pyarrow's `with_metadata`) or in `units` of pandas' `DataFrame.attrs`.
 
 use std::collections::HashMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ::parquet::basic::{ConvertedType, LogicalType, TimeUnit};
 use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl};
@@ -26,6 +27,12 @@ const ENDLESS: &str = "a count in it is larger than the file";
 
 /// Reads a Parquet file.
 pub(crate) fn read(file: &str, bytes: Vec<u8>, wanted: Wanted<'_>) -> Result<Measurement, RecordingError> {
+    // The library beneath takes some promises of a damaged file for granted; a panic there is a damaged file and nothing else.
+    catch_unwind(AssertUnwindSafe(|| decode(file, bytes, wanted)))
+        .unwrap_or_else(|_| Err(Defect::Damaged("its pages do not fit together".into()).in_file(file)))
+}
+
+fn decode(file: &str, bytes: Vec<u8>, wanted: Wanted<'_>) -> Result<Measurement, RecordingError> {
     let damaged = |e: ParquetError| Defect::Damaged(e.to_string()).in_file(file);
     let bytes = Bytes::from(bytes);
     thrift::check_footer(&bytes).map_err(|_| Defect::Damaged(ENDLESS.into()).in_file(file))?;
