@@ -49,7 +49,7 @@ libclang=$("$target/venv/bin/python" -c 'import clang.native, os; print(os.path.
 if [[ -n $libclang ]]; then
     [[ $libclang == /* ]] || libclang=$PWD/$libclang
     group "Rust: against fmi-sys" env LIBCLANG_PATH="$libclang" BINDGEN_EXTRA_CLANG_ARGS="-I$(cc -print-file-name=include)" \
-        CARGO_TARGET_DIR="$target/fmi_sys" cargo test --locked --manifest-path tests/fmi_sys/Cargo.toml
+        CARGO_TARGET_DIR="$target/fmi_sys" cargo test --manifest-path tests/fmi_sys/Cargo.toml
 else
     skipped "Rust: against fmi-sys" "libclang is not to be had"
 fi

@@ -44,6 +44,9 @@ def test_units_are_defined_and_right(fmus, model):
         real = variable.find("Real")
         unit = real.get("unit") or types[real.get("declaredType")].get("unit")
         assert unit in bases, variable.get("name")
+        assert float(real.get("nominal")) > 0, variable.get("name")
+        shown = real.get("displayUnit") or (types[real.get("declaredType")].get("displayUnit") if real.get("declaredType") else None)
+        assert shown is None or (unit, shown) in display, variable.get("name")
 
 
 def test_connected_variables_have_the_same_unit(plant, controller):
