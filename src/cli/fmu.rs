@@ -51,6 +51,10 @@ pub fn run(args: &Args) -> Result<(), FmuCommandError> {
     }
     let platforms: Vec<&str> = libraries.iter().map(|l| l.platform).collect();
     println!("binaries: {}", platforms.join(", "));
+    let missing: Vec<&str> = library::PLATFORMS.into_iter().filter(|p| !platforms.contains(p)).collect();
+    if !missing.is_empty() {
+        println!("no binaries for {}: `packaging/cross.sh` builds them, --library names them, once for each", missing.join(", "));
+    }
     Ok(())
 }
 

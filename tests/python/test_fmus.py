@@ -127,6 +127,11 @@ def test_a_vehicle_gives_its_numbers_as_start_values(kisspoint, fmus, tmp_path):
     instance.free()
 
 
+def test_platforms_that_are_missing_are_named(kisspoint, tmp_path):
+    said = kisspoint("fmu", "--out", tmp_path).stdout
+    assert "binaries: linux64" in said and "win64" in said and "packaging/cross.sh" in said
+
+
 def test_a_wrong_library_is_refused_with_the_command_that_builds_it(kisspoint, tmp_path):
     stale = tmp_path / "old.so"
     stale.write_bytes(b"\x7fELF\x02\x01" + bytes(12) + struct.pack("<H", 62) + bytes(64))
