@@ -1,16 +1,16 @@
 #!/usr/bin/env bash
-# Fuzzes what comes from outside: sequences of FMI calls, serialized states, vehicle files and, if named, recordings.
+# Fuzzes what comes from outside: sequences of FMI calls, serialized states, vehicle files, recordings.
 #
-#   packaging/fuzz.sh [SECONDS] [TARGET…]      15 s each of calls, states and vehicles unless said otherwise
+#   packaging/fuzz.sh [SECONDS] [TARGET…]      15 s each of calls, states, vehicles and recordings unless said otherwise
 #
 # Begins with the seeds of fuzz/seeds and keeps what it finds under target/fuzz-corpus. Exits with 1 at the first input that breaks a promise and
-# says where it is kept. Needs Rust with the source of no nightly: RUSTC_BOOTSTRAP lends what cargo-fuzz asks for.
+# says where it is kept. A stable Rust will do: RUSTC_BOOTSTRAP lends what cargo-fuzz asks of a nightly.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 seconds=${1:-15}
 shift || true
-(($#)) || set -- calls states vehicles
+(($#)) || set -- calls states vehicles recordings
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 tools=$target/tools
 export RUSTC_BOOTSTRAP=1 CARGO_TARGET_DIR=$target/fuzz PATH=$tools/bin:$PATH
@@ -24,15 +24,11 @@ compgen -G "$(rustc --print sysroot)/lib/rustlib/*/lib/librustc*_rt.asan.a" >/de
 
 for name in "$@"; do
     seeds=(fuzz/seeds/"$name")
-    options=()
-    if [[ $name == recordings ]]; then
-        seeds+=(tests/data/campaign/measurements tests/data/campaign/seed)
-        options=(--features recordings)
-    fi
+    [[ $name == recordings ]] && seeds+=(tests/data/campaign/measurements tests/data/campaign/seed)
     found=$target/fuzz-corpus/$name
     mkdir -p "$found"
     log=$found.log
-    if cargo fuzz run --fuzz-dir fuzz -D -s "$sanitizer" "${options[@]}" "$name" "$found" "${seeds[@]}" -- \
+    if cargo fuzz run --fuzz-dir fuzz -D -s "$sanitizer" "$name" "$found" "${seeds[@]}" -- \
         -max_total_time="$seconds" -timeout=10 -rss_limit_mb=2048 -artifact_prefix="$found-" >"$log" 2>&1; then
         echo "$name: $(grep -oE 'Done [0-9]+ runs in [0-9]+ second' "$log")s, sanitizer $sanitizer"
     else
