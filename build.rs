@@ -145,19 +145,8 @@ fn lookup_table(variables: &[Variable]) -> String {
 
 /// The vehicle's numbers are the fixed parameters with a dot; the field has the variable's name.
 fn vehicle_table(variables: &[Variable]) -> String {
-    let numbers: Vec<&Variable> = variables.iter().filter(|v| v.name.contains('.') && !v.name.starts_with("effect.")).collect();
-    let mut text = format!("/// The numbers of a vehicle under their flat names.\npub static NUMBERS: [Number; {}] = [\n", numbers.len());
-    for v in numbers {
-        writeln!(
-            text,
-            "    Number {{ name: {:?}, unit: {:?}, meaning: {:?}, default: {}, min: {}, max: {}, value_reference: {}, get: |v| v.{}, get_mut: |v| &mut v.{} }},",
-            v.name, v.get("unit"), v.get("description"), v.real("start", "0.0"), v.real("min", "-inf"), v.real("max", "inf"),
-            v.get("valueReference"), v.name, v.name
-        )
-        .unwrap();
-    }
-    text.push_str("];\n");
-    text
+    let numbers = variables.iter().filter(|v| v.name.contains('.') && !v.name.starts_with("effect."));
+    number_table("The numbers of a vehicle", "NUMBERS", "Vehicle", &numbers.map(|v| (v.name.as_str(), v)).collect::<Vec<_>>())
 }
 
 /// The controller's settings are its start values and the parameters `controller.<field>`.
@@ -166,18 +155,23 @@ fn settings_table(variables: &[Variable]) -> String {
     let fields: Vec<(&str, &Variable)> = parameters
         .filter_map(|v| v.name.strip_prefix("controller.").or((!v.name.contains('.')).then_some(&v.name)).map(|field| (field, v)))
         .collect();
-    let mut text = format!("/// The controller's settings under their flat names.\npub static SETTINGS: [Setting; {}] = [\n", fields.len());
+    number_table("The controller's settings", "SETTINGS", "Settings", &fields)
+}
+
+/// Numbers of the struct `of`, each with its field and variable.
+fn number_table(what: &str, table: &str, of: &str, fields: &[(&str, &Variable)]) -> String {
+    let count = fields.len();
+    let mut text = format!("/// {what} under their flat names.\npub static {table}: [Number<{of}>; {count}] = [\n");
     for (field, v) in fields {
         writeln!(
             text,
-            "    Setting {{ name: {:?}, unit: {:?}, meaning: {:?}, default: {}, min: {}, max: {}, value_reference: {}, get: |s| s.{field}, get_mut: |s| &mut s.{field} }},",
+            "    Number {{ name: {:?}, unit: {:?}, meaning: {:?}, default: {}, min: {}, max: {}, value_reference: {}, get: |s| s.{field}, get_mut: |s| &mut s.{field} }},",
             v.name, v.get("unit"), v.get("description"), v.real("start", "0.0"), v.real("min", "-inf"), v.real("max", "inf"),
             v.get("valueReference")
         )
         .unwrap();
     }
-    text.push_str("];\n");
-    text
+    text + "];\n"
 }
 
 fn effect_registry(variables: &[Variable], root: &str) -> String {

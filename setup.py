@@ -1,4 +1,7 @@
-"""Builds the command and the FMUs' shared library with cargo, and puts both into the Python package."""
+"""Builds the command and the FMUs' shared library with cargo, and puts both into the Python package.
+
+$KISSPOINT and $KISSPOINT_LIBRARY name a command and a library that are built already; then cargo is not called.
+"""
 
 import os
 import shutil
@@ -18,12 +21,14 @@ COMMAND, LIBRARY = ("kisspoint.exe", "kisspoint.dll") if sys.platform == "win32"
 class WithCargo(build_py):
     def run(self):
         super().run()
-        profile = os.environ.get("KISSPOINT_PROFILE", "quick")
-        for what in (["--profile", profile, "--bin", "kisspoint"], ["--release", "--lib", "--no-default-features"]):
-            subprocess.run(["cargo", "build", *what], cwd=ROOT, check=True)
+        command, library = (os.environ.get(name) for name in ("KISSPOINT", "KISSPOINT_LIBRARY"))
+        if not (command and library):
+            for what in (["--profile", "quick", "--bin", "kisspoint"], ["--release", "--lib", "--no-default-features"]):
+                subprocess.run(["cargo", "build", *what], cwd=ROOT, check=True)
+            command, library = TARGET / "quick" / COMMAND, TARGET / "release" / LIBRARY
         package = Path(self.build_lib) / "kisspoint"
-        shutil.copy2(TARGET / profile / COMMAND, package / COMMAND)
-        shutil.copy2(TARGET / "release" / LIBRARY, package / LIBRARY)
+        shutil.copy2(command, package / COMMAND)
+        shutil.copy2(library, package / LIBRARY)
 
 
 class ForThisPlatform(bdist_wheel):

@@ -6,7 +6,13 @@ mod campaign;
 fn main() -> std::io::Result<()> {
     let target = std::env::args().nth(1).unwrap_or_else(|| "report.html".to_owned());
     let made = campaign::campaign();
-    let input = kisspoint::report::Input { diagnosis: &made.diagnosis, overlays: &made.overlays, provenance: &made.provenance };
+    let input = kisspoint::report::Input {
+        name: "a made-up car",
+        diagnosis: &made.diagnosis,
+        overlays: &made.overlays,
+        provenance: &made.provenance,
+        regions: "",
+    };
     let html = kisspoint::report::html(&input);
     std::fs::write(&target, &html)?;
     println!("{target}: {} bytes", html.len());

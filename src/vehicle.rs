@@ -26,26 +26,35 @@ pub struct Vehicle {
     pub driveline: Driveline,
 }
 
-/// One number of a vehicle: what the model description says of it, and where it lives.
-pub struct Number {
+/// One number of a `T`, such as a vehicle: what the model description says of it, and where it lives.
+pub struct Number<T> {
     /// Flat name, as the FMU has it.
     pub name: &'static str,
     /// Unit.
     pub unit: &'static str,
     /// Meaning in words.
     pub meaning: &'static str,
-    /// Value for the paper's car.
+    /// Value unless set otherwise; of a vehicle, the paper's.
     pub default: f64,
     /// Least value accepted.
     pub min: f64,
     /// Greatest value accepted.
     pub max: f64,
-    /// Value reference in `DrivelinePlant`.
+    /// Value reference in the FMU.
     pub value_reference: u32,
     /// Reads the number.
-    pub get: fn(&Vehicle) -> f64,
+    pub get: fn(&T) -> f64,
     /// Gives access to the number.
-    pub get_mut: fn(&mut Vehicle) -> &mut f64,
+    pub get_mut: fn(&mut T) -> &mut f64,
+}
+
+/// A `T` whose numbers all have their defaults.
+pub fn defaults<T: Default>(numbers: &[Number<T>]) -> T {
+    let mut all = T::default();
+    for number in numbers {
+        *(number.get_mut)(&mut all) = number.default;
+    }
+    all
 }
 
 include!(concat!(env!("OUT_DIR"), "/vehicle.rs"));
@@ -78,7 +87,7 @@ pub enum VehicleError {
     #[error("unknown vehicle number \"{0}\"; did you mean \"{1}\"? Remove it or correct its name")]
     Unknown(String, String),
     /// A number is outside its bounds.
-    #[error("vehicle number \"{name}\" = {value} {unit} is outside {min} to {max}; check its unit")]
+    #[error("vehicle number \"{name}\" = {} is outside {min} to {max}; check its unit", quantity(*.value, .unit))]
     Bounds {
         /// Flat name.
         name: String,
@@ -96,6 +105,11 @@ pub enum VehicleError {
     Implausible(String),
 }
 
+/// A number with its unit, if it has one.
+fn quantity(value: f64, unit: &str) -> String {
+    if unit == "1" { value.to_string() } else { format!("{value} {unit}") }
+}
+
 /// Arrays of the file: group, key, flat names of their coefficients, least count.
 const ARRAYS: [(&str, &str, [&str; 3], usize); 4] = [
     ("friction", "mu_d", ["m_0", "m_1", "m_2"], 3),
@@ -107,11 +121,7 @@ const ARRAYS: [(&str, &str, [&str; 3], usize); 4] = [
 impl Vehicle {
     /// The paper's car, with the readings of its misprints.
     pub fn paper() -> Self {
-        let mut vehicle = Self::default();
-        for number in &NUMBERS {
-            *(number.get_mut)(&mut vehicle) = number.default;
-        }
-        vehicle
+        defaults(&NUMBERS)
     }
 
     /// Reads and checks the text of a `vehicle.json`.
@@ -257,6 +267,6 @@ mod tests {
         assert!(Vehicle::from_value(&value).unwrap_err().to_string().contains("actuator.x_cnt = 9"));
         let mut value = Vehicle::paper().to_value();
         value["thermal"]["gamma_3"] = 50.into();
-        assert!(Vehicle::from_value(&value).unwrap_err().to_string().contains("outside 0 to 1"));
+        assert!(Vehicle::from_value(&value).unwrap_err().to_string().contains("gamma_3\" = 50 is outside 0 to 1"));
     }
 }

@@ -15,7 +15,7 @@ const IMPORTS: [(&str, &[&str]); 14] = [
     ("launch", &["physics", "vehicle", "effects", "plant", "control"]),
     ("plots", &["physics", "vehicle", "effects", "plant", "control", "launch"]),
     ("campaign", &[]),
-    ("report", &["effects"]),
+    ("report", &["vehicle", "effects"]),
     // Of the report, only the form in which curves are handed over.
     ("gap", &["physics", "vehicle", "effects", "plant", "campaign", "report"]),
     ("fmu", &["physics", "vehicle", "effects", "control", "fmi2", "launch"]),
@@ -148,6 +148,36 @@ fn no_file_names_a_path_of_one_machine() {
             }
         }
     }
+}
+
+#[test]
+fn every_effect_is_documented() {
+    let page = fs::read_to_string(root().join("docs/effects.md")).unwrap();
+    for p in &kisspoint::effects::PARAMETERS {
+        let row = page.lines().find(|line| line.starts_with('|') && line.contains(&format!("| `{}` |", p.effect)));
+        let row = row.unwrap_or_else(|| panic!("docs/effects.md has no row for {}", p.effect));
+        assert!(row.contains(&format!("`{}`", p.name)), "docs/effects.md: {} has a parameter `{}`", p.effect, p.name);
+    }
+}
+
+#[test]
+fn the_table_of_invariants_names_tests_that_are_there() {
+    let page = fs::read_to_string(root().join("docs/architecture.md")).unwrap();
+    let table = page.split("## Invariants").nth(1).unwrap();
+    let mut named = 0;
+    for row in table.lines().filter(|line| line.starts_with("| ") && !line.contains("| test |")) {
+        let quoted: Vec<&str> = row.rsplit_once(" | ").unwrap().1.split('`').skip(1).step_by(2).collect();
+        let mut text = String::new();
+        for file in quoted.iter().filter(|name| name.ends_with(".rs") || name.ends_with(".py")) {
+            let path = if file.starts_with("src/") { root().join(file) } else { root().join("tests").join(file) };
+            text += &fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+            named += 1;
+        }
+        for function in quoted.iter().filter(|name| !name.contains(['.', '!'])) {
+            assert!(text.contains(&format!("fn {function}()")), "{function} is in none of the files that stand beside it");
+        }
+    }
+    assert!(named > 20, "{named} files");
 }
 
 /// Whether what stands at `at` is the beginning of a path, not its middle.

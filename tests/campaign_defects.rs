@@ -197,8 +197,11 @@ fn files() {
     left_out("", &["r02.csv: the file is empty"]);
     left_out("time_s,omega_f_rad_s\n", &["r02.csv: there is a header but no row"]);
     let some = |n: usize| seed().lines().take(n).map(|l| format!("{l}\n")).collect::<String>();
-    left_out(&some(31), &["r02.csv: 0.290 s are too short"]);
-    left_out(&some(2), &["r02.csv", "too short"]);
+    left_out(&some(31), &["r02.csv, channel omega_f_rad_s, line 31: the recording ends here, 0.290 s after its start", "Record longer"]);
+    left_out(&some(2), &["r02.csv, channel omega_f_rad_s, line 2: the recording ends here", "0.5 s or more"]);
+    // The engine's torque is still near zero there, which must not be taken for a unit.
+    let early = column(3, |_, v| (v * 1e-3).to_string());
+    left_out(&early.lines().take(4).map(|l| format!("{l}\n")).collect::<String>(), &["line 4: the recording ends here, 0.020 s"]);
     noted(&format!("{}0.8,120", some(81)), &["line 82 (the last) has 2 of 9 cells: cut off while writing, dropped"]);
     left_out(&format!("{}0.8,120\n{}", some(81), "0.81,1,1,1,1,1,1,1,1\n"), &["r02.csv, line 82", "2 cells where the header has 9"]);
     left_out(
@@ -215,7 +218,7 @@ fn channels_that_say_nothing() {
     left_out(&column(2, |_, _| "0".into()), &["r02.csv, channel omega_c_rad_s", "0 in every sample"]);
     left_out(&column(4, |_, _| "3.5".into()), &["r02.csv, channel x_to_cmd_mm", "3.5 mm throughout, which is no launch"]);
     let both = changed(|_, c, v| if c == 3 || c == 4 { "5".into() } else { v.to_string() });
-    left_out(&both, &["r02.csv: constant input"]);
+    left_out(&both, &["r02.csv, channel T_e_Nm and x_to_cmd_mm: constant input", "export the right channels"]);
     let frozen = noted(&column(6, |_, _| "3.5".into()), &["x_to_mm: the value is 3.5 in every sample; the channel is not used"]);
     assert_eq!(frozen.recordings[1].x_to, None);
     noted(&column(3, |_, _| "50".into()), &[]);
@@ -236,7 +239,7 @@ fn the_folder() {
     assert!(folder.fault().contains("lists no recording"));
     folder.file("recordings.json", &format!(r#"{{"r01": {ENTRY}, "r03": {ENTRY}, "r04": {ENTRY}}}"#));
     let fault = folder.fault();
-    assert!(fault.contains("no recording is usable. r01: recordings.json lists it, but there is no such file"), "{fault}");
+    assert!(fault.contains("no recording is usable\n  r01: recordings.json lists it, but there is no such file"), "{fault}");
     folder.file("r01.csv", &seed());
     folder.file("r02.csv", &seed());
     folder.file("r04.csv", &seed());
@@ -256,6 +259,11 @@ fn the_folder() {
     assert!(folder.fault().contains("vehicle.json: is not an object"));
     std::fs::remove_file(folder.0.join("vehicle.json")).unwrap();
     assert!(folder.fault().contains("vehicle.json: file not found"));
+    let within = folder.0.join("car_17");
+    std::fs::create_dir(&within).unwrap();
+    std::fs::write(within.join("vehicle.json"), "{}").unwrap();
+    assert!(folder.fault().contains("is no campaign but holds some. Give one of them, e.g. "), "{}", folder.fault());
+    assert!(campaign::inspect(&within).unwrap_err().to_string().contains("is a folder. Name one file in it"));
     let missing = campaign::read(&folder.0.join("nowhere"), &ReadOptions::default()).unwrap_err();
     assert!(missing.to_string().contains("nowhere: no such folder"));
 }

@@ -174,6 +174,11 @@ fn a_drafted_map_reads_the_file_that_it_was_drafted_for() {
         let (drafted, _) = read(name, &map);
         assert_eq!(drafted, read(name, LOGGER).0, "{map}");
     }
+    // With our names, and with or without units in the file.
+    for name in ["measurements/plain.mf4", "measurements/invalid.mf4", "measurements/plain.parquet", "seed/r01.csv"] {
+        let map = campaign::draft_channel_map(&campaign::inspect(&data(name)).unwrap());
+        assert_eq!(read(name, &map), read(name, ""), "{map}");
+    }
 }
 
 fn tempdir(name: &str) -> PathBuf {

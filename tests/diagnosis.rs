@@ -146,7 +146,7 @@ fn recordings_that_cannot_be_used_are_left_out_with_a_word() {
     let left_out = found["left_out"].as_array().unwrap();
     let reason = |name: &str| left_out.iter().find(|l| l["recording"] == name).map_or("", |l| l["reason"].as_str().unwrap());
     assert_eq!(left_out.len(), 2, "{left_out:?}");
-    assert!(reason("r03").contains("r03.csv") && reason("r03").contains("0.380 s are too short"), "{left_out:?}");
+    assert!(reason("r03").contains("r03.csv") && reason("r03").contains("ends here, 0.380 s after its start"), "{left_out:?}");
     assert!(reason("r04").contains("r04.csv, channel omega_f_rad_s"), "{left_out:?}");
     let notes: Vec<&str> = found["notes"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
     assert!(notes.iter().any(|n| n.starts_with("r05") && n.contains("omega_f_rad_s")), "{notes:?}");

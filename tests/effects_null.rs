@@ -141,10 +141,11 @@ fn every_subsystem_and_every_kind_of_act_is_used() {
             Act::Contact(_) => "contact",
             Act::Force(_) => "force",
             Act::Friction(_) => "friction",
+            Act::FrictionAdded(_) => "friction added",
             Act::Pulsation(_) => "pulsation",
             Act::Drag(_) => "drag",
             Act::Load(_) => "load",
         })
         .collect();
-    assert_eq!(kinds.len(), 7, "{kinds:?}");
+    assert_eq!(kinds.len(), 8, "{kinds:?}");
 }

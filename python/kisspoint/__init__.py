@@ -1,6 +1,7 @@
 """Where a clutch simulation departs from a car, which effect causes it, and how far the gap shrinks.
 
     import kisspoint
+    kisspoint.gap("measurements/car_17")     # how far the simulation is off, per recording and channel
     found = kisspoint.diagnose("measurements/car_17", out="out/car_17")
     print(found.sentence)
     found.figure("r01")                      # real, before, after; needs fmpy and matplotlib
@@ -21,7 +22,7 @@ from ._plant import Plant, replay
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Diagnosis", "KisspointError", "Plant", "diagnose", "load_plant"]
+__all__ = ["Diagnosis", "KisspointError", "Plant", "diagnose", "gap", "inspect", "load_plant"]
 
 
 class Diagnosis(Mapping[str, Any]):
@@ -68,6 +69,15 @@ class Diagnosis(Mapping[str, Any]):
         return [effect["id"] for effect in self["which"]["effects"]]
 
     @property
+    def parameters(self) -> list[dict[str, Any]]:
+        """Parameters of these effects as rows: effect, parameter, value, low and high of the 95 % interval, unit."""
+        return [
+            {"effect": effect["id"], "parameter": name, **{key: found[key] for key in ("value", "low", "high", "unit")}}
+            for effect in self["which"]["effects"]
+            for name, found in effect["parameters"].items()
+        ]
+
+    @property
     def report(self) -> Path:
         """The report, one page for a browser."""
         return self.out / "report.html"
@@ -82,7 +92,7 @@ class Diagnosis(Mapping[str, Any]):
         return Plant(self.fmu, **start)
 
     def replay(self, recording: str) -> dict[str, dict[str, list[float]]]:
-        """Speeds of a CSV recording with the contract's column names: ``real``, ``before`` and ``after``, with ``time_s``."""
+        """Speeds of a recording: ``real``, ``before`` and ``after``, with ``time_s``. It must be CSV with our column names."""
         table = _campaign.read_csv(self.campaign / f"{recording}.csv")
         about = json.loads((self.campaign / "recordings.json").read_text(encoding="utf-8"))[recording]
         warm = {"theta_c_start": about["theta_c0_degC"], "theta_b_start": about["theta_b0_degC"]}
@@ -90,8 +100,8 @@ class Diagnosis(Mapping[str, Any]):
         plant = self["plant"]
         return {
             "real": real,
-            "before": replay(self.fmu, table, {**warm, **plant["nominal_parameters"]}),
-            "after": replay(self.fmu, table, {**warm, **plant["parameters"]}),
+            "before": replay(self.fmu, table, plant["nominal_parameters"], warm),
+            "after": replay(self.fmu, table, plant["parameters"], warm),
         }
 
     def figure(self, recording: str) -> "Figure":
@@ -100,7 +110,7 @@ class Diagnosis(Mapping[str, Any]):
 
         runs = self.replay(recording)
         # The car's curve is wide, so that it stays visible behind one that fits.
-        styles = {"real": {"color": "0.7", "lw": 4}, "before": {"color": "C1", "ls": "--"}, "after": {"color": "C0"}}
+        styles: dict[str, dict[str, Any]] = {"real": {"color": "0.7", "lw": 4}, "before": {"color": "C1", "ls": "--"}, "after": {"color": "C0"}}
         figure = Figure(figsize=(8, 5), layout="constrained")
         for axes, channel in zip(figure.subplots(2, 1, sharex=True), ("omega_f_rad_s", "omega_c_rad_s"), strict=True):
             for name, style in styles.items():
@@ -144,9 +154,25 @@ def diagnose(
         source = Path(campaign)
     target = Path(out) if out is not None else folder()
     options = ["--strict"] if strict else []
-    options += ["--channel-map", str(channel_map)] if channel_map is not None else []
-    run("diagnose", source, "--out", target, "--threads", threads, *options)
+    run("diagnose", source, "--out", target, "--threads", threads, *options, *_mapped(channel_map))
     return Diagnosis(source, target, keep)
+
+
+def gap(campaign: str | Path, *, vehicle: str | Path | None = None, channel_map: str | Path | None = None) -> list[dict[str, Any]]:
+    """How far a campaign's simulation is off, before any diagnosis: rows of recording, manoeuvre, channel, unit, rms and noise."""
+    options = ["--vehicle", str(vehicle)] if vehicle is not None else []
+    rows: list[dict[str, Any]] = json.loads(run("replay", campaign, "--json", *options, *_mapped(channel_map)))["gaps"]
+    return rows
+
+
+def inspect(file: str | Path) -> dict[str, Any]:
+    """What a measurement file (CSV, MDF4, Parquet) holds: ``channels`` with unit, rate, range and a guess, and ``notes``."""
+    found: dict[str, Any] = json.loads(run("inspect", file, "--json"))
+    return found
+
+
+def _mapped(channel_map: str | Path | None) -> list[str]:
+    return ["--channel-map", str(channel_map)] if channel_map is not None else []
 
 
 def load_plant(fmu: str | Path, **start: float) -> Plant:

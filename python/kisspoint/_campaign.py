@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ._command import KisspointError
+
 
 def write(folder: Path, recordings: Mapping[str, Any], about: Mapping[str, Mapping[str, Any]], vehicle: Any) -> None:
     """Writes a campaign's folder; a recording is a DataFrame, or anything that maps column names to numbers."""
@@ -32,6 +34,8 @@ def _cell(value: Any) -> str:
 
 def read_csv(path: Path) -> dict[str, list[float]]:
     """Columns of a recording whose CSV file has the contract's names."""
+    if not path.is_file():
+        raise KisspointError(f"{path.name} is not in {path.parent}: only recordings in CSV with our column names can be replayed here; load_plant steps any")
     with open(path, newline="", encoding="utf-8-sig") as file:
         rows = list(csv.reader(file))
     return {name: [float(row[k]) for row in rows[1:]] for k, name in enumerate(rows[0])}

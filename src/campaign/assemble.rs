@@ -20,12 +20,13 @@ pub(crate) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry) -> R
     let mut notes = std::mem::take(&mut m.notes);
     let picked = pick(&mut m, map)?;
     notes.extend(picked.notes);
-    for signal in &picked.signals {
-        checks::plausible(&m, signal, entry)?;
-    }
     let mut tracks = tracks(&m, picked.signals, &mut notes)?;
     let rate_hz = rate(&m, &tracks, entry, &mut notes)?;
     let (start, end) = span(&m, &tracks, rate_hz, &mut notes)?;
+    // After the clock: three samples are too short to be called a wrong unit.
+    for track in &tracks {
+        checks::plausible(&m, &track.signal, entry)?;
+    }
     tracks.retain(|t| t.required() || covers(t, start, end, &mut notes));
     let grid = Grid { start, rate_hz, count: ((end - start) * rate_hz + SNAP).floor() as usize + 1 };
     let labels: Vec<(Channel, String)> = tracks.iter().map(|t| (t.signal.channel, t.signal.label.clone())).collect();

@@ -158,7 +158,8 @@ pub(crate) fn says_something(
     }
     let command = constant(&recording.x_to_cmd);
     if command.is_some() && constant(&recording.t_e).is_some() {
-        return Err(Defect::ConstantInput.in_file(file));
+        let both = format!("{} and {}", label(Channel::TE), label(Channel::XToCmd));
+        return Err(Defect::ConstantInput.at(file, both, None));
     }
     if let Some(value) = command.filter(|_| matches!(recording.manoeuvre.as_str(), "launch" | "creep" | "modulate")) {
         let defect = Defect::ConstantCommand { value, manoeuvre: recording.manoeuvre.clone() };

@@ -98,7 +98,7 @@ pub enum CampaignError {
     #[error(transparent)]
     Recording(#[from] RecordingError),
     /// Every recording was left out.
-    #[error("{}: no recording is usable. {}", .dir.display(), list(.left_out))]
+    #[error("{}: no recording is usable{}", .dir.display(), lines(.left_out))]
     NothingUsable {
         /// The campaign's folder.
         dir: PathBuf,
@@ -107,11 +107,11 @@ pub enum CampaignError {
     },
 }
 
-fn list(left_out: &[LeftOut]) -> String {
-    let shown: Vec<String> = left_out.iter().take(5).map(|l| l.reason.clone()).collect();
-    let more = left_out.len().saturating_sub(shown.len());
-    let tail = if more > 0 { format!("; and {more} more") } else { String::new() };
-    format!("{}{tail}", shown.join("; "))
+/// What was left out, each on a line of its own below a message; a few of many.
+pub fn lines(left_out: &[LeftOut]) -> String {
+    let shown: String = left_out.iter().take(5).map(|l| format!("\n  {}", l.reason)).collect();
+    let more = left_out.len().saturating_sub(5);
+    if more > 0 { format!("{shown}\n  and {more} more") } else { shown }
 }
 
 /// Where in a file something is.
@@ -222,10 +222,10 @@ pub enum Defect {
     ClockUnit { rate_hz: f64, stated_hz: f64, hint: &'static str },
     #[error("the samples come at {0:.3} Hz; below 20 Hz an engagement can't be followed. Record at 100 Hz or faster")]
     TooSlow(f64),
-    #[error("{seconds:.3} s are too short; a recording needs 0.5 s or more. Record longer, or remove the entry")]
+    #[error("the recording ends here, {seconds:.3} s after its start; 0.5 s or more are needed. Record longer, or remove the entry")]
     TooShort { seconds: f64 },
     #[error(
-        "no usable sample before a gap of {seconds:.3} s; {kept:.3} s remain in front of it and 0.5 s are needed. Record again, or export the channel without the gap"
+        "the samples are missing or not a number for {seconds:.3} s from here on; {kept:.3} s remain in front of them and 0.5 s are needed. Record again, or export the channel without the gap"
     )]
     Gap { seconds: f64, kept: f64 },
     #[error(

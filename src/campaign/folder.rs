@@ -18,6 +18,10 @@ pub fn read(dir: &Path, options: &ReadOptions) -> Result<Campaign, CampaignError
         return Err(CampaignError::NoFolder(dir.to_path_buf()));
     }
     let (vehicle_path, manifest_path) = (dir.join("vehicle.json"), dir.join("recordings.json"));
+    if let Some(inner) = campaign_within(dir).filter(|_| !vehicle_path.exists()) {
+        let remedy = format!("Give one of them, e.g. {}, or several", inner.display());
+        return Err(CampaignError::Shape { file: dir.to_path_buf(), what: "is no campaign but holds some".to_string(), remedy });
+    }
     let vehicle_text = text(&vehicle_path, "Add it: it holds the nominal vehicle that the recordings are compared with")?;
     let manifest_text =
         text(&manifest_path, "Add it: it names manoeuvre, sample_rate_Hz, theta_c0_degC and theta_b0_degC of each recording")?;
@@ -140,6 +144,12 @@ impl<'a> Reading<'a> {
         }
         hasher.finalize().iter().map(|b| format!("{b:02x}")).collect()
     }
+}
+
+/// The first campaign in a folder of campaigns.
+fn campaign_within(dir: &Path) -> Option<PathBuf> {
+    let folders = std::fs::read_dir(dir).ok()?.filter_map(|item| Some(item.ok()?.path()));
+    folders.filter(|path| path.join("vehicle.json").is_file()).min()
 }
 
 /// Measurement files by stem, each list sorted.

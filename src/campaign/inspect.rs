@@ -53,6 +53,10 @@ pub struct ChannelInfo {
 
 /// Looks into a measurement file.
 pub fn inspect(path: &Path) -> Result<Inspection, CampaignError> {
+    if path.is_dir() {
+        let remedy = "Name one file in it; `kisspoint replay` and `kisspoint diagnose` take a folder".to_string();
+        return Err(CampaignError::Shape { file: path.to_path_buf(), what: "is a folder".to_string(), remedy });
+    }
     let bytes = std::fs::read(path).map_err(|source| CampaignError::Io { file: path.to_path_buf(), source })?;
     let ending = path.extension().and_then(|e| Format::from_ending(&e.to_string_lossy()));
     let format = ending.unwrap_or_else(|| Format::from_bytes(&bytes));

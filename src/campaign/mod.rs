@@ -34,7 +34,7 @@ use std::path::PathBuf;
 
 pub use channel_map::{ChannelMap, Mapped};
 pub use channels::{CHANNELS, Channel, Lasting, Spec};
-pub use error::{CampaignError, Defect, Place, RecordingError};
+pub use error::{CampaignError, Defect, Place, RecordingError, lines};
 pub use folder::{read, read_one};
 pub use inspect::{ChannelInfo, Inspection, draft_channel_map, inspect};
 pub use units::Quantity;

@@ -71,7 +71,7 @@ pub(crate) fn rate(m: &Measurement, tracks: &[Track], entry: &Entry, notes: &mut
     let speeds = tracks.iter().filter(|t| matches!(t.signal.channel, Channel::OmegaF | Channel::OmegaC));
     let step = speeds.map(|t| t.spacing.step).filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
     if !step.is_finite() {
-        return Err(m.defect(Defect::TooShort { seconds: 0.0 }));
+        return Err(too_short(m, tracks, 0.0));
     }
     let (own, stated) = (1.0 / step, entry.sample_rate_hz);
     let near = |factor: f64| (own * factor / stated - 1.0).abs() < 0.1;
@@ -118,7 +118,7 @@ pub(crate) fn span(m: &Measurement, tracks: &[Track], rate_hz: f64, notes: &mut 
         None => full,
     };
     if end - start < SHORTEST_S - SNAP / rate_hz {
-        return Err(m.defect(Defect::TooShort { seconds: (end - start).max(0.0) }));
+        return Err(too_short(m, tracks, (end - start).max(0.0)));
     }
     let longest = needed.iter().map(|t| *t.signal.time.last().unwrap_or(&end)).fold(end, f64::max);
     if cut.is_none() && longest - end > 1.5 / rate_hz {
@@ -169,6 +169,14 @@ pub(crate) fn covers(track: &Track, start: f64, end: f64, notes: &mut Vec<String
             false
         }
     }
+}
+
+/// Placed where the first of the required channels ends.
+fn too_short(m: &Measurement, tracks: &[Track], seconds: f64) -> RecordingError {
+    let needed = tracks.iter().filter(|t| t.required() && t.lasting() != Lasting::Slow);
+    let first_to_end = needed.min_by(|a, b| a.spacing.last.total_cmp(&b.spacing.last)).map(|t| &t.signal);
+    let last = first_to_end.and_then(|s| s.values.iter().rposition(|v| !v.is_nan()));
+    m.defect_at(Defect::TooShort { seconds }, first_to_end.map_or("", |s| &s.label), last)
 }
 
 fn first_valid(signal: &Signal) -> Option<usize> {

@@ -3,20 +3,22 @@
 //! The cars come from `realcar`, which shares no code with the plant. What is true of a car is [`Sealed`]: the diagnosis is handed a folder of
 //! recordings and nothing else, and the seal opens only against a finished answer.
 
+use super::error::{CommandError, at};
+use super::output::{print, print_json};
 use super::progress::Progress;
-use crate::campaign::{self, CampaignError, ReadOptions};
+use crate::campaign::{self, ReadOptions};
 use crate::effects;
-use crate::gap::diagnosis::{Diagnosis, DiagnosisError, diagnose};
+use crate::gap::diagnosis::{Diagnosis, diagnose};
 use crate::gap::gap::evaluate;
 use crate::gap::series::Channel;
 use rayon::prelude::*;
 use realcar::{Car, Truth};
 use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Options of `kisspoint blind`.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Examples:\n  kisspoint blind --cars 40 --seed 7")]
+#[command(after_help = "Examples:\n  kisspoint blind --cars 40 --seed 7\n  kisspoint blind --cars 200 --json > score.json")]
 pub struct Args {
     /// Cars to draw
     #[arg(long, value_name = "N", default_value_t = 20)]
@@ -30,28 +32,6 @@ pub struct Args {
     /// Threads; 0 takes all cores
     #[arg(long, value_name = "N", default_value_t = 0)]
     threads: usize,
-}
-
-/// What can go wrong.
-#[derive(Debug, thiserror::Error)]
-pub enum BlindError {
-    /// A drawn campaign.
-    #[error(transparent)]
-    Campaign(#[from] CampaignError),
-    /// Its diagnosis.
-    #[error(transparent)]
-    Diagnosis(#[from] DiagnosisError),
-    /// Threads.
-    #[error("threads cannot be started: {0}")]
-    Threads(#[from] rayon::ThreadPoolBuildError),
-    /// A temporary file.
-    #[error("{}: {source}; check that the folder for temporary files can be written", path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
 }
 
 /// What is true of a car, closed until it has been diagnosed.
@@ -78,7 +58,7 @@ struct Outcome {
 ///
 /// # Errors
 /// Temporary files that cannot be written.
-pub fn run(args: &Args) -> Result<(), BlindError> {
+pub fn run(args: &Args) -> Result<(), CommandError> {
     let clock = || std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).map_or(0, |d| d.as_secs());
     let seed = args.seed.unwrap_or_else(clock);
     let bar = Progress::new();
@@ -91,21 +71,23 @@ pub fn run(args: &Args) -> Result<(), BlindError> {
         bar.tell(&format!("car {count} of {}", args.cars), count as f64 / args.cars as f64);
         outcome
     };
-    let outcomes: Result<Vec<Outcome>, BlindError> = pool.install(|| (0..args.cars).into_par_iter().map(one).collect());
+    let outcomes: Result<Vec<Outcome>, CommandError> = pool.install(|| (0..args.cars).into_par_iter().map(one).collect());
     bar.finish();
     let _ = std::fs::remove_dir_all(&folder);
-    print(&outcomes?, seed, args.json);
-    Ok(())
+    report(&outcomes?, seed, args.json)
 }
 
 /// Draws into a folder, diagnoses the folder, opens the seal.
-fn examine(folder: &Path, car: Car) -> Result<Outcome, BlindError> {
-    let file = |source| BlindError::File { path: folder.to_owned(), source };
+fn examine(folder: &Path, car: Car) -> Result<Outcome, CommandError> {
     let (shown, unseen) = (folder.join("shown"), folder.join("unseen"));
-    car.write(&shown).map_err(file)?;
+    car.write(&shown).map_err(at(folder))?;
     let sealed = Sealed(car.truth.clone());
-    let answer = diagnose(&campaign::read(&shown, &ReadOptions::default())?, &|_, _| {})?;
-    car.write_unseen(&unseen).map_err(file)?;
+    let answer = diagnose(&campaign::read(&shown, &ReadOptions::default())?, &|_, _| {}).map_err(|source| CommandError::Diagnosis {
+        path: shown.clone(),
+        source,
+        left_out: Vec::new(),
+    })?;
+    car.write_unseen(&unseen).map_err(at(folder))?;
     let closed = closed_on(&campaign::read(&unseen, &ReadOptions::default())?, &answer);
     let _ = std::fs::remove_dir_all(folder);
     let text = |v: &serde_json::Value| v.as_str().map(str::to_owned);
@@ -161,11 +143,14 @@ fn extra(o: &Outcome) -> f64 {
     o.named.iter().filter(|named| !is_true(named)).count() as f64
 }
 
+/// The one score that counts effects; the others are shares.
+const EXTRA: &str = "extra effects per car";
+
 fn hit(condition: bool) -> f64 {
     f64::from(u8::from(condition))
 }
 
-fn print(outcomes: &[Outcome], seed: u64, as_json: bool) {
+fn report(outcomes: &[Outcome], seed: u64, as_json: bool) -> Result<(), CommandError> {
     let known = |o: &&Outcome| o.truth.effects.iter().all(|e| e.in_library);
     let of_size = |n: usize| outcomes.iter().filter(known).filter(move |o| o.truth.effects.len() == n);
     let faulty = || outcomes.iter().filter(|o| !o.truth.effects.is_empty());
@@ -180,7 +165,7 @@ fn print(outcomes: &[Outcome], seed: u64, as_json: bool) {
         ("gaps detected", mean(faulty(), |o| hit(o.verdict != "no_gap"))),
         ("located", mean(faulty(), |o| hit(at(o, &o.primary)))),
         ("single effects attributed", mean(of_size(1), credit)),
-        ("extra effects per car", mean(outcomes.iter(), extra)),
+        (EXTRA, mean(outcomes.iter(), extra)),
         ("pairs attributed", mean(of_size(2), credit)),
         ("effects outside the library flagged", mean(outside(), |o| hit(unknown(o)))),
         ("effects outside the library located", mean(outside(), |o| hit(at(o, &o.unexplained_at) || at(o, &o.primary)))),
@@ -190,13 +175,12 @@ fn print(outcomes: &[Outcome], seed: u64, as_json: bool) {
     if as_json {
         let scores: serde_json::Map<String, serde_json::Value> = rows.iter().map(|(name, v)| ((*name).to_owned(), json!(v))).collect();
         let cars: Vec<serde_json::Value> = outcomes.iter().map(row).collect();
-        println!("{:#}", json!({"seed": seed, "cars": outcomes.len(), "scores": scores, "outcomes": cars}));
-        return;
+        return print_json(&json!({"seed": seed, "cars": outcomes.len(), "scores": scores, "outcomes": cars}));
     }
-    println!("{} cars drawn with seed {seed}", outcomes.len());
-    for (name, value) in rows {
-        println!("  {name:<50} {}", value.map_or("-".to_owned(), |v| format!("{:.1} %", 100.0 * v)));
-    }
+    let shown = |name: &str, value: f64| if name == EXTRA { format!("{value:.2}") } else { format!("{:.1} %", 100.0 * value) };
+    let row = |(name, value): &(&str, Option<f64>)| format!("  {name:<50} {}\n", value.map_or("-".to_owned(), |v| shown(name, v)));
+    let rows: String = rows.iter().map(row).collect();
+    print(&format!("{} cars drawn with seed {seed}\n{rows}", outcomes.len()))
 }
 
 fn row(o: &Outcome) -> serde_json::Value {

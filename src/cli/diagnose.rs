@@ -1,17 +1,24 @@
 //! `kisspoint diagnose`: where a simulation departs from a car, which effect causes it, how far the gap shrinks.
 
+use super::error::CommandError;
+use super::files::write_all;
+use super::output::{print, print_json};
 use super::progress::Progress;
-use crate::campaign::{self, CampaignError, ChannelMap, ReadOptions};
+use super::summary::summary;
+use crate::campaign::{self, Campaign, ChannelMap, ReadOptions, Recording};
+use crate::effects::REGISTRY;
 use crate::fmu::{self, FmuError, library, ssv};
 use crate::gap::answer::plant_parameters;
-use crate::gap::diagnosis::{Diagnosis, DiagnosisError, diagnose};
+use crate::gap::balance::{HIGH_TORQUE_NM, HOT_DEGC};
+use crate::gap::diagnosis::{Diagnosis, diagnose};
 use crate::report;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// Options of `kisspoint diagnose`.
 #[derive(clap::Args, Debug)]
 #[command(
-    after_help = "Writes diagnosis.json, report.html, plant.ssv and DrivelinePlant.fmu into DIR. Exit code 0 whatever the verdict.\n\nExamples:\n  kisspoint diagnose measurements/car_17 --out out/car_17\n  kisspoint diagnose measurements/* --out out"
+    after_help = "Writes diagnosis.json, report.html, plant.ssv and DrivelinePlant.fmu into DIR. Exit code 0 whatever the verdict.\n\nExamples:\n  kisspoint diagnose measurements/car_17 --out out/car_17\n  kisspoint diagnose measurements/* --out out\n  kisspoint diagnose measurements/* --json > answers.jsonl"
 )]
 pub struct Args {
     /// Folders with vehicle.json, recordings.json and the recordings
@@ -20,7 +27,7 @@ pub struct Args {
     /// Folder for the answer; of several campaigns, each has a folder of its name in it
     #[arg(long, value_name = "DIR", required_unless_present = "json")]
     out: Option<PathBuf>,
-    /// Print diagnosis.json to standard output
+    /// Print diagnosis.json to standard output; of several campaigns, one line each with `campaign` and `diagnosis` or `error`
     #[arg(long)]
     json: bool,
     /// Names and units of the channels, TOML or JSON
@@ -37,106 +44,118 @@ pub struct Args {
     library: Vec<PathBuf>,
 }
 
-/// What can go wrong.
-#[derive(Debug, thiserror::Error)]
-pub enum DiagnoseError {
-    /// The campaign.
-    #[error(transparent)]
-    Campaign(#[from] CampaignError),
-    /// The diagnosis.
-    #[error("{}: {source}", path.display())]
-    Diagnosis {
-        /// The campaign.
-        path: PathBuf,
-        /// What is wrong.
-        source: DiagnosisError,
-    },
-    /// The FMU.
-    #[error(transparent)]
-    Fmu(#[from] FmuError),
-    /// Two campaigns would share a folder.
-    #[error("{} and {} have one name, so that their answers would overwrite each other; diagnose them one by one", .0.display(), .1.display())]
-    SameName(PathBuf, PathBuf),
-    /// Threads.
-    #[error("threads cannot be started: {0}")]
-    Threads(#[from] rayon::ThreadPoolBuildError),
-    /// A file.
-    #[error("{}: {source}; check path and permissions", path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
-}
-
 /// Runs the subcommand.
 ///
 /// # Errors
 /// A campaign that cannot be read or diagnosed, a missing shared library, a folder that cannot be written.
-pub fn run(args: &Args) -> Result<(), DiagnoseError> {
+pub fn run(args: &Args) -> Result<(), CommandError> {
     // Found before the work begins: nobody wants to hear of a missing library after it.
     let libraries = if args.out.is_some() { library::find(&args.library)? } else { Vec::new() };
     let channel_map = args.channel_map.as_deref().map(ChannelMap::from_file).transpose()?;
     let options = ReadOptions { channel_map, strict: args.strict };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
-    let several = args.campaigns.len() > 1;
-    let folder_of = |path: &Path| std::fs::canonicalize(path).ok().and_then(|p| p.file_name().map(PathBuf::from)).unwrap_or_default();
-    for (k, path) in args.campaigns.iter().enumerate() {
-        let same = args.campaigns[..k].iter().find(|other| folder_of(other) == folder_of(path));
-        if let Some(other) = same.filter(|_| several) {
-            return Err(DiagnoseError::SameName(other.clone(), path.clone()));
-        }
-    }
-    for path in &args.campaigns {
-        let out = args.out.as_ref().map(|out| if several { out.join(folder_of(path)) } else { out.clone() });
-        if several && !args.json {
-            println!("{}", path.display());
-        }
-        one(path, out.as_deref(), args.json, &options, &pool, &libraries)?;
-    }
-    Ok(())
+    let answer = |path: &Path, out: Option<&Path>, label: &str| one(path, out, label, &options, &pool, &libraries);
+    let [path] = args.campaigns.as_slice() else { return several(args, answer) };
+    let diagnosis = answer(path, args.out.as_deref(), "")?;
+    if args.json { print_json(&diagnosis.json) } else { print(&summary(&diagnosis, args.out.as_deref())) }
 }
 
+/// Diagnoses one campaign after the other. What is wrong with one does not stop the next ones.
+fn several(args: &Args, answer: impl Fn(&Path, Option<&Path>, &str) -> Result<Diagnosis, CommandError>) -> Result<(), CommandError> {
+    let all = args.campaigns.len();
+    for (k, path) in args.campaigns.iter().enumerate() {
+        if let Some(other) = args.campaigns[..k].iter().find(|other| name(other) == name(path)) {
+            return Err(CommandError::SameName(other.clone(), path.clone()));
+        }
+    }
+    let mut failed = 0;
+    for (k, path) in args.campaigns.iter().enumerate() {
+        let label = format!("{} ({} of {all}): ", name(path).display(), k + 1);
+        let out = args.out.as_ref().map(|out| out.join(name(path)));
+        let shown = path.display().to_string();
+        match answer(path, out.as_deref(), &label) {
+            Ok(diagnosis) if args.json => print(&format!("{}\n", json!({"campaign": shown, "diagnosis": diagnosis.json})))?,
+            Ok(diagnosis) => print(&format!("{shown}\n{}", summary(&diagnosis, out.as_deref())))?,
+            Err(error @ (CommandError::Campaign(_) | CommandError::Diagnosis { .. })) => {
+                failed += 1;
+                eprintln!("kisspoint: {error}");
+                if args.json {
+                    print(&format!("{}\n", json!({"campaign": shown, "error": error.to_string()})))?;
+                }
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    if failed == 0 { Ok(()) } else { Err(CommandError::Some { failed, all }) }
+}
+
+/// The campaign's folder without what leads to it; `.` has a name, too.
+fn name(path: &Path) -> PathBuf {
+    std::fs::canonicalize(path).ok().and_then(|p| p.file_name().map(PathBuf::from)).unwrap_or_default()
+}
+
+/// Reads, diagnoses and, with a folder for it, writes the answer.
 fn one(
     path: &Path,
     out: Option<&Path>,
-    as_json: bool,
+    label: &str,
     options: &ReadOptions,
     pool: &rayon::ThreadPool,
     libraries: &[library::Library],
-) -> Result<(), DiagnoseError> {
+) -> Result<Diagnosis, CommandError> {
     let campaign = campaign::read(path, options)?;
     let bar = Progress::new();
-    let diagnosis = pool
-        .install(|| diagnose(&campaign, &|what, share| bar.tell(what, share)))
-        .map_err(|source| DiagnoseError::Diagnosis { path: path.to_owned(), source })?;
+    let found = pool.install(|| diagnose(&campaign, &|what, share| bar.tell(&format!("{label}{what}"), share)));
     bar.finish();
-    let text = format!("{:#}\n", diagnosis.json);
+    let refused = |source| CommandError::Diagnosis { path: path.to_owned(), source, left_out: campaign.left_out.clone() };
+    let diagnosis = found.map_err(refused)?;
+    let shown = name(path).display().to_string();
     if let Some(out) = out {
-        write(out, &files(&diagnosis, &text, &provenance(&campaign.fingerprint), libraries)?)?;
+        write_all(out, &files(&diagnosis, &shown, &provenance(&campaign, options), libraries)?)?;
     }
-    if as_json {
-        print!("{text}");
-    } else {
-        summary(&diagnosis, out);
-    }
-    Ok(())
+    Ok(diagnosis)
 }
 
-fn provenance(fingerprint: &str) -> Vec<(String, String)> {
-    [("kisspoint", env!("CARGO_PKG_VERSION")), ("data fingerprint (SHA-256)", fingerprint)]
-        .map(|(k, v)| (k.to_owned(), v.to_owned()))
-        .to_vec()
+/// What a reader needs to repeat the answer, or to doubt it.
+fn provenance(campaign: &Campaign, options: &ReadOptions) -> Vec<(String, String)> {
+    let recordings = &campaign.recordings;
+    let mut rates: Vec<f64> = recordings.iter().map(|r| r.sample_rate_hz).collect();
+    rates.sort_by(f64::total_cmp);
+    rates.dedup();
+    let rates: Vec<String> = rates.iter().map(|rate| format!("{rate} Hz")).collect();
+    let bench = |has: fn(&Recording) -> bool, what| recordings.iter().any(has).then_some(what);
+    let bench = [
+        bench(|r| r.x_to.is_some(), "position"),
+        bench(|r| r.t_fc.is_some(), "clutch torque"),
+        bench(|r| r.theta_c.is_some(), "disc temperature"),
+    ];
+    let bench: Vec<&str> = bench.into_iter().flatten().collect();
+    let tolerances = campaign.vehicle_json["tolerance"].as_object().map_or(0, serde_json::Map::len);
+    let facts = [
+        ("kisspoint", env!("CARGO_PKG_VERSION").to_owned()),
+        ("recordings", format!("{} used at {}, {} left out", recordings.len(), rates.join(" and "), campaign.left_out.len())),
+        ("bench channels", if bench.is_empty() { "none".to_owned() } else { bench.join(", ") }),
+        ("candidates", format!("{} effects, alone and in pairs, with {tolerances} declared tolerances free", REGISTRY.len())),
+        ("channel map", if options.channel_map.is_some() { "yes" } else { "none: the files have the names of the contract" }.to_owned()),
+        ("recordings with defects", if options.strict { "refused (--strict)" } else { "left out, with a word" }.to_owned()),
+        ("data fingerprint (SHA-256)", campaign.fingerprint.clone()),
+    ];
+    facts.map(|(k, v)| (k.to_owned(), v)).to_vec()
 }
 
 fn files(
     diagnosis: &Diagnosis,
-    text: &str,
+    name: &str,
     provenance: &[(String, String)],
     libraries: &[library::Library],
 ) -> Result<Vec<(&'static str, Vec<u8>)>, FmuError> {
-    let report = report::html(&report::Input { diagnosis: &diagnosis.json, overlays: &diagnosis.overlays, provenance });
+    let report = report::html(&report::Input {
+        name,
+        diagnosis: &diagnosis.json,
+        overlays: &diagnosis.overlays,
+        provenance,
+        regions: &format!("cold is a disc below {HOT_DEGC} °C, low torque a clutch torque below {HIGH_TORQUE_NM} N·m"),
+    });
     let plant = fmu::MODELS.iter().find(|m| m.description.name == "DrivelinePlant").expect("the plant is one of the models");
     let archive = fmu::archive(plant, libraries, &diagnosis.vehicle, &diagnosis.effects)?;
     let named = plant_parameters(&diagnosis.vehicle, &diagnosis.effects);
@@ -144,51 +163,12 @@ fn files(
         .description
         .variables
         .iter()
-        .filter_map(|v| {
-            named.get(v.name).and_then(serde_json::Value::as_f64).map(|value| ssv::Parameter { name: v.name, value, unit: v.unit })
-        })
+        .filter_map(|v| named.get(v.name).and_then(Value::as_f64).map(|value| ssv::Parameter { name: v.name, value, unit: v.unit }))
         .collect();
     Ok(vec![
-        ("diagnosis.json", text.as_bytes().to_vec()),
+        ("diagnosis.json", format!("{:#}\n", diagnosis.json).into_bytes()),
         ("report.html", report.into_bytes()),
         ("plant.ssv", ssv::write("retuned", &set).into_bytes()),
         ("DrivelinePlant.fmu", archive),
     ])
-}
-
-/// Writes every file beside its place first and renames it then, so that an interruption leaves nothing half-written.
-fn write(out: &Path, files: &[(&'static str, Vec<u8>)]) -> Result<(), DiagnoseError> {
-    let at = |path: &Path| {
-        let path = path.to_owned();
-        move |source| DiagnoseError::File { path, source }
-    };
-    std::fs::create_dir_all(out).map_err(at(out))?;
-    for (name, bytes) in files {
-        let (path, partial) = (out.join(name), out.join(format!(".{name}.partial")));
-        std::fs::write(&partial, bytes).and_then(|()| std::fs::rename(&partial, &path)).map_err(at(&path))?;
-    }
-    Ok(())
-}
-
-fn summary(diagnosis: &Diagnosis, out: Option<&Path>) {
-    let json = &diagnosis.json;
-    println!("{}", json["sentence"].as_str().unwrap_or_default());
-    for effect in json["which"]["effects"].as_array().into_iter().flatten() {
-        println!("  {} (probability {})", effect["id"].as_str().unwrap_or_default(), effect["probability"]);
-        for (name, p) in effect["parameters"].as_object().into_iter().flatten() {
-            println!("    {name} = {} [{}, {}] {}", p["value"], p["low"], p["high"], p["unit"].as_str().unwrap_or_default());
-        }
-        let group: Vec<&str> = effect["ambiguous_with"].as_array().into_iter().flatten().filter_map(serde_json::Value::as_str).collect();
-        if !group.is_empty() {
-            println!("    not told apart from: {}", group.join(", "));
-        }
-    }
-    let far = &json["how_far"];
-    println!("  speed error on held-out recordings: {} -> {} rad/s (noise {})", far["before"], far["after"], far["noise_floor"]);
-    for left in json["left_out"].as_array().into_iter().flatten() {
-        println!("  left out: {}: {}", left["recording"].as_str().unwrap_or_default(), left["reason"].as_str().unwrap_or_default());
-    }
-    if let Some(out) = out {
-        println!("  written: {}", out.join("report.html").display());
-    }
 }

@@ -1,11 +1,13 @@
 //! `kisspoint inspect`: what a measurement file holds, and a draft of the channel map for it.
 
-use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::campaign::{self, CampaignError, ChannelInfo, Inspection};
+use super::error::CommandError;
+use super::files::write_new;
+use super::output::{print, print_json};
+use crate::campaign::{self, ChannelInfo, Inspection};
 
 /// Show what a measurement file holds (CSV, MDF4, Parquet), and draft a channel map.
 #[derive(Args, Debug)]
@@ -28,37 +30,17 @@ pub struct InspectArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &InspectArgs) -> Result<(), CampaignError> {
+pub fn run(args: &InspectArgs) -> Result<(), CommandError> {
     let inspection = campaign::inspect(&args.file)?;
-    let text = match &args.draft_map {
-        Some(target) if target.as_os_str() == "-" => campaign::draft_channel_map(&inspection),
+    match &args.draft_map {
+        Some(target) if target.as_os_str() == "-" => print(&campaign::draft_channel_map(&inspection)),
         Some(target) => {
-            write_map(target, &campaign::draft_channel_map(&inspection), args.force)?;
-            format!("{}\nChannel map written to {}: check every entry.\n", table(&inspection), target.display())
+            write_new(target, &campaign::draft_channel_map(&inspection), args.force)?;
+            print(&format!("{}\nChannel map written to {}: check every entry.\n", table(&inspection), target.display()))
         }
-        None if args.json => format!("{:#}\n", inspection.to_json()),
-        None => table(&inspection),
-    };
-    // A reader that closes the pipe early, such as `head`, is no error.
-    let _ = std::io::stdout().write_all(text.as_bytes());
-    Ok(())
-}
-
-fn write_map(target: &std::path::Path, text: &str, force: bool) -> Result<(), CampaignError> {
-    let mut options = std::fs::OpenOptions::new();
-    options.write(true).create(true).truncate(true);
-    if !force {
-        options.create_new(true);
+        None if args.json => print_json(&inspection.to_json()),
+        None => print(&table(&inspection)),
     }
-    let written = options.open(target).and_then(|mut file| file.write_all(text.as_bytes()));
-    written.map_err(|source| match source.kind() {
-        std::io::ErrorKind::AlreadyExists => CampaignError::Shape {
-            file: target.to_path_buf(),
-            what: "exists already".to_string(),
-            remedy: "Choose another name, or add --force to overwrite it".to_string(),
-        },
-        _ => CampaignError::Io { file: target.to_path_buf(), source },
-    })
 }
 
 /// The channels as a table for people.

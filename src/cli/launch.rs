@@ -1,11 +1,14 @@
 //! `kisspoint launch`: the coupled start-up beside Table II, and the paper's figures.
 
+use super::error::CommandError;
+use super::files::{read_vehicle, write_all};
+use super::output::{print, print_json};
 use crate::control::performance::Performance;
 use crate::launch::{self, Column, TABLE_II};
 use crate::plots;
-use crate::vehicle::{Vehicle, VehicleError};
+use crate::vehicle::Vehicle;
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Options of `kisspoint launch`.
 #[derive(clap::Args, Debug)]
@@ -25,27 +28,6 @@ pub struct Args {
     vehicle: Option<PathBuf>,
 }
 
-/// What can go wrong.
-#[derive(Debug, thiserror::Error)]
-pub enum LaunchError {
-    /// A file cannot be read or written.
-    #[error("{}: {source}; check path and permissions", path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// The vehicle file is not sound.
-    #[error("{}: {source}", path.display())]
-    Vehicle {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong in it.
-        source: VehicleError,
-    },
-}
-
 /// Figures of a column that this run has found; none if the clutch has not locked.
 type Found = (Column, Option<Performance>);
 
@@ -53,32 +35,21 @@ type Found = (Column, Option<Performance>);
 ///
 /// # Errors
 /// A vehicle file that is missing or not sound; a directory that cannot be written.
-pub fn run(args: &Args) -> Result<(), LaunchError> {
-    let vehicle = args.vehicle.as_deref().map_or(Ok(Vehicle::paper()), read_vehicle)?;
+pub fn run(args: &Args) -> Result<(), CommandError> {
+    let vehicle = args.vehicle.as_deref().map_or(Ok(Vehicle::paper()), |path| read_vehicle(path).map(|file| file.vehicle))?;
     let launches = TABLE_II.map(|column| launch::simulate(&column.setup(&vehicle)));
     let found: Vec<Found> = TABLE_II.iter().zip(&launches).map(|(column, launch)| (*column, launch.performance)).collect();
+    let mut wrote = Vec::new();
+    if let Some(folder) = &args.plots {
+        let figures = plots::all(&vehicle, &launches).into_iter().map(|(name, svg)| (name, svg.into_bytes())).collect::<Vec<_>>();
+        write_all(folder, &figures)?;
+        wrote.extend(figures.iter().map(|(name, _)| folder.join(name)));
+    }
     if args.json {
-        println!("{:#}", as_json(&found));
-    } else {
-        print!("{}", as_text(&found));
+        return print_json(&as_json(&found));
     }
-    if let Some(dir) = &args.plots {
-        let file = |path: &Path, source| LaunchError::File { path: path.to_owned(), source };
-        std::fs::create_dir_all(dir).map_err(|e| file(dir, e))?;
-        for (name, svg) in plots::all(&vehicle, &launches) {
-            let path = dir.join(name);
-            std::fs::write(&path, svg).map_err(|e| file(&path, e))?;
-            if !args.json {
-                println!("wrote {}", path.display());
-            }
-        }
-    }
-    Ok(())
-}
-
-fn read_vehicle(path: &Path) -> Result<Vehicle, LaunchError> {
-    let text = std::fs::read_to_string(path).map_err(|source| LaunchError::File { path: path.to_owned(), source })?;
-    Vehicle::from_json(&text).map_err(|source| LaunchError::Vehicle { path: path.to_owned(), source })
+    let wrote: String = wrote.iter().map(|path| format!("wrote {}\n", path.display())).collect();
+    print(&(as_text(&found) + &wrote))
 }
 
 /// The three figures under their JSON names, with decimals for the table.

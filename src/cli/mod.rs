@@ -5,16 +5,20 @@
 
 pub mod blind;
 pub mod diagnose;
+pub mod error;
+pub mod files;
 pub mod fmu;
 pub mod inspect;
 pub mod launch;
+pub mod output;
 pub mod plausible;
 pub mod progress;
 pub mod replay;
+pub mod summary;
 pub mod vehicle;
 
 use clap::{CommandFactory, Parser, Subcommand};
-use std::io::Write;
+use error::CommandError;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "Examples:
@@ -84,14 +88,14 @@ pub fn run() -> ExitCode {
 }
 
 /// Writes the completion script of `shell`.
-fn completions(shell: clap_complete::Shell) -> std::io::Result<()> {
+fn completions(shell: clap_complete::Shell) -> Result<(), CommandError> {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut Cli::command(), "kisspoint", &mut script);
-    std::io::stdout().write_all(&script)
+    output::print(&String::from_utf8_lossy(&script))
 }
 
 /// Turns the result of the subcommand `name` into a message and an exit code.
-fn finish<E: std::error::Error>(name: &str, result: Result<(), E>) -> ExitCode {
+fn finish(name: &str, result: Result<(), CommandError>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -111,12 +115,40 @@ mod tests {
         Cli::command().debug_assert();
     }
 
+    /// Every subcommand, also of subcommands, with its words.
+    fn all(command: &clap::Command, words: &str) -> Vec<(String, clap::Command)> {
+        let one = |c: &clap::Command| {
+            let words = format!("{words} {}", c.get_name());
+            let below = all(c, &words);
+            std::iter::once((words, c.clone())).chain(below).collect::<Vec<_>>()
+        };
+        command.get_subcommands().flat_map(one).collect()
+    }
+
     #[test]
     fn every_subcommand_explains_itself() {
-        for command in Cli::command().get_subcommands() {
-            assert!(command.get_about().is_some(), "{} has no description", command.get_name());
+        for (words, command) in all(&Cli::command(), "kisspoint") {
+            assert!(command.get_about().is_some(), "{words} has no description");
             let text = command.get_after_help().map(ToString::to_string).unwrap_or_default();
-            assert!(text.contains("Examples:"), "{} has no examples", command.get_name());
+            assert!(text.contains("Examples:") && text.contains(&words), "{words} has no examples");
+            let silent: Vec<&str> = command.get_arguments().filter(|a| a.get_help().is_none()).map(|a| a.get_id().as_str()).collect();
+            assert!(silent.is_empty(), "{words}: {silent:?} have no help");
+        }
+    }
+
+    #[test]
+    fn the_documentation_names_every_command_and_option() {
+        let page = include_str!("../../docs/command-line.md");
+        for (words, command) in all(&Cli::command(), "kisspoint") {
+            if command.has_subcommands() {
+                continue;
+            }
+            let row =
+                page.lines().find(|line| line.starts_with(&format!("| `{words}`"))).unwrap_or_else(|| panic!("{words} is not documented"));
+            for option in command.get_arguments().filter_map(clap::Arg::get_long) {
+                let named = if option == "json" { !row.ends_with("| |") } else { row.contains(&format!("--{option}")) };
+                assert!(named, "{words} --{option} is not documented");
+            }
         }
     }
 }

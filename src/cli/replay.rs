@@ -1,16 +1,17 @@
 //! `kisspoint replay`: drives the plant with a car's recordings and prints the gap.
 
-use crate::campaign::{self, CampaignError, ChannelMap, ReadOptions};
-use crate::effects;
+use super::error::CommandError;
+use super::files::read_vehicle;
+use super::output::{print, print_json};
+use crate::campaign::{self, Campaign, ChannelMap, LeftOut, Note, ReadOptions, Recording};
 use crate::gap::gap::{HeldOut, evaluate, unit};
-use crate::vehicle::{Vehicle, VehicleError};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Options of `kisspoint replay`.
 #[derive(clap::Args, Debug)]
 #[command(
-    after_help = "Each recording is replayed freely from its first sample, driven by the reported torque and the commanded position.\n\nExamples:\n  kisspoint replay measurements/car_17"
+    after_help = "Each recording is replayed freely from its first sample, driven by the reported torque and the commanded position.\n\nExamples:\n  kisspoint replay measurements/car_17\n  kisspoint replay measurements/car_17 --vehicle retuned.json --json"
 )]
 pub struct Args {
     /// Folder with vehicle.json, recordings.json and the recordings
@@ -27,65 +28,36 @@ pub struct Args {
     channel_map: Option<PathBuf>,
 }
 
-/// What can go wrong.
-#[derive(Debug, thiserror::Error)]
-pub enum ReplayError {
-    /// The campaign.
-    #[error(transparent)]
-    Campaign(#[from] CampaignError),
-    /// The vehicle file.
-    #[error("{}: {source}", path.display())]
-    Vehicle {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        source: VehicleError,
-    },
-    /// The vehicle file cannot be read.
-    #[error("{}: {source}; check path and permissions", path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
-}
-
 /// Runs the subcommand.
 ///
 /// # Errors
 /// A campaign or vehicle file that cannot be read.
-pub fn run(args: &Args) -> Result<(), ReplayError> {
+pub fn run(args: &Args) -> Result<(), CommandError> {
     let channel_map = args.channel_map.as_deref().map(ChannelMap::from_file).transpose()?;
     let campaign = campaign::read(&args.campaign, &ReadOptions { channel_map, strict: false })?;
-    let path = args.vehicle.clone().unwrap_or_else(|| campaign.vehicle_path.clone());
-    let wrong = |source| ReplayError::Vehicle { path: path.clone(), source };
-    let document = match &args.vehicle {
-        None => campaign.vehicle_json.clone(),
-        Some(file) => {
-            let text = std::fs::read_to_string(file).map_err(|source| ReplayError::File { path: file.clone(), source })?;
-            serde_json::from_str(&text).map_err(|e| wrong(VehicleError::Json(e.to_string())))?
-        }
-    };
-    let vehicle = Vehicle::from_value(&document).map_err(wrong)?;
-    let effects = effects::from_value(&document).map_err(wrong)?;
-    let car = (&vehicle, &effects);
-    let gaps: Vec<(String, HeldOut)> =
-        campaign.recordings.iter().flat_map(|r| evaluate(r, car, car).into_iter().map(|h| (r.manoeuvre.clone(), h))).collect();
+    let file = read_vehicle(args.vehicle.as_deref().unwrap_or(&campaign.vehicle_path))?;
+    let car = (&file.vehicle, &file.effects);
+    let gaps: Vec<(&Recording, HeldOut)> =
+        campaign.recordings.iter().flat_map(|r| evaluate(r, car, car).into_iter().map(move |gap| (r, gap))).collect();
     if args.json {
-        let rows: Vec<serde_json::Value> = gaps
-            .iter()
-            .map(|(m, h)| json!({"recording": h.recording, "manoeuvre": m, "channel": h.channel.column(), "unit": unit(h.channel), "rms": h.before, "noise": h.noise}))
-            .collect();
-        println!("{:#}", serde_json::Value::Array(rows));
-    } else {
-        println!("{:<12} {:<14} {:<15} {:>10} {:>10}  unit", "recording", "manoeuvre", "channel", "rms gap", "noise");
-        for (m, h) in &gaps {
-            println!("{:<12} {:<14} {:<15} {:>10.4} {:>10.4}  {}", h.recording, m, h.channel.column(), h.before, h.noise, unit(h.channel));
-        }
+        return print_json(&as_json(&gaps, &campaign));
     }
-    for left in &campaign.left_out {
-        eprintln!("left out: {}: {}", left.recording, left.reason);
+    let mut text = format!("{:<12} {:<14} {:<15} {:>10} {:>10}  unit\n", "recording", "manoeuvre", "channel", "rms gap", "noise");
+    for (r, gap) in &gaps {
+        let (channel, unit) = (gap.channel.column(), unit(gap.channel));
+        text += &format!("{:<12} {:<14} {channel:<15} {:>10.4} {:>10.4}  {unit}\n", r.name, r.manoeuvre, gap.before, gap.noise);
     }
-    Ok(())
+    text.extend(campaign.left_out.iter().map(|left| format!("left out: {}: {}\n", left.recording, left.reason)));
+    print(&text)
+}
+
+fn as_json(gaps: &[(&Recording, HeldOut)], campaign: &Campaign) -> Value {
+    let row = |(r, gap): &(&Recording, HeldOut)| json!({"recording": r.name, "manoeuvre": r.manoeuvre, "channel": gap.channel.column(), "unit": unit(gap.channel), "rms": gap.before, "noise": gap.noise});
+    let left_out = |left: &LeftOut| json!({"recording": left.recording, "reason": left.reason});
+    let note = |note: &Note| json!({"recording": note.recording, "text": note.text});
+    json!({
+        "gaps": gaps.iter().map(row).collect::<Vec<_>>(),
+        "left_out": campaign.left_out.iter().map(left_out).collect::<Vec<_>>(),
+        "notes": campaign.notes.iter().map(note).collect::<Vec<_>>(),
+    })
 }

@@ -1,20 +1,20 @@
 //! `kisspoint vehicle`: drafts a vehicle file, and explains what is implausible in one.
 
+use super::error::CommandError;
+use super::files::{VehicleFile, read_vehicle, write_new};
+use super::output::{print, print_json};
 use super::plausible::{self, Finding};
 use crate::control::Settings;
 use crate::vehicle::{NUMBERS, Number, Vehicle};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 /// Options of `kisspoint vehicle`.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  \
     kisspoint vehicle new --out vehicle.json\n  \
-    kisspoint vehicle check vehicle.json\n  \
-    kisspoint vehicle check vehicle.json --observer -300 4252\n  \
-    kisspoint vehicle check vehicle.json --json")]
+    kisspoint vehicle check vehicle.json")]
 pub struct Args {
     #[command(subcommand)]
     action: Action,
@@ -23,6 +23,9 @@ pub struct Args {
 #[derive(clap::Subcommand, Debug)]
 enum Action {
     /// Draft a vehicle file with the paper's numbers, each with its unit, meaning and bounds
+    #[command(after_help = "Examples:\n  \
+        kisspoint vehicle new --out vehicle.json\n  \
+        kisspoint vehicle new --json > bare.json")]
     New {
         /// File to write; without it the draft is printed
         #[arg(long, value_name = "FILE")]
@@ -35,6 +38,10 @@ enum Action {
         json: bool,
     },
     /// Explain what is wrong or implausible in a vehicle file; warnings leave the exit code at 0
+    #[command(after_help = "Examples:\n  \
+        kisspoint vehicle check vehicle.json\n  \
+        kisspoint vehicle check vehicle.json --observer -300 4252\n  \
+        kisspoint vehicle check vehicle.json --json")]
     Check {
         /// The vehicle file
         file: PathBuf,
@@ -47,40 +54,19 @@ enum Action {
     },
 }
 
-/// What can go wrong.
-#[derive(Debug, thiserror::Error)]
-pub enum VehicleCommandError {
-    /// A file cannot be read or written.
-    #[error("{}: {source}; check path and permissions", path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
-    /// The file to write is there already.
-    #[error("{} exists already; choose another name, or add --force to overwrite it", .0.display())]
-    Exists(PathBuf),
-    /// The vehicle file cannot be used.
-    #[error("{} cannot be used: {what}", path.display())]
-    Unsound {
-        /// The file.
-        path: PathBuf,
-        /// The first thing that is wrong.
-        what: String,
-    },
-}
-
 /// Runs the subcommand.
 ///
 /// # Errors
 /// A file that cannot be read or written; a vehicle that cannot be used.
-pub fn run(args: &Args) -> Result<(), VehicleCommandError> {
+pub fn run(args: &Args) -> Result<(), CommandError> {
     match &args.action {
         Action::New { out, force, json } => {
             let text = if *json { format!("{:#}\n", bare()) } else { draft() };
             match out {
-                Some(path) => write_new(path, &text, *force),
+                Some(path) => {
+                    write_new(path, &text, *force)?;
+                    print(&format!("{0}: replace the numbers by your car's, then run `kisspoint vehicle check {0}`\n", path.display()))
+                }
                 None => print(&text),
             }
         }
@@ -92,31 +78,22 @@ pub fn run(args: &Args) -> Result<(), VehicleCommandError> {
     }
 }
 
-fn check(file: &Path, gains: (f64, f64), as_json: bool) -> Result<(), VehicleCommandError> {
-    let text = std::fs::read_to_string(file).map_err(|source| VehicleCommandError::File { path: file.to_owned(), source })?;
-    let read = serde_json::from_str::<Value>(text.strip_prefix('\u{feff}').unwrap_or(&text))
-        .map_err(|e| format!("it is not JSON: {e}"))
-        .and_then(|document| Vehicle::from_value(&document).map(|vehicle| (document, vehicle)).map_err(|e| e.to_string()));
-    let (document, vehicle) = match read {
-        Ok(pair) => pair,
-        Err(what) => {
-            if as_json {
-                print(&format!("{:#}\n", json!({"file": file.display().to_string(), "usable": false, "error": what, "findings": []})))?;
-            }
-            return Err(VehicleCommandError::Unsound { path: file.to_owned(), what });
-        }
-    };
+fn check(path: &Path, gains: (f64, f64), as_json: bool) -> Result<(), CommandError> {
+    let name = path.display().to_string();
+    let file = read_vehicle(path);
+    if let (Err(CommandError::Vehicle { source, .. }), true) = (&file, as_json) {
+        print_json(&json!({"file": name, "usable": false, "error": source.to_string(), "findings": []}))?;
+    }
+    let VehicleFile { document, vehicle, .. } = file?;
     let findings = plausible::findings(&document, &vehicle, gains);
     let facts = plausible::facts(&vehicle, gains);
-    print(&if as_json {
-        let facts: serde_json::Map<String, Value> =
-            facts.iter().map(|f| (f.name.to_owned(), json!({"value": f.value, "unit": f.unit}))).collect();
-        let findings: Vec<Value> = findings.iter().map(Finding::to_json).collect();
-        let report = json!({"file": file.display().to_string(), "usable": true, "findings": findings, "derived": facts});
-        format!("{report:#}\n")
-    } else {
-        as_text(file, &findings, &facts)
-    })
+    if !as_json {
+        return print(&as_text(path, &findings, &facts));
+    }
+    let facts: serde_json::Map<String, Value> =
+        facts.iter().map(|f| (f.name.to_owned(), json!({"value": f.value, "unit": f.unit}))).collect();
+    let findings: Vec<Value> = findings.iter().map(Finding::to_json).collect();
+    print_json(&json!({"file": name, "usable": true, "findings": findings, "derived": facts}))
 }
 
 fn as_text(file: &Path, findings: &[Finding], facts: &[plausible::Fact]) -> String {
@@ -124,18 +101,18 @@ fn as_text(file: &Path, findings: &[Finding], facts: &[plausible::Fact]) -> Stri
     for fact in facts {
         writeln!(text, "  {:<52}{:>12.4} {}", fact.meaning, fact.value, fact.unit).expect("a String takes any text");
     }
-    match findings.len() {
-        0 => text.push_str("\nNothing is implausible.\n"),
-        n => writeln!(text, "\n{n} implausible:").expect("a String takes any text"),
-    }
+    text.push_str(if findings.is_empty() { "\nNothing is implausible.\n" } else { "\nImplausible, though it can be used:\n" });
     for f in findings {
         writeln!(text, "  {}: {}\n    {}", f.number, f.what, f.remedy).expect("a String takes any text");
     }
     text
 }
 
-/// Standard deviations that an engineer usually has: name, `rel` or `abs`, size, why.
-const TOLERANCES: [(&str, &str, f64, &str); 12] = [
+/// Name, `rel` or `abs`, size, why.
+type Tolerance = (&'static str, &'static str, f64, &'static str);
+
+/// Standard deviations that an engineer usually has.
+const TOLERANCES: [Tolerance; 12] = [
     ("driveline.J_f", "rel", 0.01, "from CAD data and a run-down test"),
     ("driveline.J_c", "rel", 0.02, "vehicle mass with an unknown load"),
     ("driveline.b_f", "rel", 0.1, "from run-down tests"),
@@ -166,7 +143,7 @@ fn draft() -> String {
         write!(text, ",\n \"{group}\": {{").expect("a String takes any text");
         let content = document[group].as_object().expect("a group of the vehicle is an object");
         for (k, key) in keys(group, content).into_iter().enumerate() {
-            let numbers: Vec<&Number> = NUMBERS.iter().filter(|n| belongs(n.name, group, &key)).collect();
+            let numbers: Vec<&Number<Vehicle>> = NUMBERS.iter().filter(|n| belongs(n.name, group, &key)).collect();
             let comment: Vec<String> = numbers.iter().map(|n| format!("{} [{}], {} to {}", n.meaning, n.unit, n.min, n.max)).collect();
             let comma = if k == 0 { "" } else { "," };
             write!(text, "{comma}\n  \"_{key}\": {},\n  \"{key}\": {}", json!(comment.join("; ")), content[&key])
@@ -175,17 +152,10 @@ fn draft() -> String {
         text.push_str("\n }");
     }
     text.push_str(",\n \"_tolerance\": \"One standard deviation of what you know of a number, rel(ative) or abs(olute); a diagnosis forgives that much.\"");
-    text.push_str(",\n \"tolerance\": {");
-    for (k, (name, kind, size, _)) in TOLERANCES.iter().enumerate() {
-        let comma = if k == 0 { "" } else { "," };
-        write!(text, "{comma}\n  \"{name}\": {{\"{kind}\": {size}}}").expect("a String takes any text");
-    }
-    text.push_str("\n },\n \"_tolerances\": {");
-    for (k, (name, _, _, why)) in TOLERANCES.iter().enumerate() {
-        let comma = if k == 0 { "" } else { "," };
-        write!(text, "{comma}\n  \"{name}\": {}", json!(why)).expect("a String takes any text");
-    }
-    text + "\n }\n}\n"
+    let entries = |one: fn(&Tolerance) -> String| TOLERANCES.iter().map(one).collect::<Vec<_>>().join(",\n  ");
+    let sizes = entries(|(name, kind, size, _)| format!("\"{name}\": {{\"{kind}\": {size}}}"));
+    let reasons = entries(|(name, _, _, why)| format!("\"{name}\": {}", json!(why)));
+    text + ",\n \"tolerance\": {\n  " + &sizes + "\n },\n \"_tolerances\": {\n  " + &reasons + "\n }\n}\n"
 }
 
 /// The keys of a group in the order of the model description.
@@ -204,26 +174,6 @@ fn belongs(flat: &str, group: &str, key: &str) -> bool {
             .strip_prefix(stem)
             .and_then(|rest| rest.strip_prefix('_'))
             .is_some_and(|n| matches!(n, "0" | "1" | "2" | "3") && key != "mu")
-}
-
-fn write_new(path: &Path, text: &str, force: bool) -> Result<(), VehicleCommandError> {
-    let mut options = std::fs::OpenOptions::new();
-    options.write(true).create(true).truncate(true);
-    if !force {
-        options.create_new(true);
-    }
-    let written = options.open(path).and_then(|mut file| file.write_all(text.as_bytes()));
-    written.map_err(|source| match source.kind() {
-        std::io::ErrorKind::AlreadyExists => VehicleCommandError::Exists(path.to_owned()),
-        _ => VehicleCommandError::File { path: path.to_owned(), source },
-    })?;
-    print(&format!("{}: replace the numbers by your car's, then run `kisspoint vehicle check {}`\n", path.display(), path.display()))
-}
-
-fn print(text: &str) -> Result<(), VehicleCommandError> {
-    // A reader that closes the pipe early, such as `head`, is no error.
-    let _ = std::io::stdout().write_all(text.as_bytes());
-    Ok(())
 }
 
 #[cfg(test)]

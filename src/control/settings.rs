@@ -3,6 +3,8 @@
 //! [`Settings::robust`] holds the start values of `modelDescription/ClutchController.xml`: a set that keeps its phase margin behind an
 //! actuator with 30 ms lag and 15 ms delay. [`Settings::paper`] is the set that reproduces Table II, with an ideal actuator.
 
+use crate::vehicle::{Number, defaults};
+
 /// Settings under the names that the FMU gives them (there `controller.` stands before all but the start values).
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 #[allow(missing_docs)]
@@ -41,28 +43,6 @@ pub struct Settings {
     pub acceleration_max: f64,
 }
 
-/// One setting: what the model description says of it, and where it lives.
-pub struct Setting {
-    /// Name of the FMU's variable.
-    pub name: &'static str,
-    /// Unit.
-    pub unit: &'static str,
-    /// Meaning in words.
-    pub meaning: &'static str,
-    /// Value unless set otherwise.
-    pub default: f64,
-    /// Least value accepted.
-    pub min: f64,
-    /// Greatest value accepted.
-    pub max: f64,
-    /// Value reference in `ClutchController`.
-    pub value_reference: u32,
-    /// Reads the setting.
-    pub get: fn(&Settings) -> f64,
-    /// Gives access to the setting.
-    pub get_mut: fn(&mut Settings) -> &mut f64,
-}
-
 include!(concat!(env!("OUT_DIR"), "/settings.rs"));
 
 /// A rate of the command that limits nothing, mm/s: the paper's actuator is ideal.
@@ -71,11 +51,7 @@ const UNLIMITED_RATE: f64 = 1e6;
 impl Settings {
     /// The default set: robust against a slow actuator.
     pub fn robust() -> Self {
-        let mut settings = Self::default();
-        for setting in &SETTINGS {
-            *(setting.get_mut)(&mut settings) = setting.default;
-        }
-        settings
+        defaults(&SETTINGS)
     }
 
     /// The set that reproduces Table II of the paper, which gives neither references nor gains; its actuator is ideal.

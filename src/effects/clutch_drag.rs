@@ -1,7 +1,7 @@
-//! Torque is transmitted with the clutch open: (torque · tanh(ω_fc/ω_0) + viscosity · ω_fc) · s(F), ω_0 = 2 rad/s.
+//! Torque is transmitted with the clutch open: (torque · tanh(ω_fc/ω_0) + viscosity · ω_fc) · s(F), ω_0 = 3 rad/s.
 //!
 //! s falls from 1 to `engaged_share` as the force F presses the faces together, with e^(−F/200 N). At zero slip the drag
-//! vanishes.
+//! vanishes. It churns air and oil, which carry its heat away: no part of it warms the clutch.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
@@ -25,7 +25,7 @@ pub const EFFECT: Effect = Effect {
 };
 
 /// Slip over which the drag takes its sign, rad/s.
-const SIGN_SPEED: f64 = 2.0;
+const SIGN_SPEED: f64 = 3.0;
 
 /// Force that presses the drag away, N.
 const PRESSING_FORCE: f64 = 200.0;

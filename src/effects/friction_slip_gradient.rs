@@ -1,12 +1,13 @@
-//! Friction depends otherwise on slip speed: μ (1 + gradient · speed · (e^(−pivot/speed) − e^(−ω/speed))).
+//! Friction depends otherwise on slip speed: μ + slope · ω + stribeck · e^(−(ω/speed)²).
 //!
-//! A negative gradient is the negative slope that excites judder; a large `speed` makes it linear.
+//! `slope` is the gradient over the whole range of slip; a negative one excites judder. `stribeck` is what friction gains towards zero slip,
+//! as in Stribeck's curve. Both add to the coefficient whatever the temperature; neither changes its level, which is another effect.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
-//! | `gradient` | relative change per slip speed, near zero slip | s/rad |
-//! | `speed` | slip speed over which the gradient fades | rad/s |
-//! | `pivot` | slip speed at which friction is as nominal | rad/s |
+//! | `slope` | change of the friction coefficient per slip speed | s/rad |
+//! | `stribeck` | friction coefficient added at zero slip | 1 |
+//! | `speed` | Stribeck speed | rad/s |
 //! | ω | slip speed, ≥ 0 | rad/s |
 
 use super::{Act, Effect, Parameters, Subsystem, param};
@@ -14,36 +15,20 @@ use super::{Act, Effect, Parameters, Subsystem, param};
 /// See the module.
 pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Friction,
-    amplitudes: &[param::friction_slip_gradient::gradient],
-    act: Act::Friction(apply),
+    amplitudes: &[param::friction_slip_gradient::slope, param::friction_slip_gradient::stribeck],
+    act: Act::FrictionAdded(apply),
     starts: &[
-        &[
-            (param::friction_slip_gradient::gradient, 0.003),
-            (param::friction_slip_gradient::speed, 60.0),
-            (param::friction_slip_gradient::pivot, 0.0),
-        ],
-        &[
-            (param::friction_slip_gradient::gradient, -0.003),
-            (param::friction_slip_gradient::speed, 60.0),
-            (param::friction_slip_gradient::pivot, 0.0),
-        ],
-        &[
-            (param::friction_slip_gradient::gradient, 0.003),
-            (param::friction_slip_gradient::speed, 300.0),
-            (param::friction_slip_gradient::pivot, 60.0),
-        ],
-        &[
-            (param::friction_slip_gradient::gradient, -0.003),
-            (param::friction_slip_gradient::speed, 300.0),
-            (param::friction_slip_gradient::pivot, 60.0),
-        ],
+        &[(param::friction_slip_gradient::slope, 0.0008)],
+        &[(param::friction_slip_gradient::slope, -0.0008)],
+        &[(param::friction_slip_gradient::stribeck, 0.08), (param::friction_slip_gradient::speed, 12.0)],
+        &[(param::friction_slip_gradient::stribeck, -0.08), (param::friction_slip_gradient::speed, 12.0)],
+        &[(param::friction_slip_gradient::stribeck, 0.08), (param::friction_slip_gradient::speed, 40.0)],
+        &[(param::friction_slip_gradient::stribeck, -0.08), (param::friction_slip_gradient::speed, 40.0)],
     ],
     shown_by: "slip from high speed down to lock-up at constant position",
 };
 
-fn apply(p: &Parameters, omega: f64, _: f64) -> f64 {
-    let decay = |speed: f64| (-speed / p[param::friction_slip_gradient::speed]).exp();
-    1.0 + p[param::friction_slip_gradient::gradient]
-        * p[param::friction_slip_gradient::speed]
-        * (decay(p[param::friction_slip_gradient::pivot]) - decay(omega))
+fn apply(p: &Parameters, omega: f64) -> f64 {
+    let slow = omega / p[param::friction_slip_gradient::speed];
+    p[param::friction_slip_gradient::slope] * omega + p[param::friction_slip_gradient::stribeck] * (-slow * slow).exp()
 }

@@ -164,6 +164,8 @@ pub enum Act {
     Force(fn(&Parameters, f64) -> f64),
     /// Factor on friction at a slip speed ≥ 0 in rad/s and a disc temperature in °C.
     Friction(fn(&Parameters, f64, f64) -> f64),
+    /// Friction coefficient added at a slip speed ≥ 0 in rad/s.
+    FrictionAdded(fn(&Parameters, f64) -> f64),
     /// Factor on the torque capacity at a slip angle in rad.
     Pulsation(fn(&Parameters, f64) -> f64),
     /// Torque in N·m beside the capacity's at a signed slip speed in rad/s and a force on the faces in N.

@@ -19,7 +19,7 @@ use crate::fmi2::{controller, plant, variables};
 use crate::vehicle::Vehicle;
 use library::Library;
 use std::io::{Cursor, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
@@ -96,26 +96,22 @@ pub enum FmuError {
     Fill(#[from] std::io::Error),
 }
 
-/// Writes both FMUs, `launch.ssp` and `OspSystemStructure.xml` into the directory `out`, and gives their paths.
+/// A file: its name and its bytes.
+pub type File = (String, Vec<u8>);
+
+/// Both FMUs, `launch.ssp` and `OspSystemStructure.xml`.
 ///
 /// # Errors
-/// A library that does not fit the models; a file that cannot be written.
-pub fn write_all(out: &Path, libraries: &[Library], vehicle: &Vehicle, effects: &Parameters) -> Result<Vec<PathBuf>, FmuError> {
+/// A library that does not fit the models.
+pub fn all(libraries: &[Library], vehicle: &Vehicle, effects: &Parameters) -> Result<Vec<File>, FmuError> {
     let mut fmus = Vec::new();
     for model in &MODELS {
         fmus.push((model, archive(model, libraries, vehicle, effects)?));
     }
-    let mut files: Vec<(String, Vec<u8>)> =
+    let mut files: Vec<File> =
         vec![("launch.ssp".into(), system::ssp(&fmus, vehicle)?), ("OspSystemStructure.xml".into(), system::osp(vehicle).into_bytes())];
     files.extend(fmus.into_iter().map(|(model, bytes)| (format!("{}.fmu", model.description.name), bytes)));
-    std::fs::create_dir_all(out).map_err(|source| FmuError::File { path: out.to_owned(), source })?;
-    let mut paths = Vec::new();
-    for (name, bytes) in files {
-        let path = out.join(name);
-        std::fs::write(&path, bytes).map_err(|source| FmuError::File { path: path.clone(), source })?;
-        paths.push(path);
-    }
-    Ok(paths)
+    Ok(files)
 }
 
 /// The vehicle document of the resources; effects that are set stand in it too, so that the FMU starts with them in every importer.
@@ -133,7 +129,7 @@ fn document(vehicle: &Vehicle, effects: &Parameters) -> serde_json::Value {
 /// A library that does not hold this model.
 pub fn archive(model: &Model, libraries: &[Library], vehicle: &Vehicle, effects: &Parameters) -> Result<Vec<u8>, FmuError> {
     let xml = description::complete(model, vehicle, effects);
-    let mut files: Vec<(String, Vec<u8>)> = vec![
+    let mut files: Vec<File> = vec![
         ("modelDescription.xml".into(), xml.clone().into_bytes()),
         ("model.png".into(), ICON.to_vec()),
         ("documentation/index.html".into(), html::page(model, &xml).into_bytes()),
@@ -148,7 +144,7 @@ pub fn archive(model: &Model, libraries: &[Library], vehicle: &Vehicle, effects:
 }
 
 /// An archive of these files. The time of every entry is the format's earliest, so that equal contents give equal bytes.
-fn zipped(files: &[(String, Vec<u8>)]) -> Result<Vec<u8>, FmuError> {
+fn zipped(files: &[File]) -> Result<Vec<u8>, FmuError> {
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated).last_modified_time(zip::DateTime::default());
     for (name, bytes) in files {

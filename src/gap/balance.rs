@@ -6,7 +6,7 @@
 //! with opposite sign; while locked only their sum is seen, and slip that is measured there belongs to the sensors.
 
 use super::fit::{Point, Problem};
-use super::predict::{Follow, HORIZON_S, predict};
+use super::predict::{Follow, HORIZON_S, Prediction, predict};
 use super::series::{Channel, Series};
 
 /// Length of a window, s.
@@ -45,13 +45,28 @@ pub struct Window {
 
 /// Windows of all recordings at a point.
 pub fn windows(problem: &Problem, point: &Point) -> Vec<Window> {
-    (0..problem.series.len()).flat_map(|k| of_recording(problem, point, k)).collect()
+    windows_in(problem, point, &phases(problem, point))
 }
 
-fn of_recording(problem: &Problem, point: &Point, k: usize) -> Vec<Window> {
-    let series: &Series = &problem.series[k];
+/// Predicted phase of every sample of every recording.
+pub fn phases(problem: &Problem, point: &Point) -> Vec<Vec<u8>> {
+    (0..problem.series.len()).map(|k| replay(problem, point, k).phase).collect()
+}
+
+/// Windows of all recordings at a point, cut where these `phases` (recording, sample) change: the same windows at any point.
+pub fn windows_in(problem: &Problem, point: &Point, phases: &[Vec<u8>]) -> Vec<Window> {
+    (0..problem.series.len()).flat_map(|k| of_recording(problem, point, k, &phases[k])).collect()
+}
+
+fn replay(problem: &Problem, point: &Point, k: usize) -> Prediction {
     let (vehicle, effects) = problem.plant_at(point);
-    let predicted = predict(series, &vehicle, &effects, point.theta_shift[k], Follow::Horizon(HORIZON_S));
+    predict(&problem.series[k], &vehicle, &effects, point.theta_shift[k], Follow::Horizon(HORIZON_S))
+}
+
+fn of_recording(problem: &Problem, point: &Point, k: usize, phase: &[u8]) -> Vec<Window> {
+    let series: &Series = &problem.series[k];
+    let vehicle = problem.plant_at(point).0;
+    let predicted = replay(problem, point, k);
     let length = (WINDOW_S / series.dt).round().max(1.0) as usize;
     let share = 1.0 - (-series.dt / HORIZON_S).exp();
     let error = |c: Channel, j: usize| series.measured[c as usize][j] - predicted.value[c as usize][j];
@@ -61,7 +76,7 @@ fn of_recording(problem: &Problem, point: &Point, k: usize) -> Vec<Window> {
     let mut first = 0;
     while first + length < series.len() {
         let last = first + length;
-        let steady = predicted.phase[first..=last].iter().all(|p| *p == predicted.phase[first]);
+        let steady = phase[first..=last].iter().all(|p| *p == phase[first]);
         if steady {
             let gained = |c: Channel| error(c, last) - error(c, first) + share * (first..last).map(|j| error(c, j)).sum::<f64>();
             let spread = |c: Channel, j: f64| j / span * series.noise[c as usize] * (2.0 + length as f64 * share * share).sqrt();
@@ -72,7 +87,7 @@ fn of_recording(problem: &Problem, point: &Point, k: usize) -> Vec<Window> {
             all.push(Window {
                 recording: k,
                 time: 0.5 * (first + last) as f64 * series.dt,
-                phase: predicted.phase[first],
+                phase: phase[first],
                 engine: d.J_f * gained(Channel::OmegaF) / span,
                 driveline: d.J_c * gained(Channel::OmegaC) / span,
                 sigma: [spread(Channel::OmegaF, d.J_f), spread(Channel::OmegaC, d.J_c)],

@@ -277,6 +277,11 @@ pub struct Fit {
 /// Iterations between two differentiations along the nuisances.
 const KEEP_NUISANCE_COLUMNS: usize = 1;
 
+/// Steps that an iteration tries, each shorter than the one before.
+const TRIES: usize = 7;
+/// Factor on the damping of a step that led nowhere.
+const SHRINK: f64 = 20.0;
+
 /// Differentiates anew along all coordinates but the first `kept`.
 fn refresh(problem: &Problem, point: &Point, residuals: &[Residuals], coordinates: &[Coordinate], kept: usize, columns: &mut Columns) {
     let fresh = derivatives(problem, point, residuals, &coordinates[kept..]);
@@ -285,6 +290,37 @@ fn refresh(problem: &Problem, point: &Point, residuals: &[Residuals], coordinate
         own.retain(|(c, _)| *c < kept);
         own.extend(fresh.into_iter().map(|(c, column)| (c + kept, column)));
     }
+}
+
+/// Rounds in which parameters that would leave their bounds are stopped there.
+const STOPS: usize = 4;
+
+/// Damped Gauss–Newton step within the bounds of effect parameters: one that would leave is stopped at its bound, and the others move for
+/// themselves, not as if it had gone on.
+fn bounded_step(h: &DMatrix<f64>, g: &DVector<f64>, damping: f64, coordinates: &[Coordinate], point: &Point) -> Option<DVector<f64>> {
+    let (mut curvature, mut downhill) = (h.clone(), -g);
+    for (k, c) in coordinates.iter().enumerate() {
+        curvature[(k, k)] += damping * c.unit();
+    }
+    let mut stopped = vec![false; coordinates.len()];
+    for _ in 0..STOPS {
+        let step = curvature.clone().cholesky()?.solve(&downhill);
+        let room = |k: usize| coordinates[k].get(&coordinates[k].moved(point, step[k])) - coordinates[k].get(point);
+        let leaving: Vec<usize> = (0..step.len()).filter(|&k| !stopped[k] && (room(k) - step[k]).abs() > 1e-9 * step[k].abs()).collect();
+        if leaving.is_empty() {
+            return Some(step);
+        }
+        for k in leaving {
+            stopped[k] = true;
+            let to_bound = room(k);
+            downhill -= curvature.column(k) * to_bound;
+            curvature.row_mut(k).fill(0.0);
+            curvature.column_mut(k).fill(0.0);
+            curvature[(k, k)] = 1.0;
+            downhill[k] = to_bound;
+        }
+    }
+    curvature.cholesky().map(|c| c.solve(&downhill))
 }
 
 /// Minimises the cost over nuisances, start temperatures and the parameters of `effects`, from `start`.
@@ -305,18 +341,14 @@ pub fn fit(problem: &Problem, effects: &[usize], start: &Point, iterations: usiz
         refresh(problem, &point, &residuals, &coordinates, kept, &mut columns);
         let (h, g) = normal_equations(&point, &residuals, &columns, &coordinates);
         let before = cost;
-        for _ in 0..5 {
-            let mut damped = h.clone();
-            for (k, c) in coordinates.iter().enumerate() {
-                damped[(k, k)] += damping * c.unit();
-            }
-            let Some(step) = damped.cholesky().map(|c| c.solve(&g)) else {
-                damping = (damping * 10.0).max(1.0);
+        for _ in 0..TRIES {
+            let Some(step) = bounded_step(&h, &g, damping, &coordinates, &point) else {
+                damping = (damping * SHRINK).max(1.0);
                 continue;
             };
             let mut trial = point.clone();
             for (c, s) in coordinates.iter().zip(step.iter()) {
-                trial = c.moved(&trial, -s);
+                trial = c.moved(&trial, *s);
             }
             let there = problem.all_residuals(&trial);
             let cost_there = problem.cost(&trial, &there);
@@ -325,7 +357,7 @@ pub fn fit(problem: &Problem, effects: &[usize], start: &Point, iterations: usiz
                 damping = if damping < 0.1 { 0.0 } else { damping * 0.1 };
                 break;
             }
-            damping = (damping * 10.0).max(1.0);
+            damping = (damping * SHRINK).max(1.0);
         }
         curvature = h;
         if before - cost < 0.5 {

@@ -6,9 +6,12 @@
 
 use super::balance::{self, HIGH_TORQUE_NM, HOT_DEGC, Window};
 use super::decide::{Decision, Verdict};
-use super::fit::{Point, Problem};
+use super::fit::{self, Coordinate, Point, Problem};
+use super::freeform;
 use super::select::Search;
 use crate::effects::{REGISTRY, Subsystem};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 /// Probability of any false alarm among all cells of a car without gap.
 pub const FAMILY_WISE_ERROR: f64 = 0.01;
@@ -76,46 +79,89 @@ pub fn locate(problem: &Problem, search: &Search, decision: &Decision) -> Locati
     Location { primary, shares, cells, unexplained_at }
 }
 
-/// Cost of explaining the windows by a torque that is missing in one place only, relative to their scatter.
-struct Leftover {
-    engine: f64,
-    driveline: f64,
-    clutch: f64,
+/// What may be wrong in one place only: a torque, or a speed as it is sensed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Wrong {
+    Engine,
+    Driveline,
+    Clutch,
+    EngineSpeed,
+    DiscSpeed,
 }
 
 /// Loss of one deviate, bounded so that single windows do not decide.
 fn loss(z: f64) -> f64 {
     let z2 = z * z;
-    z2 / (1.0 + z2 / 400.0)
+    z2 / (1.0 + z2 / SATURATION)
 }
 
-fn leftover(windows: &[Window]) -> Leftover {
-    let mut l = Leftover { engine: 0.0, driveline: 0.0, clutch: 0.0 };
-    for w in windows {
-        let (f, c) = (w.engine / w.sigma[0], w.driveline / w.sigma[1]);
-        let both = w.sigma[0].hypot(w.sigma[1]);
-        let sum = (w.engine + w.driveline) / both;
-        let slip = w.slip[0] / w.slip[1];
-        match w.phase {
-            3 => {
-                // Locked: the sides move as one, so that only their sum is a torque; slip that is measured is a sensor's.
-                l.engine += loss(slip);
-                l.driveline += loss(slip);
-                l.clutch += loss(slip) + loss(sum);
-            }
-            1 => {
-                l.engine += loss(c);
-                l.driveline += loss(f);
-                l.clutch += loss(f) + loss(c);
-            }
-            _ => {
-                l.engine += loss(c);
-                l.driveline += loss(f);
-                l.clutch += loss(sum);
-            }
-        }
+/// Square of a deviate at which its loss is half of what it could be at most.
+const SATURATION: f64 = 400.0;
+
+/// What is left unexplained of a window if only that one thing is wrong, in standard deviations.
+fn left_by(wrong: Wrong, w: &Window) -> [f64; 2] {
+    let (f, c) = (w.engine / w.sigma[0], w.driveline / w.sigma[1]);
+    let sum = (w.engine + w.driveline) / w.sigma[0].hypot(w.sigma[1]);
+    let slip = w.slip[0] / w.slip[1];
+    match (wrong, w.phase) {
+        // A sensor that errs leaves the other speed, and so the motion, as predicted.
+        (Wrong::EngineSpeed, _) => [c, 0.0],
+        (Wrong::DiscSpeed, _) => [f, 0.0],
+        // Locked: the sides move as one, so that only their sum is a torque; slip that is measured is a sensor's.
+        (Wrong::Clutch, 3) => [slip, sum],
+        (_, 3) => [slip, 0.0],
+        // Open: the clutch passes nothing that could be missing.
+        (Wrong::Clutch, 1) => [f, c],
+        (Wrong::Engine, _) => [c, 0.0],
+        (Wrong::Driveline, _) => [f, 0.0],
+        (Wrong::Clutch, _) => [sum, 0.0],
     }
-    l
+}
+
+/// A car whose tolerances explain what one wrong place leaves: its cost, and its windows.
+struct Explanation {
+    cost: f64,
+    windows: Vec<Window>,
+}
+
+/// Rounds of reweighting.
+const ROUNDS: usize = 8;
+
+/// The windows at nominal tolerances, and at each tolerance moved by one standard deviation.
+struct Moves {
+    nominal: Vec<Window>,
+    moved: Vec<Vec<Window>>,
+    phases: Vec<Vec<u8>>,
+}
+
+fn moves(problem: &Problem, nominal: &Point) -> Moves {
+    let phases = balance::phases(problem, nominal);
+    let at = |k: usize| Coordinate::Nuisance(k).moved(nominal, 1.0);
+    let moved = (0..problem.nuisances.len()).into_par_iter().map(|k| balance::windows_in(problem, &at(k), &phases)).collect();
+    Moves { nominal: balance::windows_in(problem, nominal, &phases), moved, phases }
+}
+
+/// Moves the tolerances, at their price, to where what is `wrong` leaves least: linear in them, reweighted for the bounded loss.
+fn explain(problem: &Problem, nominal: &Point, moves: &Moves, wrong: Wrong) -> Explanation {
+    let rows = |w: &[Window]| w.iter().flat_map(|w| left_by(wrong, w)).collect::<Vec<f64>>();
+    let here = rows(&moves.nominal);
+    let n = moves.moved.len();
+    let columns: Vec<Vec<f64>> = moves.moved.iter().map(|w| rows(w).iter().zip(&here).map(|(a, b)| a - b).collect()).collect();
+    let mut z = DVector::zeros(n);
+    let mut left = here.clone();
+    for _ in 0..ROUNDS {
+        let weights: Vec<f64> = left.iter().map(|r| (1.0 + r * r / SATURATION).powi(-2)).collect();
+        let weighted: Vec<Vec<f64>> = columns.iter().map(|c| c.iter().zip(&weights).map(|(a, w)| a * w).collect()).collect();
+        let curvature = DMatrix::from_fn(n, n, |i, j| fit::dot(&weighted[i], &columns[j]) + f64::from(u8::from(i == j)));
+        let gradient = DVector::from_fn(n, |i, _| fit::dot(&weighted[i], &here));
+        let Some(step) = curvature.cholesky() else { break };
+        z = -step.solve(&gradient);
+        left = (0..here.len()).map(|k| here[k] + (0..n).map(|i| z[i] * columns[i][k]).sum::<f64>()).collect();
+    }
+    let point = Point { z: z.iter().copied().collect(), ..nominal.clone() };
+    let windows = balance::windows_in(problem, &point, &moves.phases);
+    let cost = rows(&windows).into_iter().map(loss).sum::<f64>() + z.norm_squared();
+    Explanation { cost, windows }
 }
 
 /// Serial correlation of a balance under which what is missing is no torque: the error of a speed sensor comes and goes, so that
@@ -158,28 +204,28 @@ fn serial_correlation(windows: &[Window], read: fn(&Window) -> f64) -> f64 {
 
 /// Subsystem of a gap, or of a remainder, that no effect accounts for.
 ///
-/// The balances are read at nominal nuisances: a gap without cause in the library has dragged the fitted ones away.
+/// Each place is given the tolerances that suit it best, at their price: those of the fit have been dragged away by a gap without cause in the
+/// library.
 fn of_unknown(problem: &Problem, search: &Search, decision: &Decision) -> Subsystem {
-    let undragged = Point { effects: decision.chosen.fit.point.effects, ..problem.nominal() };
-    let windows = balance::windows(problem, &undragged);
-    let l = leftover(&windows);
-    let best = [(Subsystem::Engine, l.engine), (Subsystem::Driveline, l.driveline), (Subsystem::Friction, l.clutch)]
-        .into_iter()
-        .min_by(|a, b| a.1.total_cmp(&b.1))
-        .map_or(Subsystem::Friction, |b| b.0);
-    let close = l.clutch < CLOSE * l.engine.min(l.driveline);
-    let best = if close && only_slipping(&windows) { Subsystem::Friction } else { best };
-    let undone = |read: fn(&Window) -> f64| serial_correlation(&windows, read) < UNDOES_ITSELF;
-    match best {
-        Subsystem::Engine if undone(|w| w.engine) => return Subsystem::Sensors,
-        Subsystem::Driveline if undone(|w| w.driveline) => return Subsystem::Sensors,
-        Subsystem::Engine | Subsystem::Driveline => return best,
-        _ => {}
+    let nominal = Point { effects: decision.chosen.fit.point.effects, ..problem.nominal() };
+    let moves = moves(problem, &nominal);
+    let best = |wrong: Wrong| explain(problem, &nominal, &moves, wrong);
+    let [engine, driveline, clutch] = [Wrong::Engine, Wrong::Driveline, Wrong::Clutch].map(best);
+    let [engine_speed, disc_speed] = [Wrong::EngineSpeed, Wrong::DiscSpeed].map(best);
+    let close = clutch.cost < CLOSE * engine.cost.min(driveline.cost);
+    if !(clutch.cost < engine.cost.min(driveline.cost) || close && only_slipping(&clutch.windows)) {
+        let sensed = |torque: &Explanation, sensor: &Explanation, read: fn(&Window) -> f64| {
+            let undone = serial_correlation(&torque.windows, read) < UNDOES_ITSELF;
+            sensor.cost < if undone { 2.0 } else { 0.5 } * torque.cost
+        };
+        return match engine.cost < driveline.cost {
+            true if sensed(&engine, &engine_speed, |w| w.engine) => Subsystem::Sensors,
+            true => Subsystem::Engine,
+            false if sensed(&driveline, &disc_speed, |w| w.driveline) => Subsystem::Sensors,
+            false => Subsystem::Driveline,
+        };
     }
-    // Within the clutch, the candidate that comes nearest tells which part behaves like that.
-    let within = [Subsystem::Actuator, Subsystem::ClutchForce, Subsystem::Friction, Subsystem::Thermal];
-    let nearest = search.singles.iter().map(|h| REGISTRY[h.effects[0]].effect.subsystem).find(|s| within.contains(s));
-    nearest.unwrap_or(best)
+    freeform::part_of_clutch(problem, search)
 }
 
 fn phase_name(phase: u8) -> &'static str {

@@ -5,6 +5,7 @@ pub mod balance;
 pub mod decide;
 pub mod diagnosis;
 pub mod fit;
+pub mod freeform;
 pub mod gap;
 pub mod locate;
 pub mod nuisance;

@@ -3,7 +3,7 @@
 //! `tolerance` of `vehicle.json` gives one standard deviation of each number, absolute or relative. A real car differs by
 //! that much in everything, so every fit moves these numbers too, and pays for it.
 
-use crate::effects::{Parameters, param};
+use crate::effects::{self, Parameters, param};
 use crate::vehicle::{NUMBERS, Vehicle};
 use serde_json::Value;
 
@@ -25,6 +25,23 @@ enum Target {
     Numbers(Vec<usize>),
     /// An effect parameter stands for it: the plant has no number of that name.
     Effect(usize),
+}
+
+impl Nuisance {
+    /// The effect that does to the car what this number does: beyond the tolerance it is the effect's turn.
+    pub fn twin(&self) -> Option<usize> {
+        let id = match self.name.as_str() {
+            "engine.T_e_bias" => "engine_torque_bias",
+            "engine.T_e_gain" => "engine_torque_gain",
+            "friction.mu" | "cushion_spring.beta" => "friction_level",
+            "actuator.x_cnt" => "kiss_point_offset",
+            "driveline.T_L0" => "road_load",
+            "driveline.J_c" => "vehicle_mass",
+            "thermal.gamma_1" => "clutch_cooling",
+            _ => return None,
+        };
+        effects::find(id)
+    }
 }
 
 /// Why a tolerance cannot be used.

@@ -73,6 +73,8 @@ pub fn predict(series: &Series, vehicle: &Vehicle, effects: &Parameters, theta_s
         }
         phase.push(now.phase as u8);
         if share > 0.0 {
+            // Until the memory is filled the correction is the running mean: the noise of one first sample would else stay for all of it.
+            let share = share.max(1.0 / (k + 1) as f64);
             let e = |c: Channel, v: f64| series.measured[c as usize][k] - v;
             plant.correct_speeds(share * e(Channel::OmegaF, now.omega_f), share * e(Channel::OmegaC, now.omega_c) / gain);
         }

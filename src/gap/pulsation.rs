@@ -1,4 +1,4 @@
-//! Starts for a torque that pulsates with the slip angle: a scan over its order.
+//! Torques that pulsate: starts for one that keeps time with the slip angle, and the clock of one that no effect stands for.
 //!
 //! A torque ripple T cos(nφ) reaches the flywheel speed through 1/J_f and the memory of the corrected replay. For every
 //! order n the response is computed from measured slip and predicted torque, and the orders that explain most of the residual in flywheel
@@ -8,6 +8,7 @@ use super::fit::{Point, Problem, Residuals};
 use super::predict::{Follow, HORIZON_S, predict};
 use super::series::Series;
 use crate::effects::Entry;
+use rayon::prelude::*;
 use std::f64::consts::PI;
 
 /// Orders per radian that are scanned.
@@ -18,8 +19,74 @@ const STARTS: usize = 2;
 /// Samples of a recording that the scan looks at: the first slip of a long recording tells as much as all of it.
 const LONGEST_TRACK: usize = 2000;
 
+/// What a pulsation keeps time with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clock {
+    /// Time itself, in turns per second: something oscillates by itself.
+    Time,
+    /// The crankshaft's angle: something turns with it.
+    Crank,
+}
+
+impl Clock {
+    /// Frequencies in Hz, or orders per radian of the crankshaft, that are scanned: first, last, step.
+    fn scanned(self) -> [f64; 3] {
+        match self {
+            Self::Time => [1.5, 20.0, 0.03],
+            Self::Crank => [0.3, 2.2, 0.0015],
+        }
+    }
+}
+
+/// Share of a residual beyond the noise that one rhythm has to take.
+const RHYTHMIC: f64 = 0.4;
+
+/// The clock of a gap that comes and goes in one rhythm while the clutch slips, if it does. Each recording has a phase of its own.
+pub fn rhythm(problem: &Problem, point: &Point, residuals: &[Residuals]) -> Option<Clock> {
+    let of = |clock: Clock| {
+        let tracks: Vec<Track> = problem
+            .series
+            .iter()
+            .enumerate()
+            .filter_map(|(k, s)| {
+                let track = track(problem, point, k, s, &residuals[k])?;
+                let angle = clocked(clock, s, track.angle.len());
+                Some(Track { angle, ..track })
+            })
+            .collect();
+        let noise: f64 = tracks.iter().map(|t| t.noise * t.noise * t.residual.len() as f64).sum();
+        let beyond = tracks.iter().flat_map(|t| &t.residual).map(|r| r * r).sum::<f64>() - noise;
+        let [first, last, step] = clock.scanned();
+        let count = ((last - first) / step) as usize;
+        let share = |k: usize| {
+            let order = first + k as f64 * step;
+            tracks.iter().map(|t| explained(std::slice::from_ref(t), order).0).sum::<f64>() / beyond.max(1e-9)
+        };
+        (0..count).into_par_iter().map(share).reduce(|| 0.0, f64::max)
+    };
+    let [time, crank] = [Clock::Time, Clock::Crank].map(of);
+    let best = if time > crank { (Clock::Time, time) } else { (Clock::Crank, crank) };
+        println!("      rhythm {time:.2} {crank:.2}");
+    }
+    (best.1 > RHYTHMIC).then_some(best.0)
+}
+
+/// Angle of a clock at the samples of the residuals.
+fn clocked(clock: Clock, series: &Series, samples: usize) -> Vec<f64> {
+    let mut crank = 0.0;
+    let mut angles = Vec::with_capacity(samples);
+    for j in 0..samples * series.block {
+        if j % series.block == 0 {
+            angles.push(if clock == Clock::Time { 2.0 * PI * j as f64 * series.dt } else { crank });
+        }
+        crank += series.measured[0][j] * series.dt;
+    }
+    angles
+}
+
 /// One recording's torque and slip angle, and the residual to be explained.
 struct Track {
+    noise: f64,
     torque: Vec<f64>,
     angle: Vec<f64>,
     residual: Vec<f64>,
@@ -78,7 +145,14 @@ fn track(problem: &Problem, point: &Point, k: usize, series: &Series, residuals:
     // Residuals are in standard deviations of block means.
     let scale = series.noise[0] / (block as f64).sqrt();
     let residual: Vec<f64> = residuals.iter().take(samples).map(|r| r * scale).collect();
-    (phi > 2.0 * PI).then(|| Track { torque, angle, residual, gain: dt / vehicle.driveline.J_f, forget: (-dt / HORIZON_S).exp() })
+    (phi > 2.0 * PI).then(|| Track {
+        noise: scale,
+        torque,
+        angle,
+        residual,
+        gain: dt / vehicle.driveline.J_f,
+        forget: (-dt / HORIZON_S).exp(),
+    })
 }
 
 /// Sum of squares that a pulsation of this order explains, and its amplitudes (cosine, sine).

@@ -88,7 +88,11 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
     for (k, first) in singles.iter().take(firsts).filter(rivals).enumerate() {
         let candidates = screen(problem, &[Anchor::at(problem, &first.fit, &first.effects)], &first.effects);
         let fresh: Vec<Candidate> = candidates.into_iter().filter(|c| !tried(&pairs, first.effects[0], c.effect)).collect();
-        pairs.extend(fit_all(problem, &first.effects, worthwhile(&fresh, SECONDS)));
+        let promising = worthwhile(&fresh, SECONDS);
+        let called: Vec<usize> = twins_of_pulled(problem, &first.fit.point);
+        let twins = fresh[promising.len()..].iter().filter(|c| called.contains(&c.effect));
+        let seconds: Vec<Candidate> = promising.iter().chain(twins).cloned().collect();
+        pairs.extend(fit_all(problem, &first.effects, &seconds));
         progress("pairs of effects", 0.5 + 0.25 * (k + 1) as f64);
     }
     pairs.sort_by(|a, b| a.score().total_cmp(&b.score()));
@@ -97,6 +101,14 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
         prune(problem, pair, &mut singles);
     }
     Search { base: Hypothesis { effects: Vec::new(), fit: base }, singles, pairs, screened, samples }
+}
+
+/// Move of one tolerance in standard deviations that calls for the effect which it stands in for.
+const FAR: f64 = 4.0;
+
+/// Effects whose tolerances had to be moved far: each is worth a fit, whatever a linear model promises of so long a way back.
+fn twins_of_pulled(problem: &Problem, point: &Point) -> Vec<usize> {
+    problem.nuisances.iter().zip(&point.z).filter(|(_, z)| z.abs() > FAR).filter_map(|(n, _)| n.twin()).collect()
 }
 
 /// Where the fit of a candidate starts: where it was promised, with the nuisances nominal if they fit better so (a large gap drags them

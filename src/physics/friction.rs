@@ -64,10 +64,16 @@ const GAUSS: [(f64, f64); 4] = [
     (0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
 ];
 
+/// Mean radius ρ_m, m.
+#[inline]
+pub fn mean_radius(p: &Friction) -> f64 {
+    0.5 * (p.R_1 + p.R_2)
+}
+
 /// Equivalent radius R_μ of eq. (3), in m; `omega` ≥ 0 in rad/s, `theta` in °C.
 #[inline(always)]
 pub fn equivalent_radius(p: &Friction, omega: f64, theta: f64) -> f64 {
-    let mean = 0.5 * (p.R_1 + p.R_2);
+    let mean = mean_radius(p);
     let half = 0.5 * (p.R_2 - p.R_1);
     let mu_d = dynamic_friction(p, theta);
     if omega == 0.0 {

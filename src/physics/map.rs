@@ -62,6 +62,12 @@ pub fn torque_capacity(p: &Friction, force: f64, omega: f64, theta: f64) -> f64 
     if force == 0.0 { 0.0 } else { FACES * friction::equivalent_radius(p, omega, theta) * force }
 }
 
+/// Torque in N·m that a friction coefficient `mu`, the same all over the facing, makes under a spring force in N; eq. (1), (3).
+#[inline]
+pub fn torque_of(p: &Friction, force: f64, mu: f64) -> f64 {
+    FACES * friction::mean_radius(p) * mu * force
+}
+
 /// Throwout position in mm at which the nominal clutch carries `torque` ≥ 0 N·m: the inverse of eq. (1) on its monotone
 /// branch, between the true contact point and the closed point.
 pub fn inverse(f: &Friction, a: &Actuator, c: &CushionSpring, torque: f64, omega: f64, theta: f64) -> f64 {

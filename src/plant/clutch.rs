@@ -65,6 +65,9 @@ pub fn capacity_under(config: &Config, force: f64, slip: f64, y: &Motion) -> f64
     }
     let theta = y[index::THETA_C];
     let mut torque = config.constants.friction_factor * map::torque_capacity(&config.vehicle.friction, force, slip, theta);
+    for effect in config.friction_added.iter() {
+        torque += map::torque_of(&config.vehicle.friction, force, effect(&config.parameters, slip));
+    }
     for effect in config.friction.iter() {
         torque *= effect(&config.parameters, slip, theta);
     }
@@ -80,10 +83,27 @@ pub fn capacity(config: &Config, x: f64, memory: Branch, slip: f64, y: &Motion) 
     capacity_under(config, force(config, x, memory, y[index::THETA_C]), slip, y)
 }
 
-/// Torque of a slipping clutch in N·m: capacity in the `direction` ±1 of slip, and drag; `slip` is signed, rad/s.
+/// Torques in N·m of a slipping clutch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Slipping {
+    /// Friction of the faces: capacity in the direction of slip, eq. (1).
+    pub friction: f64,
+    /// Drag. It churns air and oil, whose heat they carry away: eq. (5) has no friction power while the clutch is open.
+    pub drag: f64,
+}
+
+impl Slipping {
+    /// T_fc.
+    #[inline]
+    pub fn total(self) -> f64 {
+        self.friction + self.drag
+    }
+}
+
+/// Torques of a clutch that slips in `direction` ±1; `slip` is signed, rad/s.
 #[inline]
-pub fn slipping_torque(config: &Config, x: f64, memory: Branch, direction: f64, slip: f64, y: &Motion) -> f64 {
+pub fn slipping(config: &Config, x: f64, memory: Branch, direction: f64, slip: f64, y: &Motion) -> Slipping {
     let force = force(config, x, memory, y[index::THETA_C]);
     let drag: f64 = config.drag.iter().map(|effect| effect(&config.parameters, slip, force)).sum();
-    direction * capacity_under(config, force, (direction * slip).max(0.0), y) + drag
+    Slipping { friction: direction * capacity_under(config, force, (direction * slip).max(0.0), y), drag }
 }

@@ -46,6 +46,8 @@ pub struct Config {
     pub force: List<fn(&Parameters, f64) -> f64>,
     /// See [`Act::Friction`].
     pub friction: List<fn(&Parameters, f64, f64) -> f64>,
+    /// See [`Act::FrictionAdded`].
+    pub friction_added: List<fn(&Parameters, f64) -> f64>,
     /// See [`Act::Pulsation`].
     pub pulsation: List<fn(&Parameters, f64) -> f64>,
     /// See [`Act::Drag`].
@@ -72,6 +74,7 @@ impl Config {
             contact: List::new(),
             force: List::new(),
             friction: List::new(),
+            friction_added: List::new(),
             pulsation: List::new(),
             drag: List::new(),
             load: List::new(),
@@ -82,6 +85,7 @@ impl Config {
                 Act::Contact(apply) => config.contact.push(apply),
                 Act::Force(apply) => config.force.push(apply),
                 Act::Friction(apply) => config.friction.push(apply),
+                Act::FrictionAdded(apply) => config.friction_added.push(apply),
                 Act::Pulsation(apply) => config.pulsation.push(apply),
                 Act::Drag(apply) => config.drag.push(apply),
                 Act::Load(apply) => config.load.push(apply),

@@ -78,7 +78,7 @@ pub fn clutch_torque(config: &Config, s: &State) -> f64 {
     if s.stuck {
         motion::sticking_torque(config, &s.y, s.engine.value, s.inputs.t_load)
     } else {
-        motion::slipping_torque(config, &s.y, s.direction, s.memory, s.bearing)
+        motion::slipping(config, &s.y, s.direction, s.memory, s.bearing).total()
     }
 }
 

@@ -5,7 +5,7 @@
 //! energy books.
 
 use super::actuation::Drive;
-use super::clutch::{self, Branch};
+use super::clutch::{self, Branch, Slipping};
 use super::config::Config;
 use crate::physics::{driveline, thermal};
 
@@ -75,10 +75,10 @@ pub fn vehicle_resistance(config: &Config, omega: f64, t_load: f64) -> f64 {
     driveline::resistance(&config.constants.driveline, omega, t_load + added)
 }
 
-/// Clutch torque in N·m while slipping in `direction`, eq. (1).
+/// Clutch torques while slipping in `direction`, eq. (1).
 #[inline]
-pub fn slipping_torque(config: &Config, y: &Motion, direction: f64, memory: Branch, x: f64) -> f64 {
-    clutch::slipping_torque(config, x, memory, direction, y[OMEGA_F] - y[OMEGA_C], y)
+pub fn slipping(config: &Config, y: &Motion, direction: f64, memory: Branch, x: f64) -> Slipping {
+    clutch::slipping(config, x, memory, direction, y[OMEGA_F] - y[OMEGA_C], y)
 }
 
 /// Clutch torque in N·m that keeps a stuck clutch together, eq. (7).
@@ -95,17 +95,18 @@ fn rates(config: &Config, set: &Setting, y: &Motion, drive: Drive) -> Motion {
     let d = &c.driveline;
     let resist = resistance(config, y, set.t_load);
     let mut dy = [0.0; N];
-    let (t_fc, slip) = if set.stuck {
+    let (t_fc, slip, heating) = if set.stuck {
         let t_fc = driveline::holding_torque(d, config.disc_inertia(), y[OMEGA_F], drive.t_e, resist);
         let common = driveline::flywheel_acceleration(d, y[OMEGA_F], drive.t_e, t_fc);
         dy[OMEGA_F] = common;
         dy[OMEGA_C] = common;
-        (t_fc, 0.0)
+        (t_fc, 0.0, 0.0)
     } else {
-        let t_fc = slipping_torque(config, y, set.direction, set.memory, drive.x);
+        let slipping = slipping(config, y, set.direction, set.memory, drive.x);
+        let (t_fc, slip) = (slipping.total(), y[OMEGA_F] - y[OMEGA_C]);
         dy[OMEGA_F] = driveline::flywheel_acceleration(d, y[OMEGA_F], drive.t_e, t_fc);
         dy[OMEGA_C] = driveline::driveline_acceleration(config.disc_inertia(), t_fc, resist);
-        (t_fc, y[OMEGA_F] - y[OMEGA_C])
+        (t_fc, slip, slipping.friction * slip)
     };
     dy[LOSSES] = d.b_f * y[OMEGA_F] * y[OMEGA_F];
     if config.compliant() {
@@ -118,10 +119,9 @@ fn rates(config: &Config, set: &Setting, y: &Motion, drive: Drive) -> Motion {
         dy[OMEGA_V] = dy[OMEGA_C];
         dy[LOSSES] += resist * y[OMEGA_C];
     }
-    let power = t_fc * slip;
-    (dy[THETA_C], dy[THETA_B]) = thermal::single_rates(&c.thermal, y[THETA_C], y[THETA_B], set.theta_h, set.engaged, power);
+    (dy[THETA_C], dy[THETA_B]) = thermal::single_rates(&c.thermal, y[THETA_C], y[THETA_B], set.theta_h, set.engaged, heating);
     dy[ANGLE] = slip;
-    dy[E_D] = power;
+    dy[E_D] = t_fc * slip;
     dy[WORK_IN] = drive.t_e * y[OMEGA_F];
     dy
 }

@@ -5,7 +5,7 @@ use serde_json::Value;
 use super::absent;
 use super::chart::Scale;
 use super::json::{list, real, text, texts};
-use super::text::{enumeration, escape, fixed, number, percent, title, unit, words};
+use super::text::{enumeration, escape, estimate, fixed, meaning as readable, number, percent, title, unit, words};
 use crate::effects::{PARAMETERS, REGISTRY};
 
 /// The section.
@@ -14,7 +14,7 @@ pub fn section(diagnosis: &Value) -> String {
     let effects: String = list(which, "effects").iter().map(effect).collect();
     let chosen =
         if effects.is_empty() { absent("No effect was added to the model.") } else { format!("<div class=\"effects\">{effects}</div>\n") };
-    format!("{chosen}{}", ranked(list(which, "ranked")))
+    format!("{chosen}{}", ranked(list(which, "ranked"), !effects.is_empty()))
 }
 
 fn effect(e: &Value) -> String {
@@ -47,13 +47,8 @@ fn parameter(id: &str, name: &str, p: &Value) -> String {
     let value = real(p, "value");
     let (shown, interval, drawn) = match (value, real(p, "low"), real(p, "high")) {
         (Some(value), Some(low), Some(high)) if high > low => {
-            // Two digits of the interval's width are all that an estimate is worth.
-            let places = (1 - (high - low).log10().floor() as i32).clamp(0, 9) as usize;
-            (
-                fixed(value, places),
-                format!("{} to {}", fixed(low, places), fixed(high, places)),
-                null.map_or_else(String::new, |null| whisker(value, low, high, null)),
-            )
+            let (shown, interval) = estimate([value, low, high]);
+            (shown, interval, null.map_or_else(String::new, |null| whisker(value, low, high, null)))
         }
         (Some(value), _, _) => (number(value, 4), "not stated".to_owned(), String::new()),
         _ => ("–".to_owned(), "not stated".to_owned(), String::new()),
@@ -61,7 +56,7 @@ fn parameter(id: &str, name: &str, p: &Value) -> String {
     format!(
         "<tr><th scope=\"row\">{}<small>{}</small></th><td class=\"num\"><b>{shown}</b> {unit}</td><td class=\"num\">{interval} {unit}</td><td class=\"drawn\">{drawn}</td></tr>",
         escape(&words(name)),
-        escape(meaning)
+        escape(&readable(meaning))
     )
 }
 
@@ -95,20 +90,59 @@ fn ambiguity(e: &Value) -> String {
     )
 }
 
-fn ranked(candidates: &[Value]) -> String {
+/// Rejected candidates of one reason that are listed in a paragraph, not each in a row of its own, from this number on.
+const MANY: usize = 3;
+
+fn ranked(candidates: &[Value], chosen: bool) -> String {
     if candidates.is_empty() {
         return absent("The ranking of all candidates was not handed over.");
     }
     let most = candidates.iter().filter_map(|c| real(c, "evidence")).fold(0.0, f64::max);
-    let rows: String = candidates.iter().map(|c| candidate(c, most)).collect();
+    // Whatever stands out has a row; the many that do not share a paragraph.
+    let trifling = |c: &Value| text(c, "verdict") == Some("rejected") && real(c, "evidence").is_some_and(|e| e < 0.05 * most);
+    let (rest, rows): (Vec<&Value>, Vec<&Value>) = candidates.iter().partition(|c| trifling(c));
+    let (rest, rows) = if rest.len() < MANY { (Vec::new(), candidates.iter().collect()) } else { (rest, rows) };
+    let rows: String = rows.iter().map(|c| candidate(c, most, chosen)).collect();
     format!(
-        "<h3>Every candidate</h3>\n<p>Evidence is the gain in log-likelihood over the model without the effect, in nats; noise alone gives half a nat per parameter on average.</p>\n\
+        "<h3>Every candidate</h3>\n<p>Evidence is the gain in log-likelihood over the model without the effect, in nats; noise alone gives half a nat per parameter on average. \
+         Of an effect that was screened out it is what a linear model promises, which may be less than nothing.</p>\n\
          <div class=\"scroll\" role=\"region\" aria-label=\"Candidates\" tabindex=\"0\"><table class=\"ranked\"><thead><tr><th scope=\"col\">Effect</th>\
-         <th scope=\"col\" colspan=\"2\">Evidence</th><th scope=\"col\">Verdict</th><th scope=\"col\">Why</th></tr></thead><tbody>{rows}</tbody></table></div>\n"
+         <th scope=\"col\" colspan=\"2\">Evidence</th><th scope=\"col\">Verdict</th><th scope=\"col\">Why</th></tr></thead><tbody>{rows}</tbody></table></div>\n{}",
+        trifles(&rest, chosen)
     )
 }
 
-fn candidate(c: &Value, most: f64) -> String {
+/// Rejected candidates by reason: names with their evidence.
+fn trifles(rest: &[&Value], chosen: bool) -> String {
+    let mut groups: Vec<(String, Vec<String>)> = Vec::new();
+    for c in rest {
+        let name =
+            format!("{} <span class=\"num\">{}</span>", escape(&words(text(c, "id").unwrap_or("unnamed"))), nats(real(c, "evidence")));
+        let why = reason(c, chosen);
+        match groups.iter_mut().find(|g| g.0 == why) {
+            Some(group) => group.1.push(name),
+            None => groups.push((why, vec![name])),
+        }
+    }
+    let items: String = groups.iter().map(|(why, names)| format!("<li><b>{}</b>: {}</li>", escape(why), names.join(", "))).collect();
+    if items.is_empty() { items } else { format!("<p>Rejected, each with its evidence:</p>\n<ul class=\"trifles\">{items}</ul>\n") }
+}
+
+/// Why, in the words of diagnosis.json; there is no chosen explanation to compare with where nothing was chosen.
+fn reason(c: &Value, chosen: bool) -> String {
+    let why = text(c, "reason").unwrap_or("");
+    if chosen {
+        why.to_owned()
+    } else {
+        why.replace("it leaves more unexplained than the chosen explanation", "it does not earn its place")
+    }
+}
+
+fn nats(evidence: Option<f64>) -> String {
+    evidence.map_or_else(|| "–".to_owned(), |e| fixed(e, usize::from(e.abs() < 10.0)))
+}
+
+fn candidate(c: &Value, most: f64, chosen: bool) -> String {
     let evidence = real(c, "evidence");
     let bar = evidence.filter(|_| most > 0.0).map_or_else(String::new, |e| {
         format!("<span class=\"bar\"><i style=\"width:{:.1}%\"></i></span>", 100.0 * (e / most).clamp(0.0, 1.0))
@@ -125,8 +159,8 @@ fn candidate(c: &Value, most: f64) -> String {
         "<tr class=\"{class}\"><th scope=\"row\">{}</th><td class=\"num\">{}</td><td class=\"wide\">{bar}</td>\
          <td><span class=\"pill {class}\"><span aria-hidden=\"true\">{mark}</span> {}</span></td><td class=\"why\">{}</td></tr>",
         escape(&title(text(c, "id").unwrap_or("unnamed"))),
-        evidence.map_or_else(|| "–".to_owned(), |e| fixed(e, usize::from(e.abs() < 10.0))),
+        nats(evidence),
         escape(verdict),
-        escape(text(c, "reason").unwrap_or(""))
+        escape(&reason(c, chosen))
     )
 }

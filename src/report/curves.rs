@@ -59,7 +59,7 @@ fn first_shown(input: &Input) -> usize {
     let mut best = 0;
     for k in 1..overlays.len() {
         let (a, b) = (rank(&overlays[k]), rank(&overlays[best]));
-        if a.0 > b.0 || (a.0 == b.0 && a.1 > b.1) {
+        if (a.0 && !b.0) || (a.0 == b.0 && a.1 > b.1) {
             best = k;
         }
     }

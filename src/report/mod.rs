@@ -28,12 +28,16 @@ use serde_json::Value;
 
 /// What the report shows.
 pub struct Input<'a> {
+    /// What the reader knows the campaign by; may be empty.
+    pub name: &'a str,
     /// Content of diagnosis.json.
     pub diagnosis: &'a Value,
     /// Curves of each recording.
     pub overlays: &'a [Overlay],
     /// Versions, settings, fingerprint of the data: name and value.
     pub provenance: &'a [(String, String)],
+    /// What parts the regions of the residual map, as a sentence; may be empty.
+    pub regions: &'a str,
 }
 
 /// One recording: the car beside the model as it was and as it is now.
@@ -81,7 +85,7 @@ type Section = (&'static str, &'static str, String);
 pub fn html(input: &Input) -> String {
     let sections: [Section; 6] = [
         ("curves", "Real, before and after", curves::section(input)),
-        ("where", "Where the gap lies", residual_map::section(input.diagnosis)),
+        ("where", "Where the gap lies", residual_map::section(input)),
         ("which", "Which effect causes it", causes::section(input.diagnosis)),
         ("how-far", "How far the gap shrinks", shrinkage::section(input.diagnosis)),
         ("open", "Not judged, and what to measure next", open_questions::section(input.diagnosis)),
@@ -103,8 +107,10 @@ pub fn html(input: &Input) -> String {
          <a class=\"skip\" href=\"#main\">Skip to the result</a>\n\
          <main id=\"main\" tabindex=\"-1\">\n{verdict}<nav aria-label=\"Contents\"><ol>{links}</ol></nav>\n{body}</main>\n\
          <script type=\"application/json\" id=\"series\">{data}</script>\n<script>\n(() => {{\n\"use strict\";\n{PLOT}{VIEWER}{INPUT}}})();\n</script>\n</body>\n</html>\n",
-        title = text::escape(&verdict::sentence(input.diagnosis)),
-        verdict = verdict::section(input.diagnosis),
+        title = text::escape(
+            &[input.name, &verdict::sentence(input.diagnosis)].iter().filter(|t| !t.is_empty()).copied().collect::<Vec<_>>().join(": ")
+        ),
+        verdict = verdict::section(input),
         data = series::embedded(input),
     )
 }

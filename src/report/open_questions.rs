@@ -10,7 +10,7 @@ use crate::effects::{REGISTRY, find};
 /// The section.
 pub fn section(diagnosis: &Value) -> String {
     let which = &diagnosis["which"];
-    let mut out = next(which);
+    let mut out = next(diagnosis);
     if which["not_assessable"].is_array() {
         out += &not_assessable(list(which, "not_assessable"));
     } else {
@@ -27,9 +27,25 @@ pub fn section(diagnosis: &Value) -> String {
         })
         .collect();
     out += &items("Recordings left out", &left);
-    let notes: Vec<String> = texts(diagnosis, "notes").iter().map(|n| escape(n)).collect();
-    out += &items("Notes", &notes);
+    out += &items("Notes", &notes(&texts(diagnosis, "notes")));
     out
+}
+
+/// Notes as they come; what was done to several recordings alike stands there once.
+fn notes(all: &[&str]) -> Vec<String> {
+    let mut groups: Vec<(&str, Vec<&str>)> = Vec::new();
+    for note in all {
+        let (recording, what) = note.split_once(": ").filter(|(head, _)| !head.contains(' ')).unwrap_or(("", note));
+        match groups.iter_mut().find(|g| g.0 == what) {
+            Some(group) => group.1.push(recording),
+            None => groups.push((what, vec![recording])),
+        }
+    }
+    let one = |(what, names): &(&str, Vec<&str>)| {
+        let names: Vec<&str> = names.iter().copied().filter(|n| !n.is_empty()).collect();
+        if names.is_empty() { escape(what) } else { format!("<b>{}</b>: {}", escape(&names.join(", ")), escape(what)) }
+    };
+    groups.iter().map(one).collect()
 }
 
 fn items(heading: &str, items: &[String]) -> String {
@@ -40,17 +56,29 @@ fn items(heading: &str, items: &[String]) -> String {
     format!("<h3>{heading}</h3>\n<ul>{list}</ul>\n")
 }
 
-/// What would split the ambiguity groups.
-fn next(which: &Value) -> String {
-    let splits: Vec<String> = list(which, "effects")
-        .iter()
-        .filter_map(|e| {
-            let group: Vec<String> = text(e, "id").into_iter().chain(texts(e, "ambiguous_with")).map(|id| escape(&words(id))).collect();
-            let how = text(e, "separated_by").filter(|_| group.len() > 1)?;
-            Some(format!("{}: this would tell {} apart.", escape(&title(how.trim_end_matches('.'))), enumeration(&group)))
-        })
-        .collect();
-    items("Measure next", &splits)
+/// What shows more of a subsystem whose gap no effect of the library accounts for.
+const CLOSER_LOOKS: [(&str, &str); 7] = [
+    ("engine", "a torque meter behind the flywheel, or torque steps with the clutch open: is what the ECU reports what the engine gives?"),
+    ("actuator", "the bearing position by a sensor beside the command, in a chirp and in slow ramps both ways"),
+    ("clutch_force", "clutch torque by a transducer and bearing position by a sensor, in slow ramps both ways, cold and hot"),
+    ("friction", "clutch torque by a transducer at constant position, with slip and disc temperature varied one at a time"),
+    ("thermal", "the disc temperature by a thermocouple, in repeated launches and while cooling, open and locked"),
+    ("driveline", "the load by a coast-down with the clutch open, and wheel speed beside the disc speed for what lies between"),
+    ("sensors", "both speeds against an encoder, or each other in a locked drive with steps: gain, delay and filtering"),
+];
+
+/// What would split the ambiguity groups, and what would show more of a gap without a cause.
+fn next(diagnosis: &Value) -> String {
+    let which = &diagnosis["which"];
+    let unknown = text(&diagnosis["where"], "unexplained_at");
+    let look = CLOSER_LOOKS.iter().find(|(id, _)| Some(*id) == unknown);
+    let look = look.map(|(id, how)| format!("What is not in the library, in <b>{}</b>: measure {how}", escape(&words(id))));
+    let splits = list(which, "effects").iter().filter_map(|e| {
+        let group: Vec<String> = text(e, "id").into_iter().chain(texts(e, "ambiguous_with")).map(|id| escape(&words(id))).collect();
+        let how = text(e, "separated_by").filter(|_| group.len() > 1)?;
+        Some(format!("{}: this would tell {} apart.", escape(&title(how.trim_end_matches('.'))), enumeration(&group)))
+    });
+    items("Measure next", &look.into_iter().chain(splits).collect::<Vec<_>>())
 }
 
 /// Grouped by what to measure, since that is what gets planned.
@@ -76,4 +104,19 @@ fn not_assessable(entries: &[Value]) -> String {
         "<h3>Not assessable from these recordings</h3>\n<table class=\"plain\"><thead><tr><th scope=\"col\">Effect</th><th scope=\"col\">What to measure</th></tr></thead>\
          <tbody>{rows}</tbody></table>\n"
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_notes_of_several_recordings_stand_there_once() {
+        let all =
+            ["r01: n: rpm converted to rad/s", "r02: n: rpm converted to rad/s", "No torque transducer: force and friction <look> alike."];
+        assert_eq!(
+            notes(&all),
+            ["<b>r01, r02</b>: n: rpm converted to rad/s", "No torque transducer: force and friction &lt;look&gt; alike."]
+        );
+    }
 }

@@ -11,6 +11,7 @@ function decode(channel, dt) {
   const gaps = { before: gap("before"), after: gap("after") };
   const model = (name) => real.map((r, i) => r - gaps[name][i]);
   return { label: channel.label, unit: channel.unit, noise: channel.noise, samples: channel.samples, thinned: Boolean(channel.index),
+    rms: { before: channel.rms[0] ?? NaN, after: channel.rms[1] ?? NaN },
     times, gaps, values: { real, before: model("before"), after: model("after") } };
 }
 

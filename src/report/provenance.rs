@@ -1,9 +1,13 @@
-//! How it was computed: versions, settings, fingerprint, and what to set in the plant.
+//! How it was computed: versions, settings, fingerprint, what to set in the plant, and how far each tolerance was used.
 
-use serde_json::Value;
+use serde_json::{Map, Value};
 
-use super::text::{escape, plain};
+use super::chart::Scale;
+use super::json::{list, text};
+use super::text::{escape, fixed, plain, signed, unit};
 use super::{Input, absent};
+use crate::effects::PARAMETERS;
+use crate::vehicle::NUMBERS;
 
 /// The section.
 pub fn section(input: &Input) -> String {
@@ -14,32 +18,73 @@ pub fn section(input: &Input) -> String {
     } else {
         format!("<dl class=\"facts\">{facts}</dl>\n")
     };
-    format!("{facts}{}", retuned(&input.diagnosis["plant"]))
+    facts + &retuned(input.diagnosis) + &tolerances(input.diagnosis)
 }
 
-/// Parameters of the plant that differ from the vehicle as it was believed.
-fn retuned(plant: &Value) -> String {
+/// Parameters of the plant that differ from the vehicle as it was believed: those of the chosen effects first.
+fn retuned(diagnosis: &Value) -> String {
+    let plant = &diagnosis["plant"];
     let (Some(now), Some(nominal)) = (plant["parameters"].as_object(), plant["nominal_parameters"].as_object()) else {
         return absent("The parameters of the retuned plant were not handed over.");
     };
-    let rows: String = now
-        .iter()
-        .filter(|(name, value)| nominal.get(*name) != Some(value))
-        .map(|(name, value)| {
-            let shown = |v: Option<&Value>| v.and_then(Value::as_f64).map_or_else(|| "–".to_owned(), |v| plain(v));
-            format!(
-                "<tr><th scope=\"row\"><code>{}</code></th><td class=\"num\">{}</td><td class=\"num\">{}</td></tr>",
-                escape(name).replace('.', ".<wbr>"),
-                shown(nominal.get(name)),
-                shown(Some(value))
-            )
-        })
-        .collect();
-    if rows.is_empty() {
+    let chosen: Vec<String> =
+        list(&diagnosis["which"], "effects").iter().filter_map(|e| text(e, "id")).map(|id| format!("effect.{id}.")).collect();
+    let changed = now.iter().map(|(name, _)| name).filter(|name| nominal.get(*name) != now.get(*name));
+    let (effects, numbers): (Vec<&String>, Vec<&String>) = changed.partition(|name| chosen.iter().any(|c| name.starts_with(c)));
+    if effects.is_empty() && numbers.is_empty() {
         return "<p>The plant keeps the numbers of the vehicle file.</p>\n".to_owned();
     }
+    let body = |title: &str, names: &[&String]| {
+        let rows: String = names.iter().map(|name| row(name, nominal, now)).collect();
+        let head = format!("<tr><th scope=\"rowgroup\" colspan=\"3\">{title}</th></tr>");
+        if names.is_empty() { String::new() } else { format!("<tbody>{head}{rows}</tbody>") }
+    };
     format!(
-        "<h3>What to set in <code>DrivelinePlant.fmu</code></h3>\n<p>Every other parameter keeps the number of the vehicle file.</p>\n<table class=\"plain\"><thead><tr>\
-         <th scope=\"col\">Variable</th><th scope=\"col\">Nominal</th><th scope=\"col\">Retuned</th></tr></thead><tbody>{rows}</tbody></table>\n"
+        "<h3>What to set in <code>DrivelinePlant.fmu</code></h3>\n<p>Every other parameter keeps the number of the vehicle file. The FMU beside this report has them set.</p>\n\
+         <table class=\"plain settings\"><thead><tr><th scope=\"col\">Variable</th><th scope=\"col\" class=\"num\">Nominal</th><th scope=\"col\" class=\"num\">Retuned</th></tr></thead>{}{}</table>\n",
+        body("The effects", &effects),
+        body("Numbers that moved within their tolerances", &numbers)
+    )
+}
+
+fn row(name: &str, nominal: &Map<String, Value>, now: &Map<String, Value>) -> String {
+    let shown = |values: &Map<String, Value>| values.get(name).and_then(Value::as_f64).map_or_else(|| "–".to_owned(), plain);
+    let of_number = NUMBERS.iter().find(|n| n.name == name).map(|n| n.unit);
+    let known = of_number.or_else(|| PARAMETERS.iter().find(|p| p.variable == name).map(|p| p.unit));
+    format!(
+        "<tr><th scope=\"row\"><code>{}</code></th><td class=\"num\">{}</td><td class=\"num\">{} {}</td></tr>",
+        escape(name).replace('.', ".<wbr>"),
+        shown(nominal),
+        shown(now),
+        known.map_or_else(String::new, unit)
+    )
+}
+
+/// Where each number ended up, in its own standard deviations: what lies far out was pulled, and may be wrong in the vehicle file.
+fn tolerances(diagnosis: &Value) -> String {
+    let Some(used) = diagnosis["which"]["tolerances"].as_object().filter(|map| !map.is_empty()) else { return String::new() };
+    let kept = if text(diagnosis, "verdict") == Some("unexplained") { ", in a fit of which nothing was kept" } else { "" };
+    let x = Scale { low: -4.0, high: 4.0, a: 6.0, b: 134.0 };
+    let row = |(name, z): (&String, &Value)| {
+        let z = z.as_f64()?;
+        let drawn = format!(
+            "<svg viewBox=\"0 0 140 14\" aria-hidden=\"true\"><rect class=\"noise\" x=\"{:.1}\" width=\"{:.1}\" y=\"0\" height=\"14\"/><path class=\"null\" d=\"M{:.1} 0v14\"/>\
+             <circle class=\"dot\" cx=\"{:.1}\" cy=\"7\" r=\"4.5\"/></svg>",
+            x.at(-2.0),
+            x.at(2.0) - x.at(-2.0),
+            x.at(0.0),
+            x.at(z.clamp(-4.0, 4.0))
+        );
+        let shown = if z.abs() < 1e4 { signed(z, 1) } else { fixed(z, 0) };
+        Some(format!(
+            "<tr><th scope=\"row\"><code>{}</code></th><td class=\"num\">{shown}</td><td class=\"drawn\">{drawn}</td></tr>",
+            escape(name).replace('.', ".<wbr>")
+        ))
+    };
+    let rows: String = used.iter().filter_map(row).collect();
+    format!(
+        "<h3>How far the tolerances were used</h3>\n<p>In standard deviations as the vehicle file declares them{kept}; the band is two of them wide on either side. \
+         A number far outside is wrong in the file, or stands in for something that no effect describes.</p>\n\
+         <table class=\"plain tolerances\"><thead><tr><th scope=\"col\">Number</th><th scope=\"col\" class=\"num\">Moved by</th><th scope=\"col\"><span class=\"unseen\">Drawn</span></th></tr></thead><tbody>{rows}</tbody></table>\n"
     )
 }

@@ -2,28 +2,57 @@
 
 use serde_json::Value;
 
-use super::absent;
 use super::json::{flag, list, real, text};
-use super::text::{escape, number, percent, title, unit, words};
+use super::text::{capitalised, escape, number, percent, title, unit, words};
+use super::{Input, absent};
 
 /// Bounds between the shades, in standard deviations.
 const SHADES: [f64; 5] = [2.0, 3.0, 5.0, 10.0, 30.0];
 
-/// Equations and phases in the order in which torque flows and the clutch closes; others follow as they come.
-const EQUATIONS: [&str; 6] = ["engine balance", "actuator", "torque map", "thermal", "driveline balance", "speed sensors"];
+/// Equations in the order in which torque flows, and what each compares; others follow as they come.
+const EQUATIONS: [(&str, &str); 7] = [
+    ("engine balance", "torque that the flywheel is short of in J_f ω̇_f = T_e − T_fc − b_f ω_f"),
+    ("actuator", "bearing position, measured less simulated"),
+    ("torque map", "clutch torque while slipping: by the transducer, or half of the difference of the two balances"),
+    ("thermal", "disc temperature, measured less simulated"),
+    ("driveline balance", "torque that the disc is short of in J_c ω̇_c = T_fc − T_L − b_c ω_c"),
+    ("sum of both balances", "the same while locked, when only the sum of the two can be seen"),
+    ("speed sensors", "slip that the sensors show while the clutch is locked"),
+];
+
+/// Phases in the order in which the clutch closes.
 const PHASES: [&str; 3] = ["open", "slipping", "locked"];
 
 /// The section.
-pub fn section(diagnosis: &Value) -> String {
-    let place = &diagnosis["where"];
+pub fn section(input: &Input) -> String {
+    let place = &input.diagnosis["where"];
     let entries = list(place, "equations");
-    let map = if entries.is_empty() { absent("The gap per equation, phase and region was not handed over.") } else { map(entries) };
-    format!("{}{map}{}", lead(place), subsystems(place))
+    if entries.is_empty() {
+        return lead(place) + &absent("The gap per equation, phase and region was not handed over.");
+    }
+    let hidden = text(place, "primary").is_some() && !entries.iter().any(|e| flag(e, "significant"));
+    let hidden = if hidden { HIDDEN } else { "" };
+    lead(place) + hidden + &map(entries, place) + &how_to_read(entries, input.regions)
+}
+
+/// A gap of which the map shows nothing.
+const HIDDEN: &str = "<p>No cell stands out: moved far enough, the numbers of the vehicle hide this gap from the balances. What speaks for an effect is that \
+    they would have to move further than their tolerances make likely.</p>\n";
+
+/// Subsystems in the order of their importance, the primary one first.
+pub fn subsystems(place: &Value) -> Vec<&str> {
+    let mut shares: Vec<(&str, f64)> = list(place, "subsystems").iter().filter_map(|s| Some((text(s, "id")?, real(s, "share")?))).collect();
+    shares.sort_by(|a, b| b.1.total_cmp(&a.1));
+    ordered(&text(place, "primary").into_iter().collect::<Vec<_>>(), shares.into_iter().map(|s| s.0))
 }
 
 fn lead(place: &Value) -> String {
     let primary = match text(place, "primary") {
-        Some(id) => format!("The gap lies first of all in <b>{}</b>.", escape(&words(id))),
+        Some(id) => {
+            let others: Vec<String> = subsystems(place).iter().skip(1).map(|id| format!("<b>{}</b>", escape(&words(id)))).collect();
+            let then = if others.is_empty() { String::new() } else { format!(", then in {}", super::text::enumeration(&others)) };
+            format!("The gap lies first of all in <b>{}</b>{then}.", escape(&words(id)))
+        }
         None => "No subsystem shows a gap.".to_owned(),
     };
     let remainder = text(place, "unexplained_at").map_or_else(String::new, |id| {
@@ -47,8 +76,8 @@ fn ordered<'a>(known: &[&'a str], found: impl Iterator<Item = &'a str>) -> Vec<&
     out
 }
 
-fn map(entries: &[Value]) -> String {
-    let equations = ordered(&EQUATIONS, entries.iter().filter_map(|e| text(e, "equation")));
+fn map(entries: &[Value], place: &Value) -> String {
+    let equations = ordered(&EQUATIONS.map(|e| e.0), entries.iter().filter_map(|e| text(e, "equation")));
     let phases = ordered(&PHASES, entries.iter().filter_map(|e| text(e, "phase")));
     let head: String = equations.iter().map(|e| format!("<th scope=\"col\">{}</th>", escape(&title(e)))).collect();
     let mut rows = String::new();
@@ -66,9 +95,9 @@ fn map(entries: &[Value]) -> String {
     let rows = rows.trim_end_matches("<tbody>").trim_end_matches("</tbody>");
     format!(
         "<div class=\"scroll\" role=\"region\" aria-label=\"Residual map\" tabindex=\"0\"><table class=\"heat\">\
-         <caption><span>Gap before retuning, in standard deviations of its noise; below it the rms gap.</span></caption>\
+         <caption><span>What is left when the tolerances are fitted and no effect is added, in standard deviations of the noise; below it the rms gap.</span></caption>\
          <thead><tr><th scope=\"col\">Phase</th><th scope=\"col\">Region</th>{head}</tr></thead><tbody>{rows}</tbody></table></div>\n{}",
-        scale()
+        scale(real(place, "family_wise_error"))
     )
 }
 
@@ -89,30 +118,23 @@ fn shade(sigma: f64) -> usize {
     SHADES.iter().filter(|bound| sigma.abs() >= **bound).count()
 }
 
-fn scale() -> String {
+fn scale(error: Option<f64>) -> String {
+    let rate = error.map_or_else(String::new, |e| format!(" (any false alarm on a car without gap: {})", percent(e)));
     let bins = ["&lt;&#8201;2", "2–3", "3–5", "5–10", "10–30", "≥&#8201;30"];
     let bins: String = bins.iter().enumerate().map(|(k, label)| format!("<span class=\"bin h{k}\">{label}</span>")).collect();
     format!(
-        "<p class=\"scale\">{bins}<span>standard deviations</span><span class=\"bin hit\">frame</span><span>significant at the false-alarm rate of the diagnosis</span><span class=\"bin\">·</span><span>no samples</span></p>\n"
+        "<p class=\"scale\">{bins}<span>standard deviations</span><span class=\"bin hit\">frame</span><span>beyond chance{rate}</span><span class=\"bin\">·</span><span>no samples</span></p>\n"
     )
 }
 
-fn subsystems(place: &Value) -> String {
-    let shares: Vec<(&str, f64)> = list(place, "subsystems").iter().filter_map(|s| Some((text(s, "id")?, real(s, "share")?))).collect();
-    if shares.is_empty() {
-        return String::new();
-    }
-    let row = |(id, share): &(&str, f64)| {
-        format!(
-            "<tr><th scope=\"row\">{}</th><td class=\"num\">{}</td><td class=\"wide\"><span class=\"bar\"><i style=\"width:{:.1}%\"></i></span></td></tr>",
-            escape(&title(id)),
-            percent(*share),
-            100.0 * share.clamp(0.0, 1.0)
-        )
-    };
-    let rows: String = shares.iter().map(row).collect();
+/// What the columns and rows are, and what a cell does not say.
+fn how_to_read(entries: &[Value], regions: &str) -> String {
+    let known = EQUATIONS.iter().filter(|(name, _)| entries.iter().any(|e| text(e, "equation") == Some(name)));
+    let columns: String = known.map(|(name, meaning)| format!("<div><dt>{}</dt><dd>{meaning}</dd></div>", title(name))).collect();
+    let regions = if regions.is_empty() { String::new() } else { format!(" {}.", escape(&capitalised(regions))) };
     format!(
-        "<h3>Share of the gap per subsystem</h3>\n<table class=\"bars\"><thead class=\"unseen\"><tr><th scope=\"col\">Subsystem</th>\
-         <th scope=\"col\">Share</th><th scope=\"col\">Bar</th></tr></thead><tbody>{rows}</tbody></table>\n"
+        "<p class=\"hint\">A cell says where the gap shows, not where it comes from: a wrong clutch force also heats the disc wrongly and is seen in both balances. \
+         The subsystem is that of the effect that explains all cells together; without one, that of the balance that the gap cannot do without.{regions}</p>\n\
+         <dl class=\"columns\">{columns}</dl>\n"
     )
 }

@@ -97,8 +97,11 @@ fn channel(c: &OverlayChannel, noise: Option<f64>, limit: usize) -> Value {
         let mut last = 0;
         kept.iter().map(|&i| i - std::mem::replace(&mut last, i)).collect::<Vec<_>>()
     });
+    let size = |model: &[f64]| Some(rms(&c.real, model)).filter(|r| r.is_finite());
+    let sizes = [size(&c.before), size(&c.after)];
     json!({
         "label": super::text::channel(c.column), "unit": super::text::unit(c.unit), "q": q, "noise": noise, "samples": c.len(),
+        "rms": sizes,
         "index": index, "real": steps, "before": over(&c.before), "after": over(&c.after),
     })
 }

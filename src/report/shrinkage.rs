@@ -5,12 +5,17 @@ use serde_json::Value;
 use super::absent;
 use super::chart::Scale;
 use super::json::{list, real, text, texts};
-use super::text::{channel, escape, fixed, number, percent, signed, unit};
+use super::text::{capitalised, channel, escape, fixed, number, percent, signed, unit};
 
 /// The section.
 pub fn section(diagnosis: &Value) -> String {
     let far = &diagnosis["how_far"];
-    format!("{}{}{}", summary(far), per_recording(far), engagement(far))
+    let untouched = match text(diagnosis, "verdict") {
+        Some("unexplained") => "<p>Nothing was retuned: after is the nominal model, as before.</p>\n",
+        Some("no_gap") => "<p>After is the nominal vehicle with its numbers moved within their tolerances; no effect was added.</p>\n",
+        _ => "",
+    };
+    format!("{untouched}{}{}{}", summary(far), per_recording(far), engagement(far))
 }
 
 fn summary(far: &Value) -> String {
@@ -18,11 +23,12 @@ fn summary(far: &Value) -> String {
         return absent("The gap before and after was not handed over.");
     };
     let metric = text(far, "metric").unwrap_or("metric not named");
+    let unit = super::verdict::unit_of(far);
     let floor = real(far, "noise_floor");
     let most = before.max(after).max(floor.unwrap_or(0.0));
     let row = |name: &str, class: &str, value: f64| {
         format!(
-            "<tr><th scope=\"row\">{name}</th><td class=\"num\">{}</td><td class=\"wide\"><span class=\"bar {class}\"><i style=\"width:{:.1}%\"></i></span></td></tr>",
+            "<tr><th scope=\"row\">{name}</th><td class=\"num\">{} {unit}</td><td class=\"wide\"><span class=\"bar {class}\"><i style=\"width:{:.1}%\"></i></span></td></tr>",
             number(value, 3),
             if most > 0.0 { (100.0 * value / most).clamp(0.0, 100.0) } else { 0.0 }
         )
@@ -36,7 +42,7 @@ fn summary(far: &Value) -> String {
     format!(
         "<p>{held}{closed}</p>\n<table class=\"bars\"><caption>{}</caption><thead class=\"unseen\"><tr><th scope=\"col\">Model</th><th scope=\"col\">Gap</th>\
          <th scope=\"col\">Bar</th></tr></thead><tbody>{}{}{row_noise}</tbody></table>\n{said}",
-        escape(metric),
+        escape(&capitalised(metric)),
         row("Before", "before", before),
         row("After", "after", after),
     )
@@ -134,10 +140,12 @@ const FIGURES: [(&str, &str, &str, f64); 3] = [
 ];
 
 fn engagement(far: &Value) -> String {
-    let recordings = far["kpi"].as_object().filter(|map| !map.is_empty());
-    let Some(recordings) = recordings else {
+    let some = |figure: &Value| ["real", "before", "after"].iter().any(|k| real(figure, k).is_some());
+    let engages = |figures: &Value| FIGURES.iter().any(|f| some(&figures[f.0]));
+    let recordings: Vec<(&String, &Value)> = far["kpi"].as_object().into_iter().flatten().filter(|(_, figures)| engages(figures)).collect();
+    if recordings.is_empty() {
         return absent("No engagement figures: no recording holds an engagement up to lock-up, or they were not handed over.");
-    };
+    }
     let held = texts(far, "held_out");
     let mut rows = String::new();
     for (name, figures) in recordings {
@@ -166,7 +174,7 @@ fn engagement(far: &Value) -> String {
 fn cells(values: [Option<f64>; 3]) -> String {
     let real = values[0];
     let off = |v: f64| match real {
-        Some(r) if r.abs() > 1e-9 => format!("<small>{}&#8239;%</small>", signed(100.0 * (v - r) / r.abs(), 1)),
+        Some(r) if r.abs() > 1e-9 => format!("<small>{}&#8239;%</small>", signed(100.0 * (v / r - 1.0), 1)),
         _ => String::new(),
     };
     let cell = |v: Option<f64>, compare: bool| match v {

@@ -34,10 +34,9 @@ pub fn number(value: f64, digits: i32) -> String {
 /// A number with up to six significant digits and no padding: a setting to copy.
 pub fn plain(value: f64) -> String {
     let text = number(value, 6);
-    match text.contains('.') && !text.contains('e') {
-        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
-        false => text,
-    }
+    let (digits, power) = text.split_once('e').map_or((text.as_str(), String::new()), |(digits, power)| (digits, format!("e{power}")));
+    let bare = if digits.contains('.') { digits.trim_end_matches('0').trim_end_matches('.') } else { digits };
+    format!("{bare}{power}")
 }
 
 /// A number with so many decimals, otherwise as [`number`].
@@ -80,8 +79,12 @@ pub fn percent(share: f64) -> String {
 
 /// An id as words: `kiss_point_offset` is "Kiss point offset".
 pub fn title(id: &str) -> String {
-    let words = words(id);
-    let mut chars = words.chars();
+    capitalised(&words(id))
+}
+
+/// A text that begins with a capital.
+pub fn capitalised(text: &str) -> String {
+    let mut chars = text.chars();
     chars.next().map_or_else(String::new, |first| first.to_uppercase().collect::<String>() + chars.as_str())
 }
 
@@ -104,8 +107,35 @@ pub fn unit(raw: &str) -> String {
     match raw {
         "1" => String::new(),
         "degC" => "°C".to_owned(),
-        other => other.replace("N.m", "N·m").replace(".s/rad", "·s/rad").replace("kg.m2", "kg·m²").replace("/s2", "/s²"),
+        other => {
+            other.replace("N.m", "N·m").replace(".s/rad", "·s/rad").replace("kg.m2", "kg·m²").replace("/s2", "/s²").replace("/K2", "/K²")
+        }
     }
+}
+
+/// A meaning as the model description words it, which has plain letters only.
+pub fn meaning(raw: &str) -> String {
+    raw.replace("degC", "°C").replace("2 pi", "2π")
+}
+
+/// Estimate and interval with the decimals that the interval is worth, in a power of ten where they are tiny.
+pub fn estimate([value, low, high]: [f64; 3]) -> (String, String) {
+    let largest = value.abs().max(low.abs()).max(high.abs());
+    let power = if largest < 1e-3 { largest.log10().floor() as i32 } else { 0 };
+    let scale = 10f64.powi(-power);
+    // Two digits of the interval's width are all that an estimate is worth.
+    let places = (1 - ((high - low) * scale).log10().floor() as i32).clamp(0, 9) as usize;
+    let [value, low, high] = [value, low, high].map(|v| fixed(v * scale, places));
+    if power == 0 {
+        return (value, format!("{low} to {high}"));
+    }
+    let tail = format!("·10{}", superscript(power));
+    (format!("{value}{tail}"), format!("({low} to {high}){tail}"))
+}
+
+fn superscript(power: i32) -> String {
+    let digit = |c: char| c.to_digit(10).map_or('⁻', |d| ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][d as usize]);
+    power.to_string().chars().map(digit).collect()
 }
 
 /// What a column of a recording is called.
@@ -140,9 +170,21 @@ mod tests {
         assert_eq!(number(123_456.7, 4), "123\u{202f}457");
         assert_eq!(number(1.5e-6, 2), "1.5e−6");
         assert_eq!(number(f64::NAN, 3), "–");
+        assert_eq!([plain(-7.06e-6), plain(28.5), plain(120.0)], ["−7.06e−6", "28.5", "120"]);
         assert_eq!(fixed(-0.001, 2), "0.00", "no negative zero");
         assert_eq!(signed(0.5, 1), "+0.5");
         assert_eq!(signed(0.0, 1), "0.0");
+    }
+
+    #[test]
+    fn an_estimate_is_no_more_precise_than_its_interval() {
+        let read = |all| {
+            let (value, interval) = estimate(all);
+            format!("{value}, {interval}")
+        };
+        assert_eq!(read([0.002_085_6, 0.002_062, 0.002_109]), "0.002086, 0.002062 to 0.002109");
+        assert_eq!(read([7.85e-8, -7.2e-8, 2.29e-7]), "0.8·10⁻⁷, (−0.7 to 2.3)·10⁻⁷");
+        assert_eq!(read([119.2, 114.0, 124.0]), "119, 114 to 124");
     }
 
     #[test]

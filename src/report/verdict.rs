@@ -2,13 +2,14 @@
 
 use serde_json::Value;
 
+use super::Input;
 use super::json::{list, real, text};
 use super::text::{enumeration, escape, number, percent, title, words};
 
 /// The sentence that stands above everything.
 pub fn sentence(diagnosis: &Value) -> String {
     if let Some(said) = text(diagnosis, "sentence") {
-        return said.to_owned();
+        return in_words(said);
     }
     let effects = match effect_names(diagnosis) {
         names if names.is_empty() => "effects that are not named".to_owned(),
@@ -26,14 +27,29 @@ pub fn sentence(diagnosis: &Value) -> String {
     }
 }
 
+/// The sentence of diagnosis.json names effects and subsystems as programs know them; people read words.
+fn in_words(said: &str) -> String {
+    let known = |word: &str| word.contains('_') && word.chars().all(|c| c.is_ascii_lowercase() || c == '_');
+    let all: Vec<String> = said
+        .split(' ')
+        .map(|word| {
+            let name = word.trim_end_matches([',', '.', ';']);
+            if known(name) { words(name) + &word[name.len()..] } else { word.to_owned() }
+        })
+        .collect();
+    // A number and its percent sign stay on one line.
+    super::text::capitalised(&all.join(" ").replace(" %", "\u{202f}%"))
+}
+
 /// Names of the effects chosen, as words.
 pub fn effect_names(diagnosis: &Value) -> Vec<String> {
     list(&diagnosis["which"], "effects").iter().filter_map(|e| text(e, "id")).map(words).collect()
 }
 
 /// Header of the report.
-pub fn section(diagnosis: &Value) -> String {
-    let (mark, class, name) = match text(diagnosis, "verdict") {
+pub fn section(input: &Input) -> String {
+    let diagnosis = input.diagnosis;
+    let (mark, class, verdict) = match text(diagnosis, "verdict") {
         Some("no_gap") => ("✓", "good", "No gap"),
         Some("explained") => ("✓", "good", "Explained"),
         Some("partly_explained") => ("◐", "warn", "Partly explained"),
@@ -42,10 +58,11 @@ pub fn section(diagnosis: &Value) -> String {
     };
     let tiles: String = tiles(diagnosis).iter().map(|(name, value, note)| tile(name, value, note)).collect();
     format!(
-        "<header id=\"verdict\">\n<p class=\"eyebrow\">Kisspoint · diagnosis of the sim-to-real gap</p>\n\
-         <p class=\"pill {class}\"><span aria-hidden=\"true\">{mark}</span> {name}</p>\n<h1>{}</h1>\n{}<dl class=\"tiles\">{tiles}</dl>\n</header>\n",
+        "<header id=\"verdict\">\n<p class=\"eyebrow\">{name}Kisspoint, diagnosis of the sim-to-real gap</p>\n\
+         <p class=\"pill {class}\"><span aria-hidden=\"true\">{mark}</span> {verdict}</p>\n<h1>{}</h1>\n{}<dl class=\"tiles\">{tiles}</dl>\n</header>\n",
         escape(&sentence(diagnosis)),
         confidence(diagnosis),
+        name = if input.name.is_empty() { String::new() } else { format!("<b>{}</b> · ", escape(input.name)) },
     )
 }
 
@@ -67,8 +84,8 @@ fn confidence(diagnosis: &Value) -> String {
 fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
     let (place, far) = (&diagnosis["where"], &diagnosis["how_far"]);
     let primary = text(place, "primary").map_or_else(|| "No subsystem".to_owned(), title);
-    let share = list(place, "subsystems").iter().find(|s| text(s, "id") == text(place, "primary")).and_then(|s| real(s, "share"));
-    let located = share.map_or_else(String::new, |s| format!("{} of the gap", percent(s)));
+    let others: Vec<String> = super::residual_map::subsystems(place).iter().skip(1).map(|id| words(id)).collect();
+    let located = if others.is_empty() { String::new() } else { format!("then {}", enumeration(&others)) };
     let effects = match effect_names(diagnosis) {
         names if names.is_empty() => "No effect added".to_owned(),
         names => names.iter().map(|n| title(n)).collect::<Vec<_>>().join(" + "),
@@ -77,11 +94,22 @@ fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
     let probability = if least.is_finite() { format!("probability {}", percent(least)) } else { String::new() };
     let closed = real(far, "closed_fraction").map_or_else(|| "Not stated".to_owned(), percent);
     let shrink = match (real(far, "before"), real(far, "after")) {
-        (Some(b), Some(a)) => format!("{} → {} on {}", number(b, 3), number(a, 3), held_out(list(far, "held_out").len())),
+        (Some(b), Some(a)) => format!("{} → {} {} on {}", number(b, 3), number(a, 3), unit_of(far), held_out(list(far, "held_out").len())),
         _ => String::new(),
     };
-    let closed = if text(diagnosis, "verdict") == Some("no_gap") { "Nothing to close".to_owned() } else { closed };
-    vec![("Where", primary, located), ("Which", effects, probability), ("Gap closed", closed, shrink)]
+    let (name, closed) = match text(diagnosis, "verdict") {
+        Some("no_gap") => ("Tolerances fitted", "Nothing left to close".to_owned()),
+        Some("unexplained") => ("Gap closed", "Nothing retuned".to_owned()),
+        _ => ("Gap closed", closed),
+    };
+    vec![("Where", primary, located), ("Which", effects, probability), (name, closed, shrink)]
+}
+
+/// Unit of the gap: what stands behind the last comma of the metric, if that is one word.
+pub fn unit_of(far: &Value) -> String {
+    let metric = text(far, "metric").unwrap_or_default();
+    let last = metric.rsplit_once(", ").map(|(_, unit)| unit).filter(|unit| !unit.contains(' '));
+    last.map_or_else(String::new, super::text::unit)
 }
 
 fn held_out(count: usize) -> String {

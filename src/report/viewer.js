@@ -15,7 +15,8 @@ function inUnit(channel) {
   const factor = state.rpm && channel.unit === "rad/s" ? RPM : 1;
   const times = (list) => list.map((v) => v * factor);
   return { ...channel, unit: factor === 1 ? channel.unit : "rpm", noise: channel.noise && channel.noise * factor,
-    values: Object.fromEntries(CURVES.map((k) => [k, times(channel.values[k])])), gaps: Object.fromEntries(MODELS.map((k) => [k, times(channel.gaps[k])])) };
+    values: Object.fromEntries(CURVES.map((k) => [k, times(channel.values[k])])), gaps: Object.fromEntries(MODELS.map((k) => [k, times(channel.gaps[k])])),
+    rms: Object.fromEntries(MODELS.map((k) => [k, channel.rms[k] * factor])) };
 }
 
 function choose(k) {
@@ -107,13 +108,16 @@ function mark(p, time) {
   p.cursor.setAttribute("d", "");
   for (const k of CURVES) p.dots[k].setAttribute("display", "none");
   if (time === null) {
+    // Peaks are overrepresented among drawn points, so that the whole view has the figure of all samples.
+    const gap = (k) => zoomed() ? rms(channel.gaps[k], p.from, p.to) : channel.rms[k], about = channel.thinned && zoomed() ? "about " : "";
     add(p.read, "span", "", "rms gap in view:");
-    for (const k of MODELS) if (state.shown[k]) add(p.read, "span", "t-" + k, `${k} ${rounded(rms(channel.gaps[k], p.from, p.to))} ${channel.unit}`);
+    for (const k of MODELS) if (state.shown[k]) add(p.read, "span", "t-" + k, `${k} ${about}${rounded(gap(k))} ${channel.unit}`);
     if (channel.thinned) add(p.read, "span", "", `(${channel.times.length} of ${channel.samples} samples drawn, peaks kept)`);
     return;
   }
   const i = nearest(channel.times, time), place = p.x.at(channel.times[i]);
-  p.cursor.setAttribute("d", `M${place} 0V${p.height}`);
+  // The cursor stands at one instant everywhere; where samples are left out, the nearest that is drawn is read.
+  p.cursor.setAttribute("d", `M${p.x.at(time)} 0V${p.height}`);
   for (const k of CURVES) {
     if (!state.shown[k]) continue;
     const value = channel.values[k][i];

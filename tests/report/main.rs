@@ -6,7 +6,11 @@ use kisspoint::report::{Input, Overlay, OverlayChannel, html};
 use serde_json::{Value, json};
 
 fn render(diagnosis: &Value, overlays: &[Overlay]) -> String {
-    html(&Input { diagnosis, overlays, provenance: &[] })
+    html(&Input { name: "", diagnosis, overlays, provenance: &[], regions: "" })
+}
+
+fn page_of(made: &campaign::Campaign, provenance: &[(String, String)]) -> String {
+    html(&Input { name: "car 17", diagnosis: &made.diagnosis, overlays: &made.overlays, provenance, regions: "cold is below 70 °C" })
 }
 
 /// The body without the scripts.
@@ -22,11 +26,13 @@ fn visible(html: &str) -> String {
 #[test]
 fn the_answers_of_a_campaign_are_all_there() {
     let made = campaign::campaign();
-    let page = html(&Input { diagnosis: &made.diagnosis, overlays: &made.overlays, provenance: &made.provenance });
+    let page = page_of(&made, &made.provenance);
     let text = visible(&page);
     let sentence = made.diagnosis["sentence"].as_str().unwrap();
     for expected in [
         sentence,
+        "car 17",
+        "Cold is below 70 °C.",
         "96\u{202f}%",
         "Friction fade",
         "0.281 to 0.327",
@@ -79,7 +85,7 @@ fn a_usual_campaign_stays_below_one_and_a_half_megabytes() {
 fn the_same_input_gives_the_same_bytes() {
     let pages = [0, 1].map(|_| {
         let made = campaign::campaign();
-        html(&Input { diagnosis: &made.diagnosis, overlays: &made.overlays, provenance: &made.provenance })
+        page_of(&made, &made.provenance)
     });
     assert!(pages[0] == pages[1]);
 }
@@ -112,7 +118,7 @@ fn no_text_becomes_markup() {
     made.overlays[0].recording = EVIL.to_owned();
     made.overlays[0].manoeuvre = EVIL.to_owned();
     let provenance = [(EVIL.to_owned(), EVIL.to_owned())];
-    let page = html(&Input { diagnosis: &made.diagnosis, overlays: &made.overlays, provenance: &provenance });
+    let page = page_of(&made, &provenance);
     assert!(page.contains("&lt;/script&gt;&lt;img"), "the text is shown");
     assert!(!page.contains("<img"), "the text is never markup");
     assert_eq!(page.matches("</script>").count(), 2, "the data and the script end where they should");

@@ -84,7 +84,7 @@ impl Driveline {
                 match dice.shape(3) {
                     0 => {}
                     1 => self.load_per_rad_s = 0.0015 * self.load_nm,
-                    _ => (self.load_nm, self.load_per_rad_s) = (0.5 * self.load_nm, 0.005 * self.load_nm),
+                    _ => (self.load_nm, self.load_per_rad_s) = (0.8 * self.load_nm, 0.002 * self.load_nm),
                 }
                 format!("{:+.2} N·m, {:.4} N·m·s/rad", self.load_nm, self.load_per_rad_s)
             }

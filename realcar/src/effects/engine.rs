@@ -36,7 +36,7 @@ impl Engine {
                 if dice.shape(2) == 0 {
                     format!("constant factor {:.3}", 1.0 + g)
                 } else {
-                    self.gain_per_rad_s = 0.25 * g / 100.0;
+                    self.gain_per_rad_s = 0.1 * g / 100.0;
                     format!("factor {:.3} at 150 rad/s that grows with speed", 1.0 + g)
                 }
             }

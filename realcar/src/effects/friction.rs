@@ -30,7 +30,6 @@ enum Slip {
     Stribeck {
         more: f64,
         speed: f64,
-        rated: f64,
     },
     Slope {
         per_rad_s: f64,
@@ -89,9 +88,9 @@ impl Friction {
             }
             "friction_slip_gradient" => {
                 self.slip = if dice.shape(2) == 0 {
-                    Slip::Stribeck { more: dice.either(0.26, 0.7), speed: dice.within(20.0, 55.0), rated: [0.25, 0.0][dice.shape(2)] }
+                    Slip::Stribeck { more: dice.either(0.26, 0.7), speed: dice.within(12.0, 55.0) }
                 } else {
-                    Slip::Slope { per_rad_s: dice.either(0.0018, 0.0044), rated: [70.0, 15.0][dice.shape(2)] }
+                    Slip::Slope { per_rad_s: dice.either(0.0018, 0.0044), rated: [0.0, 15.0][dice.shape(2)] }
                 };
                 format!("{:.5?}", self.slip)
             }
@@ -157,8 +156,8 @@ impl Friction {
         };
         f *= match self.slip {
             Slip::None => 1.0,
-            // Some facings are rated at slip, where they are then right, and others near standstill.
-            Slip::Stribeck { more, speed, rated } => 1.0 + more * ((-omega / speed).exp() - rated),
+            // Right where friction was rated, at slip here and near standstill below: a level that is off is another effect.
+            Slip::Stribeck { more, speed } => 1.0 + more * (-omega / speed).exp(),
             Slip::Slope { per_rad_s, rated } => (1.0 - per_rad_s * (omega - rated)).clamp(0.5, 1.6),
         };
         if self.judder != 0.0 {

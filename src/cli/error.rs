@@ -1,0 +1,70 @@
+//! What can go wrong in a command: every message says what is wrong, where, and what to do.
+
+use crate::campaign::{CampaignError, LeftOut, lines};
+use crate::fmu::FmuError;
+use crate::gap::diagnosis::DiagnosisError;
+use crate::vehicle::VehicleError;
+use std::path::PathBuf;
+
+/// Why a command stopped; its exit code is 1.
+#[derive(Debug, thiserror::Error)]
+pub enum CommandError {
+    /// A campaign, a measurement file or a channel map.
+    #[error(transparent)]
+    Campaign(#[from] CampaignError),
+    /// A campaign that was read and cannot be diagnosed.
+    #[error("{}: {source}{}", path.display(), lines(left_out))]
+    Diagnosis {
+        /// The campaign.
+        path: PathBuf,
+        /// What is wrong.
+        source: DiagnosisError,
+        /// Recordings that could not be used.
+        left_out: Vec<LeftOut>,
+    },
+    /// Some of several campaigns; each has had its own message.
+    #[error("{failed} of {all} campaigns could not be diagnosed; the messages above say why")]
+    Some {
+        /// Campaigns without an answer.
+        failed: usize,
+        /// Campaigns that were asked for.
+        all: usize,
+    },
+    /// Two campaigns would share a folder.
+    #[error("{} and {} have one name, so that their answers would overwrite each other; diagnose them one by one", .0.display(), .1.display())]
+    SameName(PathBuf, PathBuf),
+    /// A vehicle file that is not sound.
+    #[error("{}: {source}", path.display())]
+    Vehicle {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong in it.
+        source: VehicleError,
+    },
+    /// An FMU, or the shared library that goes into it.
+    #[error(transparent)]
+    Fmu(#[from] FmuError),
+    /// A file that cannot be read or written.
+    #[error("{}: {source}; check path and permissions", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The file to write is there already.
+    #[error("{} exists already; choose another name, or add --force to overwrite it", .0.display())]
+    Exists(PathBuf),
+    /// The results cannot be printed.
+    #[error("the results cannot be written to standard output: {0}; check where it leads to and the space there")]
+    Output(std::io::Error),
+    /// Threads.
+    #[error("threads cannot be started: {0}; give fewer with --threads")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+}
+
+/// Makes an error at `path` of what the system says.
+pub fn at(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> CommandError {
+    let path = path.into();
+    move |source| CommandError::File { path, source }
+}
