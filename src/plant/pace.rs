@@ -115,7 +115,7 @@ fn steepest_friction(config: &Config) -> f64 {
         let mut y: Motion = [0.0; motion::N];
         y[index::THETA_C] = theta;
         let closed = crate::physics::map::contact(&config.vehicle.actuator, theta).x_cls;
-        let torque = |slip| clutch::slipping_torque(config, closed, Branch { x: closed, z: 1.0 }, 1.0, slip, &y);
+        let torque = |slip| clutch::slipping(config, closed, Branch { x: closed, z: 1.0 }, 1.0, slip, &y).total();
         for slip in SLIPS {
             let step = 0.01 + 0.01 * slip;
             most = most.max(((torque(slip + step) - torque(slip)) / step).abs());
