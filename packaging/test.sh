@@ -44,6 +44,16 @@ if command -v valgrind >/dev/null; then
 else
     skipped "C: misuse under Valgrind" "valgrind is not installed"
 fi
+# The headers of FMI 2.0, as bindgen reads them for the crate fmi-sys, from a libclang of the Python package registry.
+libclang=$("$target/venv/bin/python" -c 'import clang.native, os; print(os.path.dirname(clang.native.__file__))' 2>/dev/null || true)
+if [[ -n $libclang ]]; then
+    [[ $libclang == /* ]] || libclang=$PWD/$libclang
+    group "Rust: against fmi-sys" env LIBCLANG_PATH="$libclang" BINDGEN_EXTRA_CLANG_ARGS="-I$(cc -print-file-name=include)" \
+        CARGO_TARGET_DIR="$target/fmi_sys" cargo test --manifest-path tests/fmi_sys/Cargo.toml
+else
+    skipped "Rust: against fmi-sys" "libclang is not to be had"
+fi
+group "Rust: fuzzing, 10 s each" bash packaging/fuzz.sh 10
 # The library as it ships, without what only the command needs; it goes into the FMUs that the Python tests load.
 group "Rust: library of the FMUs" cargo build --profile quick --lib --no-default-features
 export KISSPOINT=$PWD/$target/quick/kisspoint KISSPOINT_PROFILE=quick

@@ -2,7 +2,7 @@
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 
-#[cfg(feature = "cli")]
+#[cfg(feature = "campaign")]
 pub mod campaign;
 #[cfg(feature = "cli")]
 pub mod cli;

@@ -42,7 +42,7 @@ fn run(effects: &Parameters, change: impl Fn(usize) -> Option<Parameters>) -> (T
     let trace = (0..STEPS)
         .map(|k| {
             if let Some(other) = change(k) {
-                plant.set_effects(&vehicle, &other);
+                plant.set_effects(&vehicle, &other).unwrap();
             }
             plant.step(&inputs(k), STEP);
             bits(&plant)

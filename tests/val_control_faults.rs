@@ -154,3 +154,41 @@ fn a_state_taken_up_goes_on_bit_for_bit() {
     first.restart();
     assert_eq!(first.state(), Controller::new(&Vehicle::paper(), &Settings::robust()).state());
 }
+
+#[test]
+fn values_that_arrive_late_only_delay() {
+    // By a fixed time, and with a jitter that repeats old values and then catches up.
+    for (what, late) in [("20 ms", [20, 20, 20]), ("50 ms", [50, 50, 50]), ("0 to 20 ms", [0, 7, 20])] {
+        let mut sent: Vec<Inputs> = Vec::new();
+        let mut run = launch();
+        run.run(4.0, |_, told| {
+            sent.push(*told);
+            let lateness = late[sent.len() / 13 % 3];
+            *told = sent[(sent.len() - 1).saturating_sub(lateness)];
+        });
+        assert_sane(&run, what);
+        assert_eq!((run.last().2.fault, run.last().1.phase), (Fault::None, Phase::Locked), "{what}");
+        assert!(run.rows.iter().all(|r| r.2.fault == Fault::None), "{what}: late values are no fault");
+    }
+}
+
+#[test]
+fn one_sensor_that_stands_still_or_falls_to_nothing_is_survived() {
+    let mut held = [None; 2];
+    let cases: [(&str, Spoiler); 4] = [
+        ("ω_f frozen", Box::new(move |i| i.omega_f = *held[0].get_or_insert(i.omega_f))),
+        ("ω_c frozen", Box::new(move |i| i.omega_c = *held[1].get_or_insert(i.omega_c))),
+        ("ω_f drops to 0", Box::new(|i| i.omega_f = 0.0)),
+        ("all drop to 0", Box::new(|i| (i.omega_f, i.omega_c, i.t_e) = (0.0, 0.0, 0.0))),
+    ];
+    for (what, mut spoil) in cases {
+        let mut run = launch();
+        run.run(6.0, |t, told| {
+            if within(t, 0.5, 1.0) {
+                spoil(told)
+            }
+        });
+        assert_sane(&run, what);
+        assert_eq!((run.last().2.fault, run.last().1.phase), (Fault::None, Phase::Locked), "{what}: recovers");
+    }
+}

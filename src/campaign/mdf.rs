@@ -13,12 +13,15 @@ use mf4_rs::blocks::common::{DataType, read_string_block};
 use mf4_rs::error::MdfError;
 
 use super::error::{Defect, RecordingError};
-use super::mdf_blocks::make_plain;
+use super::mdf_blocks::{check_descriptions, make_plain};
 use super::table::{Group, Measurement, Rows, Series, Wanted};
 
 /// Reads an MDF4 file.
 pub(crate) fn read(file: &str, mut bytes: Vec<u8>, wanted: Wanted<'_>) -> Result<Measurement, RecordingError> {
-    check_identification(&bytes).and_then(|()| make_plain(&mut bytes)).map_err(|d| d.in_file(file))?;
+    check_identification(&bytes)
+        .and_then(|()| check_descriptions(&bytes))
+        .and_then(|()| make_plain(&mut bytes))
+        .map_err(|d| d.in_file(file))?;
     // mf4-rs indexes some links of a damaged file without a check; a panic there is a damaged file and nothing else.
     let (groups, names) = catch_unwind(AssertUnwindSafe(|| decode(bytes, wanted)))
         .unwrap_or_else(|_| Err((None, Defect::Damaged("its blocks do not fit together".to_string()))))
@@ -63,6 +66,10 @@ fn decode_group(index: usize, group: &ChannelGroup<'_>, wanted: Wanted<'_>, name
     let metadata = |e: MdfError| (None, damaged(&e));
     let name = group.name().map_err(metadata)?.unwrap_or_default();
     let cycles = group.raw_channel_group().block.cycles_nr as usize;
+    // Every record takes a byte at least: a count beyond that would only be asked memory for.
+    if cycles > group.mmap().len() {
+        return Err((None, Defect::Damaged(format!("a group claims {cycles} records, more than the file has bytes"))));
+    }
     let mut out = Group { name, index, ..Group::default() };
     let mut any = false;
     for channel in group.channels() {

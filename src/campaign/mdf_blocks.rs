@@ -16,6 +16,32 @@ use super::error::Defect;
 /// A list of blocks without end would otherwise exhaust the memory before its length could be judged.
 const MAX_BYTES: u64 = 16 << 30;
 
+/// Blocks that describe channels; the reader downstream trusts the counts in them.
+const DESCRIPTIONS: [&[u8; 4]; 5] = [b"##HD", b"##DG", b"##CG", b"##CN", b"##CC"];
+
+/// Checks that every block that describes channels lies in the file with its links, and that no text is longer than the file: a damaged
+/// count would otherwise be asked memory for.
+pub(crate) fn check_descriptions(file: &[u8]) -> Result<(), Defect> {
+    let mut seen = HashSet::new();
+    let mut open = vec![64];
+    while let Some(address) = open.pop() {
+        if !seen.insert(address) {
+            continue;
+        }
+        let block = Block::at(file, address, &DESCRIPTIONS)?;
+        for link in (0..block.links).filter_map(|i| block.link(i).ok()) {
+            let id = usize::try_from(link).ok().and_then(|at| file.get(at..at.checked_add(4)?));
+            match id {
+                Some(id) if DESCRIPTIONS.iter().any(|d| id == *d) => open.push(link),
+                Some(b"##TX" | b"##MD" | b"##SI") => _ = Block::at(file, link, &[])?,
+                // What else there is, or is not, the reader needs not or says so itself.
+                _ => {}
+            }
+        }
+    }
+    Ok(())
+}
+
 /// Joins, inflates and relinks the data of every data group in place.
 pub(crate) fn make_plain(file: &mut Vec<u8>) -> Result<(), Defect> {
     let mut group = Block::at(file, 64, &[b"##HD"])?.link(0)?;

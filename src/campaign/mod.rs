@@ -26,6 +26,7 @@ mod pick;
 mod resample;
 mod span;
 mod table;
+mod thrift;
 mod units;
 mod write;
 

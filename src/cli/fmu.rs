@@ -45,8 +45,13 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
     write_all(&args.out, &files)?;
     let written: Vec<String> = files.iter().map(|(name, _)| args.out.join(name).display().to_string()).collect();
     let platforms: Vec<&str> = libraries.iter().map(|l| l.platform).collect();
+    let missing: Vec<&str> = library::PLATFORMS.into_iter().filter(|p| !platforms.contains(p)).collect();
     if args.json {
-        return print_json(&json!({"written": written, "platforms": platforms}));
+        return print_json(&json!({"written": written, "platforms": platforms, "missing": missing}));
     }
-    print(&format!("{}\nbinaries: {}\n", written.join("\n"), platforms.join(", ")))
+    let mut text = format!("{}\nbinaries: {}\n", written.join("\n"), platforms.join(", "));
+    if !missing.is_empty() {
+        text += &format!("no binaries for {}: `packaging/cross.sh` builds them, --library names them, once for each\n", missing.join(", "));
+    }
+    print(&text)
 }

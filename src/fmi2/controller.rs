@@ -15,6 +15,7 @@ use crate::control::reference::Plan;
 use crate::control::settings::SETTINGS;
 use crate::control::temperature::Temperatures;
 use crate::control::{Controller, Fault, Inputs, Outputs, Settings};
+use crate::plant::pace::TooFast;
 use crate::vehicle::Vehicle;
 
 include!(concat!(env!("OUT_DIR"), "/ClutchController.rs"));
@@ -46,8 +47,9 @@ impl Model for ControllerModel {
         Ok(())
     }
 
-    fn tune(&mut self, values: &[f64]) {
+    fn tune(&mut self, values: &[f64]) -> Result<(), TooFast> {
         self.controller.set_settings(&settings(values));
+        Ok(())
     }
 
     #[inline]

@@ -215,7 +215,7 @@ impl Instance {
     pub fn do_step(&mut self, point: f64, h: f64) -> Result<Status, Refusal> {
         let end = self.check_step(point, h)?;
         if self.moving.tuned {
-            self.model.tune(&self.values);
+            self.model.tune(&self.values)?;
             self.moving.tuned = false;
         }
         let logs_events = self.log.wants(Category::Events) || self.log.wants(Category::Warning);

@@ -3,6 +3,7 @@
 use super::variables::{Description, Variable};
 use super::words::{Reader, Writer};
 use crate::effects::{PARAMETERS, Parameters};
+use crate::plant::pace::TooFast;
 use crate::vehicle::{NUMBERS, Vehicle};
 
 /// A model behind an FMU. `values` hold every variable in the order of the model description; a model reads inputs and parameters
@@ -20,7 +21,10 @@ pub trait Model: Send {
     }
 
     /// Takes tunable parameters that were changed.
-    fn tune(&mut self, values: &[f64]);
+    ///
+    /// # Errors
+    /// Parameters that make no plant; those before stay.
+    fn tune(&mut self, values: &[f64]) -> Result<(), TooFast>;
 
     /// Advances by `h` seconds with the inputs held, and writes the outputs. Bit k of `doubts` says that the last value offered for
     /// the k-th variable was refused, so that an older one stands there.
@@ -47,9 +51,21 @@ pub struct Event {
     pub warning: bool,
 }
 
-/// A model by its GUID.
+/// Length of a GUID.
+const GUID_LENGTH: usize = 36;
+
+/// Characters of a GUID that name the model and its interface. The twelve after them tell FMUs with other start values apart, so that no
+/// importer takes one for the other; the library serves them all.
+pub const GUID_OF_INTERFACE: usize = 24;
+
+/// A model by the GUID of one of its FMUs.
 pub fn find(guid: &str) -> Option<&'static Registered> {
-    MODELS.iter().find(|model| model.description.guid == guid)
+    let tail = guid.as_bytes().get(GUID_OF_INTERFACE..)?;
+    if guid.len() != GUID_LENGTH || !tail.iter().all(|c| matches!(c, b'0'..=b'9' | b'a'..=b'f')) {
+        return None;
+    }
+    let (interface, _) = guid.as_bytes().split_at(GUID_OF_INTERFACE);
+    MODELS.iter().find(|model| model.description.guid.as_bytes().starts_with(interface))
 }
 
 /// A model that this library holds.

@@ -8,6 +8,7 @@ use crate::physics::lag::LagState;
 use crate::physics::phase::Phase;
 use crate::plant::clutch::Branch;
 use crate::plant::history::CAPACITY;
+use crate::plant::pace::TooFast;
 use crate::plant::{Inputs, Plant, Start, State};
 use crate::vehicle::Vehicle;
 
@@ -43,6 +44,7 @@ impl Model for PlantModel {
         };
         self.vehicle = vehicle;
         self.plant = Plant::new(&vehicle, &parameters(values), &start, &inputs(values));
+        self.plant.config().pace.check().map_err(|e| e.to_string())?;
         self.publish(values);
         Ok(())
     }
@@ -52,8 +54,8 @@ impl Model for PlantModel {
         (shafts && value != 0.0 && value < LEAST_COMPLIANCE).then_some("is neither 0 (rigid shafts) nor at least 1e-6")
     }
 
-    fn tune(&mut self, values: &[f64]) {
-        self.plant.set_effects(&self.vehicle, &parameters(values));
+    fn tune(&mut self, values: &[f64]) -> Result<(), TooFast> {
+        self.plant.set_effects(&self.vehicle, &parameters(values))
     }
 
     #[inline]

@@ -3,6 +3,7 @@
 use super::call::CallState;
 use super::types::Status;
 use super::variables::{Causality, Variable};
+use crate::plant::pace::TooFast;
 use std::fmt;
 
 /// Why a call was refused; the message is what the importer's log shows.
@@ -35,10 +36,12 @@ pub enum Refusal {
     CommunicationPoint(f64, f64),
     #[error("the step to {0} s passes stopTime = {1} s; the step was not made")]
     BeyondStop(f64, f64),
-    #[error("{} = {} after the step is no number: the parameters make no plant; reset, or set a saved state", .0.name, .1)]
+    #[error("{} = {} after the step is no number: with these parameters and inputs the plant runs away; reset, or set a saved state", .0.name, .1)]
     Diverged(&'static Variable, f64),
     #[error("parameters contradict each other: {0}")]
     Parameters(String),
+    #[error("{0}; the step was not made, set other values")]
+    TooFast(#[from] TooFast),
     #[error("the FMU state is damaged: {0}")]
     DamagedState(&'static str),
     #[error("log category \"{0}\" is unknown; see LogCategories in modelDescription.xml")]

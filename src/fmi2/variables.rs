@@ -58,7 +58,7 @@ pub struct Variable {
 pub struct Description {
     /// Name of the model.
     pub name: &'static str,
-    /// GUID: a hash of the XML.
+    /// GUID: a hash of the XML; FMUs with other start values have another tail, see [`super::model::find`].
     pub guid: &'static str,
     /// All variables, in the order of the XML.
     pub variables: &'static [Variable],

@@ -2,14 +2,23 @@
 
 use super::Model;
 use crate::effects::{PARAMETERS, Parameters};
+use crate::fmi2::model::GUID_OF_INTERFACE;
 use crate::vehicle::{NUMBERS, Vehicle};
+use sha2::{Digest, Sha256};
 
 /// The text with GUID and version filled in, and the vehicle's numbers as start values.
 pub fn complete(model: &Model, vehicle: &Vehicle, effects: &Parameters) -> String {
-    let filled = model.xml.replace("@GUID@", model.description.guid).replace("@VERSION@", env!("CARGO_PKG_VERSION"));
+    let filled = model.xml.replace("@VERSION@", env!("CARGO_PKG_VERSION"));
     let mut text: String = filled.lines().map(|line| with_start(line, vehicle, effects) + "\n").collect();
     text.truncate(text.trim_end().len());
-    text + "\n"
+    text.replace("@GUID@", &guid(model, &text)) + "\n"
+}
+
+/// The GUID of an FMU with this text: the interface's, and in its last twelve digits a hash of all start values.
+fn guid(model: &Model, text: &str) -> String {
+    let digest = Sha256::digest(text.as_bytes());
+    let tail: String = digest.iter().take(6).map(|byte| format!("{byte:02x}")).collect();
+    format!("{}{tail}", &model.description.guid[..GUID_OF_INTERFACE])
 }
 
 /// The line of a vehicle's number or of an effect's parameter with its start value; any other line as it is.
@@ -48,7 +57,14 @@ mod tests {
                 attribute(line, "start").unwrap().parse::<f64>().unwrap()
             };
             assert_eq!((start("friction.m_2"), start("driveline.J_c")), (-1.25e-7, 0.75));
-            assert!(!xml.contains('@') && xml.contains(model.description.guid));
+            assert!(!xml.contains('@') && xml.contains(&model.description.guid[..GUID_OF_INTERFACE]));
+            // The library serves this FMU, and it is told from the paper's car.
+            let guid = |xml: &str| xml.lines().find_map(|l| attribute(l, "guid").map(str::to_owned)).unwrap();
+            let of_paper = guid(&complete(model, &Vehicle::paper(), &crate::effects::null()));
+            assert_ne!(guid(&xml), of_paper);
+            for each in [guid(&xml), of_paper] {
+                assert_eq!(crate::fmi2::model::find(&each).unwrap().description.name, model.description.name);
+            }
             // The paper's car is what the source holds: nothing but GUID and version changes.
             let same = complete(model, &Vehicle::paper(), &crate::effects::null());
             let changed = same.lines().zip(model.xml.lines()).filter(|(a, b)| a != b && !b.contains('@'));

@@ -38,7 +38,7 @@ pub fn page(model: &Model, xml: &str) -> String {
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{name}</title><style>{STYLE}</style></head><body>\n\
          <h1>{name}</h1>\n<p>Version {}, GUID <code>{}</code></p>\n{summary}\n{COMMON}\n<h2>Variables</h2>\n",
         env!("CARGO_PKG_VERSION"),
-        model.description.guid
+        xml.lines().find_map(|line| attribute(line, "guid")).unwrap_or_default()
     );
     for (title, wanted) in [("Inputs", "input"), ("Outputs", "output"), ("Parameters", "parameter")] {
         section(&mut text, title, wanted, model, xml);

@@ -10,6 +10,9 @@ pub const MODEL_IDENTIFIER: &str = "kisspoint";
 /// Environment variable that names a library.
 pub const VARIABLE: &str = "KISSPOINT_LIBRARY";
 
+/// Folders of the platforms that libraries can be built for.
+pub const PLATFORMS: [&str; 3] = ["linux64", "win64", "aarch64-linux"];
+
 /// A shared library, read.
 #[derive(Clone, Debug)]
 pub struct Library {
@@ -116,6 +119,7 @@ mod tests {
         dll[0x3c] = 0x80;
         dll[0x80..0x86].copy_from_slice(b"PE\0\0\x64\x86");
         assert_eq!(platform(&dll), Ok("win64"));
+        assert!([&elf, &dll].iter().all(|bytes| PLATFORMS.contains(&platform(bytes).unwrap())));
         assert!(platform(b"MZ").is_err() && platform(b"").is_err() && platform(b"\x7fELF\x02\x01").is_err());
     }
 }

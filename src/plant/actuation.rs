@@ -75,9 +75,22 @@ pub fn advance(config: &Config, state: &State, x_cmd: f64, h: f64) -> Chain {
     } else {
         LagState { value: limited, rate: 0.0 }
     };
-    let reach = 0.5 * c.play;
-    let bearing = if c.play > 0.0 { state.bearing.clamp(lagged.value - reach, lagged.value + reach) } else { lagged.value };
+    let bearing = if c.play > 0.0 { drag_along(state.bearing, lagged.value, 0.5 * c.play) } else { lagged.value };
     Chain { engine, limited, lagged, bearing }
+}
+
+/// What moves along once it is further than `reach` from `leader`. Unlike `clamp`, this passes on what is no number instead of panicking:
+/// an absurd saved state may overflow, and the step then says so.
+#[inline]
+fn drag_along(follower: f64, leader: f64, reach: f64) -> f64 {
+    let (low, high) = (leader - reach, leader + reach);
+    if follower > high {
+        high
+    } else if follower >= low {
+        follower
+    } else {
+        low
+    }
 }
 
 #[inline]

@@ -1,5 +1,6 @@
 //! Vehicle and effects compiled for the step: constants, and short lists of the effects that act in it.
 
+use super::pace::Pace;
 use crate::effects::{Act, Constants, Parameters, REGISTRY};
 use crate::physics::cushion;
 use crate::vehicle::Vehicle;
@@ -37,6 +38,8 @@ pub struct Config {
     pub constants: Constants,
     /// True contact point of the cushion spring.
     pub xi_0: f64,
+    /// How fast the plant is.
+    pub pace: Pace,
     /// See [`Act::Contact`].
     pub contact: List<fn(&Parameters, f64, &mut crate::physics::map::Contact)>,
     /// See [`Act::Force`].
@@ -67,6 +70,7 @@ impl Config {
             parameters: *parameters,
             constants: Constants::nominal(vehicle),
             xi_0: cushion::contact_point(&vehicle.cushion_spring),
+            pace: Pace::STILL,
             contact: List::new(),
             force: List::new(),
             friction: List::new(),
@@ -87,6 +91,7 @@ impl Config {
                 Act::Load(apply) => config.load.push(apply),
             }
         }
+        config.pace = Pace::of(&config);
         config
     }
 

@@ -28,14 +28,12 @@ pub const EVENTS_PER_SUBSTEP: usize = 8;
 /// Pieces, ended by contact or by an event, that one substep is cut into.
 pub const PIECES_PER_SUBSTEP: usize = 64;
 
+/// Inner iterations of one substep, at most: each piece may look for contact and is then integrated, each switch is looked for, and
+/// what is left is integrated at once.
+pub const ITERATIONS_PER_SUBSTEP: usize = PIECES_PER_SUBSTEP * (LOCATE_ITERATIONS + 1) + EVENTS_PER_SUBSTEP * LOCATE_ITERATIONS + 1;
+
 /// Relative length under which what remains of a step is rounding.
 const SLIVER: f64 = 1e-9;
-
-/// The shafts' fastest oscillation turns by at most this angle in a substep, rad.
-const TURN_PER_SUBSTEP: f64 = 0.5;
-
-/// Shortest substep that the shafts can ask for, s: it bounds the work of a step.
-const SHORTEST_SUBSTEP: f64 = 2e-5;
 
 /// State before the chain is put to rest and the phase is found.
 pub fn initial(start: &Start, inputs: &Inputs) -> State {
@@ -124,8 +122,8 @@ pub fn step(plant: &mut Plant, inputs: &Inputs, h: f64) {
         plant.command.push(start, inputs.x_to);
     }
     plant.state.inputs = *inputs;
-    let longest = longest_substep(&plant.config, plant.max_substep);
-    let count = (h / longest * (1.0 - SLIVER)).ceil().max(1.0);
+    plant.iterations = 0;
+    let count = substeps(plant, h);
     for k in 1..=count as u64 {
         let until = if k as f64 == count { end } else { start + h * (k as f64 / count) };
         substep(plant, until, delayed);
@@ -133,16 +131,10 @@ pub fn step(plant: &mut Plant, inputs: &Inputs, h: f64) {
     }
 }
 
-/// Shafts that oscillate fast ask for shorter substeps.
-fn longest_substep(config: &Config, most: f64) -> f64 {
-    if !config.compliant() {
-        return most;
-    }
-    let disc = config.disc_inertia();
-    let c = &config.constants;
-    let inertia = disc * (c.driveline.J_c - disc) / c.driveline.J_c;
-    let turn = (1.0 / (c.compliance * inertia)).sqrt().max(c.shaft_damping / inertia);
-    most.min((TURN_PER_SUBSTEP / turn).max(SHORTEST_SUBSTEP))
+/// Substeps that a step of `h` seconds takes.
+pub fn substeps(plant: &Plant, h: f64) -> f64 {
+    let longest = plant.config.pace.longest_substep(plant.max_substep);
+    (h / longest * (1.0 - SLIVER)).ceil().max(1.0)
 }
 
 fn record_sensed(plant: &mut Plant) {
@@ -159,25 +151,27 @@ fn record_sensed(plant: &mut Plant) {
 fn substep(plant: &mut Plant, until: f64, delayed: bool) {
     let (mut switches, mut pieces) = (0, 0);
     loop {
-        let (config, state) = (&plant.config, &mut plant.state);
+        let (config, state, iterations) = (&plant.config, &mut plant.state, &mut plant.iterations);
         let mut h = until - state.time;
         if h <= SLIVER * plant.max_substep {
             state.time = until;
             return;
         }
+        let last = pieces == PIECES_PER_SUBSTEP;
         let mut x_cmd = state.inputs.x_to;
         if delayed {
             let lag = config.constants.command_delay;
             x_cmd = plant.command.held(state.time - lag);
-            if let Some(event) = plant.command.next_event(state.time - lag) {
+            if let Some(event) = plant.command.next_event(state.time - lag).filter(|_| !last) {
                 h = h.min((event + lag - state.time).max(SLIVER * plant.max_substep));
             }
         }
         pieces += 1;
-        if switches < EVENTS_PER_SUBSTEP && pieces <= PIECES_PER_SUBSTEP {
-            h = until_contact(config, state, x_cmd, h);
-            switches += usize::from(smooth_piece(config, state, x_cmd, h));
+        if switches < EVENTS_PER_SUBSTEP && !last {
+            h = until_contact(config, state, x_cmd, h, iterations);
+            switches += usize::from(smooth_piece(config, state, x_cmd, h, iterations));
         } else {
+            *iterations += 1;
             let setting = setting(config, state, x_cmd, h);
             let (y, chain) = integrate(config, state, &setting, x_cmd, h);
             accept(config, state, y, &chain, h);
@@ -186,7 +180,7 @@ fn substep(plant: &mut Plant, until: f64, delayed: bool) {
 }
 
 /// Shortens `h` to the moment at which a moving bearing makes or breaks contact.
-fn until_contact(config: &Config, state: &State, x_cmd: f64, h: f64) -> f64 {
+fn until_contact(config: &Config, state: &State, x_cmd: f64, h: f64, iterations: &mut u64) -> f64 {
     if actuation::immediate(config) {
         return h;
     }
@@ -202,6 +196,7 @@ fn until_contact(config: &Config, state: &State, x_cmd: f64, h: f64) -> f64 {
         return h;
     }
     let (mut low, mut high) = (0.0, h);
+    *iterations += LOCATE_ITERATIONS as u64;
     for _ in 0..LOCATE_ITERATIONS {
         let middle = 0.5 * (low + high);
         if touches(actuation::advance(config, state, x_cmd, middle).drive().x) == before { low = middle } else { high = middle }
@@ -241,7 +236,8 @@ fn accept(config: &Config, state: &mut State, y: Motion, chain: &Chain, h: f64) 
 }
 
 /// Integrates over `h`, or up to the first switch inside it; true if it ended in a switch.
-fn smooth_piece(config: &Config, state: &mut State, x_cmd: f64, h: f64) -> bool {
+fn smooth_piece(config: &Config, state: &mut State, x_cmd: f64, h: f64, iterations: &mut u64) -> bool {
+    *iterations += 1;
     if state.stuck && overload(config, state, &state.y, &actuation::advance(config, state, x_cmd, 0.0)) > 0.0 {
         actuation::advance(config, state, x_cmd, 0.0).store(state);
         break_away(config, state);
@@ -262,6 +258,7 @@ fn smooth_piece(config: &Config, state: &mut State, x_cmd: f64, h: f64) -> bool 
     let mut found = (y, chain);
     for _ in 0..LOCATE_ITERATIONS {
         let Some(middle) = bracket.next() else { break };
+        *iterations += 1;
         let trial = integrate(config, state, &setting, x_cmd, middle);
         let value = passed(&trial.0, &trial.1);
         if bracket.narrow(middle, value) {

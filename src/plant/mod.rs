@@ -9,6 +9,7 @@
 //! - [`actuation`]: from commands to engine torque and bearing position, solved exactly
 //! - [`motion`]: the balances as rates of the state, and the Runge–Kutta step
 //! - [`events`]: the stick-slip state machine
+//! - [`pace`]: how long a substep may be
 //! - [`history`]: delay lines
 
 pub mod actuation;
@@ -17,6 +18,7 @@ pub mod config;
 pub mod events;
 pub mod history;
 pub mod motion;
+pub mod pace;
 pub mod saved;
 
 use crate::effects::Parameters;
@@ -26,6 +28,7 @@ use crate::vehicle::Vehicle;
 use config::Config;
 use history::History;
 use motion::{Motion, index};
+use pace::TooFast;
 
 /// Substep of the plant unless set otherwise, s.
 pub const MAX_SUBSTEP: f64 = 1e-3;
@@ -126,6 +129,7 @@ pub struct Plant {
     sensed_f: History,
     sensed_c: History,
     max_substep: f64,
+    iterations: u64,
 }
 
 impl Plant {
@@ -138,6 +142,7 @@ impl Plant {
             sensed_f: History::new(),
             sensed_c: History::new(),
             max_substep: MAX_SUBSTEP,
+            iterations: 0,
         };
         plant.restart(start, inputs);
         plant
@@ -166,12 +171,17 @@ impl Plant {
     }
 
     /// Sets all effect parameters, also while running: states are kept, so nothing jumps where physics has no jump.
-    pub fn set_effects(&mut self, vehicle: &Vehicle, effects: &Parameters) {
+    ///
+    /// # Errors
+    /// A plant that is too fast to be followed; then the effects that were set before stay.
+    pub fn set_effects(&mut self, vehicle: &Vehicle, effects: &Parameters) -> Result<(), TooFast> {
         let config = Config::new(vehicle, effects);
+        config.pace.check()?;
         actuation::carry_over(&self.config, &config, &mut self.state);
         self.config = config;
         let held = self.state.inputs.x_to;
         self.start_delay_lines(held);
+        Ok(())
     }
 
     /// A delay line begins with the value that its signal has now, and ends with its delay.
@@ -194,6 +204,16 @@ impl Plant {
     /// Advances by `h` seconds with the inputs held.
     pub fn step(&mut self, inputs: &Inputs, h: f64) {
         events::step(self, inputs, h);
+    }
+
+    /// Inner iterations of the last step: pieces integrated, and looks for a contact or a switch of stick and slip.
+    pub fn iterations(&self) -> u64 {
+        self.iterations
+    }
+
+    /// Inner iterations that a step of `h` seconds takes at most: the bound that a real-time bench relies on.
+    pub fn most_iterations(&self, h: f64) -> u64 {
+        events::substeps(self, h) as u64 * events::ITERATIONS_PER_SUBSTEP as u64
     }
 
     /// Moves the speeds by `omega_f`, `omega_c` rad/s: the correction of an observer. A stuck clutch stays stuck and takes

@@ -68,8 +68,9 @@ fn shaft_torque(config: &Config, y: &Motion) -> f64 {
     y[TWIST] / config.constants.compliance + config.constants.shaft_damping * (y[OMEGA_C] - y[OMEGA_V])
 }
 
+/// Torque in N·m that damping and load put up against the vehicle at `omega` rad/s.
 #[inline]
-fn vehicle_resistance(config: &Config, omega: f64, t_load: f64) -> f64 {
+pub fn vehicle_resistance(config: &Config, omega: f64, t_load: f64) -> f64 {
     let added: f64 = config.load.iter().map(|effect| effect(&config.parameters, &config.vehicle, omega)).sum();
     driveline::resistance(&config.constants.driveline, omega, t_load + added)
 }

@@ -148,7 +148,7 @@ static int load(const char *path, void **handle) {
 
 static void instantiation(void) {
     Callbacks other = callbacks;
-    char longer[64], wrong[64];
+    char longer[64], wrong[64], other_model[64];
     snprintf(longer, sizeof longer, "%s0", guid), snprintf(wrong, sizeof wrong, "{%s}", guid);
     CHECK("platform", !strcmp(GetTypesPlatform(), "default"));
     CHECK("version", !strcmp(GetVersion(), "2.0"));
@@ -159,6 +159,12 @@ static void instantiation(void) {
     n = lines;
     CHECK("GUID NULL", !Instantiate("x", 1, NULL, NULL, &callbacks, 0, 0) && lines > n);
     CHECK("GUID wrong", !Instantiate("x", 1, "no", NULL, &callbacks, 0, 0) && strstr(last, guid));
+    snprintf(other_model, sizeof other_model, "%s", guid), other_model[0] = guid[0] == '0' ? '1' : '0';
+    CHECK("GUID of another interface", !Instantiate("x", 1, other_model, NULL, &callbacks, 0, 0));
+    snprintf(other_model, sizeof other_model, "%s", guid), other_model[35] = 'g';
+    CHECK("GUID with a tail that is none", !Instantiate("x", 1, other_model, NULL, &callbacks, 0, 0));
+    other_model[35] = 0;
+    CHECK("GUID cut short", !Instantiate("x", 1, other_model, NULL, &callbacks, 0, 0));
     CHECK("GUID longer", !Instantiate("x", 1, longer, NULL, &callbacks, 0, 0));
     CHECK("GUID in braces", !Instantiate("x", 1, wrong, NULL, &callbacks, 0, 0));
     CHECK("GUID not UTF-8", !Instantiate("x", 1, "\xff\xfe", NULL, &callbacks, 0, 0));

@@ -93,6 +93,28 @@ def test_engage_may_drop_and_return(plant, controller):
     p.free(), c.free()
 
 
+@pytest.mark.parametrize("what, fault", [("freezes", 4), ("drops to 0", 3), ("arrives late", 1)])
+def test_wires_that_fail_are_survived_and_reported(plant, controller, what, fault):
+    """For half a second the controller is told old values, none, or those of 30 ms ago: it opens or goes on, says so, and recovers."""
+    p, c = plant.instance(), controller.instance()
+    couple(p, c, [1e-3] * 600)
+    names = ("omega_f", "omega_c", "T_e")
+    past, faults = [p.get(*names)], set()
+    for _ in range(500):
+        told = {"freezes": past[0], "drops to 0": [0.0] * 3, "arrives late": past[-30:][0]}[what]
+        c.set(**dict(zip(names, told)))
+        c.step(1e-3)
+        p.set(**dict(zip(("x_to", "T_e_ref"), c.get("x_to", "T_e_ref"))))
+        p.step(1e-3)
+        past.append(p.get(*names))
+        faults.add(c.get("fault"))
+        assert 40.0 < p.get("omega_f") < 250.0
+    assert fault in faults
+    couple(p, c, [1e-3] * 3500)
+    assert c.get("fault") == 1 and p.get("phase") == LOCKED
+    p.free(), c.free()
+
+
 def test_an_input_that_turns_nan_is_bridged_and_then_opens(plant, controller):
     """A refused value counts as no measurement: the controller reports it, opens, and recovers."""
     from fmpy.fmi1 import FMICallException

@@ -44,6 +44,9 @@ def test_units_are_defined_and_right(fmus, model):
         real = variable.find("Real")
         unit = real.get("unit") or types[real.get("declaredType")].get("unit")
         assert unit in bases, variable.get("name")
+        assert float(real.get("nominal")) > 0, variable.get("name")
+        shown = real.get("displayUnit") or (types[real.get("declaredType")].get("displayUnit") if real.get("declaredType") else None)
+        assert shown is None or (unit, shown) in display, variable.get("name")
 
 
 def test_connected_variables_have_the_same_unit(plant, controller):
@@ -112,6 +115,9 @@ def test_a_vehicle_gives_its_numbers_as_start_values(kisspoint, fmus, tmp_path):
     kisspoint("fmu", "--out", tmp_path, "--vehicle", file)
     model = Model(tmp_path / "DrivelinePlant.fmu")
     assert float(model.variables["driveline.J_c"].start) == 0.75
+    # An importer that keeps FMUs by their GUID must not take one car for the other.
+    paper = Model(fmus["DrivelinePlant"])
+    assert model.description.guid != paper.description.guid and model.description.guid[:24] == paper.description.guid[:24]
     instance = model.instance()
     assert instance.get("driveline.J_c", "friction.m_0") == [0.75, 0.2]
     instance.free()
@@ -119,6 +125,11 @@ def test_a_vehicle_gives_its_numbers_as_start_values(kisspoint, fmus, tmp_path):
     instance = model.instance(driveline__J_c=0.6)
     assert instance.get("driveline.J_c", "friction.m_0") == [0.6, 0.2]
     instance.free()
+
+
+def test_platforms_that_are_missing_are_named(kisspoint, tmp_path):
+    said = kisspoint("fmu", "--out", tmp_path).stdout
+    assert "binaries: linux64" in said and "win64" in said and "packaging/cross.sh" in said
 
 
 def test_a_wrong_library_is_refused_with_the_command_that_builds_it(kisspoint, tmp_path):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import fmpy
 import pytest
+from lxml import etree
 from master import couple
 
 PLANT = [("omega_f", 11), ("omega_c", 12), ("T_fc", 14), ("theta_c", 15), ("E_d", 18)]
@@ -69,3 +70,38 @@ def test_fmu_manipulation_toolbox_finds_no_error(fmus, model):
     said = subprocess.run([tool("fmutool"), "-input", str(fmus[model]), "-check"], capture_output=True, text=True)
     text = said.stdout + said.stderr
     assert said.returncode == 0 and "compliant with FMI-2.0" in text and "No semantic error" in text, text
+
+
+def test_fmpy_runs_launch_ssp(written, plant, controller, launch_sets):
+    """FMPy's master for SSP steps with 0 at every input at first, and takes parameters as one set; otherwise it is a Jacobi master."""
+    from types import SimpleNamespace
+
+    from fmpy.ssp.simulation import simulate_ssp
+
+    every = [(f"{who}.{name.replace('__', '.')}", value) for who, values in launch_sets.items() for name, value in values.items()]
+    parameters = SimpleNamespace(parameters=[SimpleNamespace(name=name, value=value) for name, value in every])
+    steps = round(END * 1000)
+    result = simulate_ssp(str(written / "launch.ssp"), stop_time=END - 5e-4, step_size=1e-3, parameter_set=parameters)
+    assert len(result) == steps
+    p, c = plant.instance(**launch_sets["plant"]), controller.instance(**launch_sets["controller"])
+    p.set(x_to=0.0, T_e_ref=0.0), c.set(omega_f=0.0, omega_c=0.0, T_e=0.0)
+    p.step(1e-3), c.step(1e-3)
+    couple(p, c, [1e-3] * (steps - 1), "jacobi")
+    found = [result[f"plant.{name}"][-1] for name in ("omega_f", "omega_c", "T_e")]
+    assert found == pytest.approx(p.get("omega_f", "omega_c", "T_e"), rel=1e-9)
+    p.free(), c.free()
+
+
+SCHEMAS = {
+    "SystemStructure.ssd": "SystemStructureDescription",
+    "resources/plant.ssv": "SystemStructureParameterValues",
+    "resources/controller.ssv": "SystemStructureParameterValues",
+}
+
+
+@pytest.mark.parametrize("name", SCHEMAS)
+def test_launch_ssp_follows_the_schema_of_ssp_1_0(written, name):
+    """By the XSD that FMPy brings along."""
+    schema = Path(fmpy.__file__).parent / "ssp" / "schema" / f"{SCHEMAS[name]}.xsd"
+    document = etree.fromstring(zipfile.ZipFile(written / "launch.ssp").read(name))
+    etree.XMLSchema(etree.parse(str(schema))).assertValid(document)

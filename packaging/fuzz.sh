@@ -1,0 +1,39 @@
+#!/usr/bin/env bash
+# Fuzzes what comes from outside: sequences of FMI calls, serialized states, vehicle files, recordings.
+#
+#   packaging/fuzz.sh [SECONDS] [TARGET…]      15 s each of calls, states, vehicles and recordings unless said otherwise
+#
+# Begins with the seeds of fuzz/seeds and keeps what it finds under target/fuzz-corpus. Exits with 1 at the first input that breaks a promise and
+# says where it is kept. A stable Rust will do: RUSTC_BOOTSTRAP lends what cargo-fuzz asks of a nightly.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+seconds=${1:-15}
+shift || true
+(($#)) || set -- calls states vehicles recordings
+target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
+tools=$target/tools
+export RUSTC_BOOTSTRAP=1 CARGO_TARGET_DIR=$target/fuzz PATH=$tools/bin:$PATH
+
+if ! command -v cargo-fuzz >/dev/null; then
+    CARGO_TARGET_DIR=$target/tools/build cargo install --quiet --locked --root "$tools" cargo-fuzz@0.13.1
+fi
+# Without its runtime (a distribution's Rust may lack it) the sanitizer is left out; broken promises are still found.
+sanitizer=address
+compgen -G "$(rustc --print sysroot)/lib/rustlib/*/lib/librustc*_rt.asan.a" >/dev/null || sanitizer=none
+
+for name in "$@"; do
+    seeds=(fuzz/seeds/"$name")
+    [[ $name == recordings ]] && seeds+=(tests/data/campaign/measurements tests/data/campaign/seed)
+    found=$target/fuzz-corpus/$name
+    mkdir -p "$found"
+    log=$found.log
+    if cargo fuzz run --fuzz-dir fuzz -D -s "$sanitizer" "$name" "$found" "${seeds[@]}" -- \
+        -max_total_time="$seconds" -timeout=10 -rss_limit_mb=2048 -artifact_prefix="$found-" >"$log" 2>&1; then
+        echo "$name: $(grep -oE 'Done [0-9]+ runs in [0-9]+ second' "$log")s, sanitizer $sanitizer"
+    else
+        tail -40 "$log" >&2
+        echo "fuzz.sh: $name failed; the input is beside $found, the log is $log" >&2
+        exit 1
+    fi
+done

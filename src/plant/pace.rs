@@ -1,0 +1,163 @@
+//! How long a substep may be, and which plants are too fast to be followed.
+//!
+//! A Runge–Kutta step of fourth order is stable while λ h < 2.8, λ the fastest rate of the plant. λ is bounded by the sum of the rates
+//! at which each part would settle alone (the trace of the balances), with the slopes of friction and load taken by differences where
+//! they are steepest. For a car it is some hundred per second, and a substep is as long as is asked for; a small inertia behind
+//! stiff friction shortens it, and so do the shafts. A fit that asks for more than [`MAX_SUBSTEP`] answers for friction itself.
+//! [`SHORTEST_SUBSTEP`] bounds the work of a step; what would be unstable even then is [`TooFast`].
+
+use super::MAX_SUBSTEP;
+use super::clutch::{self, Branch};
+use super::config::Config;
+use super::motion::{self, Motion, index};
+
+/// Shortest substep that a plant can ask for, s: it bounds the work of a step.
+pub const SHORTEST_SUBSTEP: f64 = 2e-5;
+
+/// The shafts' rate times substep, at most: their oscillation is followed, not only survived.
+const TURN_PER_SUBSTEP: f64 = 0.5;
+
+/// Fastest rate times substep, at most.
+const STABLE: f64 = 2.5;
+
+/// Rates of a plant, 1/s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pace {
+    /// Flywheel, disc, vehicle behind the shafts, twist of the shafts; the latter two are 0 while the shafts are rigid.
+    motion: [f64; 4],
+    /// Disc, body.
+    heat: [f64; 2],
+}
+
+/// What the rates are of, and what makes them fast.
+const PARTS: [(&str, &str); 6] = [
+    ("the flywheel", "driveline.J_f is small for driveline.b_f and the friction's slope over slip"),
+    ("the disc", "driveline.J_c is small for its damping, its load's slope over speed and the friction's slope over slip"),
+    ("the vehicle behind the shafts", "driveline.J_c is small for its damping, its load's slope over speed and the shafts' damping"),
+    ("the twist of the shafts", "driveline.J_c is small for the shafts' compliance"),
+    ("the heat of the disc", "thermal.C_1 is small for thermal.gamma_1 and thermal.gamma_2"),
+    ("the heat of the body", "thermal.C_b is small for thermal.gamma_1 and thermal.gamma_2"),
+];
+
+/// A plant with a part that is faster than the shortest substep can follow.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{part} settles within {time:.1e} s, which the plant's shortest substep of {SHORTEST_SUBSTEP} s cannot follow: {reason}")]
+pub struct TooFast {
+    /// Part of the plant.
+    pub part: &'static str,
+    /// Its time constant, s.
+    pub time: f64,
+    /// Numbers that make it fast.
+    pub reason: &'static str,
+}
+
+impl Pace {
+    /// Of a plant that does not move.
+    pub const STILL: Self = Self { motion: [0.0; 4], heat: [0.0; 2] };
+
+    /// Rates of a plant; the slopes are those of a closed clutch, cold and warm, from standstill to top speed.
+    pub fn of(config: &Config) -> Self {
+        let c = &config.constants;
+        let (slip, load) = (steepest_friction(config), steepest_load(config));
+        let disc = config.disc_inertia();
+        let (behind, shafts, vehicle) = if config.compliant() {
+            let beyond = c.driveline.J_c - disc;
+            let reduced = disc * beyond / c.driveline.J_c;
+            let shafts = (1.0 / (c.compliance * reduced)).sqrt().max(c.shaft_damping / reduced);
+            (c.shaft_damping, shafts, (c.shaft_damping + load) / beyond)
+        } else {
+            (load, 0.0, 0.0)
+        };
+        let t = &c.thermal;
+        Self {
+            motion: [(c.driveline.b_f + slip) / c.driveline.J_f, (behind + slip) / disc, vehicle, shafts],
+            heat: [t.gamma_1.max(t.gamma_2) / t.C_1, (t.gamma_1 + 2.0 * t.gamma_2) / t.C_b],
+        }
+    }
+
+    /// Bound of the fastest rate, 1/s.
+    #[inline]
+    fn fastest(&self) -> f64 {
+        self.motion.iter().sum::<f64>().max(self.heat.iter().sum())
+    }
+
+    /// Longest substep, s, where `most` is asked for.
+    #[inline]
+    pub fn longest_substep(&self, most: f64) -> f64 {
+        let shafts = self.motion[3];
+        let turning = if shafts > 0.0 { TURN_PER_SUBSTEP / shafts } else { f64::MAX };
+        let stable = STABLE / self.fastest();
+        let longest = if stable < MAX_SUBSTEP { turning.min(stable) } else { turning };
+        most.min(longest.max(SHORTEST_SUBSTEP))
+    }
+
+    /// Whether the shortest substep is short enough.
+    ///
+    /// # Errors
+    /// The fastest part, if it is not.
+    pub fn check(&self) -> Result<(), TooFast> {
+        let rate = self.fastest();
+        if rate * SHORTEST_SUBSTEP <= STABLE {
+            return Ok(());
+        }
+        let all = self.motion.iter().chain(&self.heat).zip(PARTS);
+        let (_, (part, reason)) = all.fold((&0.0, PARTS[0]), |most, one| if one.0 > most.0 { one } else { most });
+        Err(TooFast { part, time: 1.0 / rate, reason })
+    }
+}
+
+/// Greatest slope of the clutch torque over slip, N·m·s/rad.
+fn steepest_friction(config: &Config) -> f64 {
+    const SLIPS: [f64; 5] = [0.0, 0.5, 3.0, 20.0, 150.0];
+    const TEMPERATURES: [f64; 2] = [25.0, 200.0];
+    let mut most = 0.0_f64;
+    for theta in TEMPERATURES {
+        let mut y: Motion = [0.0; motion::N];
+        y[index::THETA_C] = theta;
+        let closed = crate::physics::map::contact(&config.vehicle.actuator, theta).x_cls;
+        let torque = |slip| clutch::slipping(config, closed, Branch { x: closed, z: 1.0 }, 1.0, slip, &y).total();
+        for slip in SLIPS {
+            let step = 0.01 + 0.01 * slip;
+            most = most.max(((torque(slip + step) - torque(slip)) / step).abs());
+        }
+    }
+    most
+}
+
+/// Greatest slope of damping and load over speed, N·m·s/rad.
+fn steepest_load(config: &Config) -> f64 {
+    const SPEEDS: [f64; 4] = [0.0, 1.0, 300.0, 2000.0];
+    let resistance = |speed| motion::vehicle_resistance(config, speed, 0.0);
+    SPEEDS.iter().fold(0.0, |most, speed| {
+        let step = 1e-3 * (1.0 + speed);
+        most.max(((resistance(speed + step) - resistance(*speed)) / step).abs())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::{self, param};
+    use crate::vehicle::Vehicle;
+
+    #[test]
+    fn a_car_takes_the_substep_asked_for() {
+        let config = Config::new(&Vehicle::paper(), &effects::null());
+        assert_eq!(config.pace.longest_substep(1e-2), 1e-2);
+        assert_eq!(config.pace.check(), Ok(()));
+    }
+
+    #[test]
+    fn fast_shafts_shorten_it_and_the_impossible_is_named() {
+        let (mut vehicle, mut effects) = (Vehicle::paper(), effects::null());
+        effects[param::driveline_compliance::compliance] = 1e-4;
+        let pace = Config::new(&vehicle, &effects).pace;
+        // 1/√(1e-4 · 0.0578 · 0.9) = 438 rad/s.
+        assert!((pace.longest_substep(5e-3) - 0.5 / 438.0).abs() < 1e-5 && pace.check().is_ok());
+        vehicle.driveline.J_c = 1e-3;
+        vehicle.driveline.T_L0 = 1000.0;
+        let refused = Config::new(&vehicle, &effects::null()).pace.check().unwrap_err();
+        assert_eq!(refused.part, "the disc");
+        assert!(refused.to_string().contains("driveline.J_c is small"), "{refused}");
+    }
+}
