@@ -228,7 +228,7 @@ fn confidence(f: &Findings) -> f64 {
         Verdict::NoGap => f.search.singles.iter().map(|h| (-(h.score() - chosen.score()).max(0.0) / 2.0 - 3.0).exp()).sum(),
         // How near what is left comes to where the verdict would turn.
         Verdict::Explained => 0.05 * (f.decision.left / HELPS).min(1.0),
-        _ => 0.2 * (STRUCTURED * f.search.samples as f64 / f.decision.chosen.fit.cost).min(1.0),
+        _ => 0.2 * (STRUCTURED * f.search.noise_cost / f.decision.chosen.fit.cost).min(1.0),
     };
     // Tolerances that had to be pulled far say that something else is not as believed.
     let pulled = (prior(&chosen.fit.point) - USUAL_PULL).max(0.0) / USUAL_PULL;

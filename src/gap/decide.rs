@@ -83,7 +83,7 @@ fn evidence(small: &Hypothesis, large: &Hypothesis) -> f64 {
 fn second_is_needed(search: &Search, single: &Hypothesis, pair: &Hypothesis) -> bool {
     let ((pulled_1, data_1), (pulled_2, data_2)) = (split(single), split(pair));
     let (freed, gained) = (pulled_1 - pulled_2, data_1 - data_2);
-    let structure = data_1 - data_2.min(search.samples as f64);
+    let structure = data_1 - data_2.min(search.noise_cost);
     let explained = search.base.fit.cost - single.fit.cost;
     let takes_the_rest = gained > SECOND_SHARE * structure && gained > TRIFLE * explained;
     // Setting free means that little pull is left, not that some of much is gone.
@@ -93,27 +93,10 @@ fn second_is_needed(search: &Search, single: &Hypothesis, pair: &Hypothesis) -> 
 
 /// Decides.
 pub fn decide(search: &Search) -> Decision {
-    let n = search.samples as f64;
+    let n = search.noise_cost;
     let base = &search.base;
     let excess = |h: &Hypothesis| (h.fit.cost - n).max(0.0);
     let mut chosen = base.clone();
-    if std::env::var("DEC").is_ok() {
-        for h in search.singles.iter().take(3).chain(search.pairs.iter().take(4)) {
-            let (p, d) = split(h);
-            eprintln!(
-                "  {:?} cost {:.1} prior {:.1} data {:.1} disp {:.2} ev(base) {:.1} ev(single) {:.1} need {}",
-                h.effects.iter().map(|e| crate::effects::REGISTRY[*e].id).collect::<Vec<_>>(),
-                h.fit.cost,
-                p,
-                d,
-                dispersion(&h.fit),
-                evidence(base, h),
-                evidence(&search.singles[0], h),
-                second_is_needed(search, &search.singles[0], h)
-            );
-        }
-        eprintln!("  base {:?} N {}", split(base), search.samples);
-    }
     if let Some(single) = search.singles.first().filter(|s| evidence(base, s) > FIRST_GAIN) {
         chosen = single.clone();
         if let Some(pair) = search.pairs.first().filter(|pair| second_is_needed(search, single, pair)) {

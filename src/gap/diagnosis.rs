@@ -136,7 +136,7 @@ fn look_again(native: &Problem, search: &mut Search) {
     let cost = |h: Option<&Hypothesis>| h.map_or(f64::NAN, |h| h.fit.cost);
     let (single, pair) = (cost(search.singles.first()), cost(search.pairs.first()));
     let least = [search.base.fit.cost, single, pair].into_iter().fold(f64::INFINITY, f64::min);
-    let structured = (STRUCTURED..LARGE_STRUCTURE).contains(&(least / search.samples as f64));
+    let structured = (STRUCTURED..LARGE_STRUCTURE).contains(&(least / search.noise_cost));
     if !structured && !BORDERLINE.contains(&(search.base.fit.cost - single)) && !BORDERLINE.contains(&(single - pair)) {
         return;
     }
@@ -149,7 +149,7 @@ fn look_again(native: &Problem, search: &mut Search) {
     search.base = again(&search.base);
     search.singles = best(&search.singles);
     search.pairs = best(&search.pairs);
-    search.samples = search.base.fit.residuals.iter().map(Vec::len).sum();
+    search.noise_cost = native.noise_cost();
 }
 
 /// Cost per residual above which structure is there at any rate.

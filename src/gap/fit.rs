@@ -58,14 +58,14 @@ impl Problem {
         (vehicle, effects)
     }
 
-    /// Residuals of recording `k`, in standard deviations of each channel's noise.
+    /// Residuals of recording `k`, in units of each channel's scale.
     pub fn residuals(&self, k: usize, point: &Point) -> Residuals {
         let (vehicle, effects) = self.plant_at(point);
         let series = &self.series[k];
         let predicted = predict(series, &vehicle, &effects, point.theta_shift[k], self.follow);
         let mut all = Vec::with_capacity(5 * series.len());
         for c in 0..5 {
-            let errors = series.measured[c].iter().zip(&predicted.value[c]).map(|(y, p)| (y - p) / series.noise[c]);
+            let errors = series.measured[c].iter().zip(&predicted.value[c]).map(|(y, p)| (y - p) / series.scale[c]);
             push_blocks(&mut all, errors, series.block);
         }
         all
@@ -74,6 +74,12 @@ impl Problem {
     /// Residuals of all recordings.
     pub fn all_residuals(&self, point: &Point) -> Vec<Residuals> {
         (0..self.series.len()).into_par_iter().map(|k| self.residuals(k, point)).collect()
+    }
+
+    /// Cost that noise alone is expected to have.
+    pub fn noise_cost(&self) -> f64 {
+        let of = |s: &Series, c: usize| (s.measured[c].len() / s.block) as f64 * (s.noise[c] / s.scale[c]).powi(2);
+        self.series.iter().map(|s| (0..5).map(|c| of(s, c)).sum::<f64>()).sum()
     }
 
     /// Cost of residuals and priors.

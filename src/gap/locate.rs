@@ -78,7 +78,7 @@ fn shares(search: &Search, decision: &Decision, unexplained_at: Option<Subsystem
         known.map_or(search.base.fit.cost, |h| h.fit.cost) - chosen.fit.cost
     };
     let of_effects = chosen.effects.iter().map(|&e| (REGISTRY[e].effect.subsystem, without(e)));
-    let left = (chosen.fit.cost - search.samples as f64).max(1.0);
+    let left = (chosen.fit.cost - search.noise_cost).max(1.0);
     let mut shares: Vec<(Subsystem, f64)> = Vec::new();
     for (subsystem, cost) in of_effects.chain(unexplained_at.map(|s| (s, left))) {
         match shares.iter_mut().find(|(s, _)| *s == subsystem) {

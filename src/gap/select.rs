@@ -40,8 +40,8 @@ pub struct Search {
     pub pairs: Vec<Hypothesis>,
     /// Every candidate of the screening for one effect, best first.
     pub screened: Vec<Candidate>,
-    /// Number of residuals.
-    pub samples: usize,
+    /// Cost that noise alone is expected to have.
+    pub noise_cost: f64,
 }
 
 /// Single effects that are fitted after the screening, for each anchor.
@@ -71,18 +71,18 @@ const DRAGGED: f64 = 1.6;
 pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Search {
     progress("tolerances", 0.0);
     let base = fit(problem, &[], &problem.nominal(), ITERATIONS + FIRST_ITERATIONS);
-    let samples = base.residuals.iter().map(Vec::len).sum();
+    let noise_cost = problem.noise_cost();
     progress("single effects", 0.1);
     let mut anchors = vec![Anchor::at(problem, &base, &[])];
     // A large gap has dragged the nuisances away from where the car is: the nominal car is then the better place to look from.
-    if base.cost > DRAGGED * samples as f64 {
+    if base.cost > DRAGGED * noise_cost {
         anchors.push(Anchor::new(problem, &problem.nominal(), &[], false));
     }
     let screened = screen(problem, &anchors, &[]);
     let mut singles = fit_all(problem, &[], worthwhile(&screened, SINGLES * anchors.len()));
     progress("pairs of effects", 0.5);
     let mut pairs: Vec<Hypothesis> = Vec::new();
-    let settled = |h: &Hypothesis| h.fit.cost < SETTLED * samples as f64 && prior(&h.fit.point) < PULLED;
+    let settled = |h: &Hypothesis| h.fit.cost < SETTLED * noise_cost && prior(&h.fit.point) < PULLED;
     let firsts = if singles.first().is_none_or(settled) { 0 } else { FIRSTS };
     let rivals = |h: &&Hypothesis| h.fit.cost < HOPELESS * singles[0].fit.cost;
     for (k, first) in singles.iter().take(firsts).filter(rivals).enumerate() {
@@ -100,7 +100,7 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
         progress("pruning", 0.97);
         prune(problem, pair, &mut singles);
     }
-    Search { base: Hypothesis { effects: Vec::new(), fit: base }, singles, pairs, screened, samples }
+    Search { base: Hypothesis { effects: Vec::new(), fit: base }, singles, pairs, screened, noise_cost }
 }
 
 /// Move of one tolerance in standard deviations that calls for the effect which it stands in for.

@@ -64,6 +64,8 @@ pub struct Series {
     pub measured: [Vec<f64>; 5],
     /// Standard deviation of each channel's noise at this rate.
     pub noise: [f64; 5],
+    /// What residuals are divided by: the noise, with errors that stay for many samples spread over these.
+    pub scale: [f64; 5],
 }
 
 impl Series {
@@ -90,15 +92,17 @@ impl Series {
     }
 
     fn assemble(recording: &Recording, measured: [Vec<f64>; 5], [t_e, x_to, theta_h]: [Vec<f64>; 3], factor: usize, block: usize) -> Self {
+        let dt = factor as f64 / recording.sample_rate_hz;
+        let noise: [f64; 5] =
+            std::array::from_fn(|k| noise(&measured[k]).hypot(if factor > 1 { AVERAGING_ERROR[k] } else { 0.0 }).max(LEAST_NOISE[k]));
         Self {
             name: recording.name.clone(),
             manoeuvre: recording.manoeuvre.clone(),
-            dt: factor as f64 / recording.sample_rate_hz,
+            dt,
             block,
             theta_0: [recording.theta_c0, recording.theta_b0],
-            noise: std::array::from_fn(|k| {
-                noise(&measured[k]).hypot(if factor > 1 { AVERAGING_ERROR[k] } else { 0.0 }).max(LEAST_NOISE[k])
-            }),
+            noise,
+            scale: std::array::from_fn(|k| noise[k].hypot(LASTING_ERROR[k] / dt.sqrt())),
             t_e,
             x_to,
             theta_h,
@@ -119,6 +123,10 @@ impl Series {
 
 /// Least noise that is believed, by channel: a channel finer than this would only be fitted to numerics.
 const LEAST_NOISE: [f64; 5] = [0.01, 0.01, 0.001, 0.05, 0.05];
+
+/// Error of each channel that lasts for about a second. The housing air is noted in steps of half a kelvin, which keeps the
+/// predicted temperature off for as long as it drives it.
+const LASTING_ERROR: [f64; 5] = [0.0, 0.0, 0.0, 0.0, 0.1];
 
 /// Samples of a recording per sample of the analysis.
 fn reduction(recording: &Recording) -> usize {
