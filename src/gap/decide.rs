@@ -20,9 +20,14 @@ pub enum Verdict {
 }
 
 /// Evidence (twice in nats) that a first effect needs: on cars within their tolerances the best of all candidates stays below it.
-pub const FIRST_GAIN: f64 = 20.0;
+pub const FIRST_GAIN: f64 = 40.0;
+/// Evidence from tolerances set free that a first effect needs if it has little else: what the data say of a healthy car wanders with the
+/// sensors' habits, where its tolerances lie does not.
+const FIRST_FREED: f64 = 12.0;
 /// Evidence that a second effect needs.
 pub const SECOND_GAIN: f64 = 30.0;
+/// Share of the pull beyond [`WITHIN`] that a second effect which sets tolerances free has to take.
+const MOST: f64 = 0.65;
 /// Cost of the nuisances of a car within its tolerances.
 const WITHIN: f64 = 25.0;
 /// Share of the first effect's excess that a second effect has to take.
@@ -71,9 +76,20 @@ fn split(h: &Hypothesis) -> (f64, f64) {
 /// Evidence for the larger of two hypotheses, twice in nats: tolerances that it sets free, and data that it explains beyond what hangs
 /// together anyway, less what its parameters have to earn.
 fn evidence(small: &Hypothesis, large: &Hypothesis) -> f64 {
-    let ((pulled_0, data_0), (pulled_1, data_1)) = (split(small), split(large));
+    let (data_0, data_1) = (split(small).1, split(large).1);
+    freed(small, large) + (data_0 - data_1) / dispersion(&large.fit)
+}
+
+/// The part of the evidence that is tolerances set free, less what the parameters have to earn.
+fn freed(small: &Hypothesis, large: &Hypothesis) -> f64 {
     let earned = (large.score() - large.fit.cost) - (small.score() - small.fit.cost);
-    (pulled_0 - pulled_1) + (data_0 - data_1) / dispersion(&large.fit) - earned
+    split(small).0 - split(large).0 - earned
+}
+
+/// Whether the best single effect is more than a healthy car would offer.
+fn first_is_needed(base: &Hypothesis, single: &Hypothesis) -> bool {
+    let evidence = evidence(base, single);
+    evidence > FIRST_GAIN || evidence > FIRST_FREED && freed(base, single) > FIRST_FREED
 }
 
 /// Whether a second effect is there, and not only the first one's form that differs.
@@ -87,7 +103,7 @@ fn second_is_needed(search: &Search, single: &Hypothesis, pair: &Hypothesis) -> 
     let explained = search.base.fit.cost - single.fit.cost;
     let takes_the_rest = gained > SECOND_SHARE * structure && gained > TRIFLE * explained;
     // Setting free means that little pull is left, not that some of much is gone.
-    let sets_free = freed > SECOND_GAIN && freed > 0.5 * (pulled_1 - WITHIN);
+    let sets_free = freed > SECOND_GAIN && freed > MOST * (pulled_1 - WITHIN);
     evidence(single, pair) > SECOND_GAIN && (sets_free || takes_the_rest)
 }
 
@@ -97,7 +113,7 @@ pub fn decide(search: &Search) -> Decision {
     let base = &search.base;
     let excess = |h: &Hypothesis| (h.fit.cost - n).max(0.0);
     let mut chosen = base.clone();
-    if let Some(single) = search.singles.first().filter(|s| evidence(base, s) > FIRST_GAIN) {
+    if let Some(single) = search.singles.first().filter(|s| first_is_needed(base, s)) {
         chosen = single.clone();
         if let Some(pair) = search.pairs.first().filter(|pair| second_is_needed(search, single, pair)) {
             chosen = pair.clone();

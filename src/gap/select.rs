@@ -79,7 +79,10 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
         anchors.push(Anchor::new(problem, &problem.nominal(), &[], false));
     }
     let screened = screen(problem, &anchors, &[]);
-    let mut singles = fit_all(problem, &[], worthwhile(&screened, SINGLES * anchors.len()));
+    // Each anchor sends its own: promises from different places do not compare.
+    let from = |a: usize| screened.iter().filter(|c| c.anchor == a).cloned().collect::<Vec<Candidate>>();
+    let sent: Vec<Candidate> = (0..anchors.len()).flat_map(|a| worthwhile(&from(a), SINGLES).to_vec()).collect();
+    let mut singles = fit_all(problem, &[], &sent);
     progress("pairs of effects", 0.5);
     let mut pairs: Vec<Hypothesis> = Vec::new();
     let settled = |h: &Hypothesis| h.fit.cost < SETTLED * noise_cost && prior(&h.fit.point) < PULLED;
