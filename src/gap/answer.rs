@@ -6,7 +6,7 @@
 use super::decide::{self, HELPS, STRUCTURED, Verdict};
 use super::diagnosis::{Findings, verdict_id};
 use super::fit::{Coordinate, Fit, prior};
-use super::gap::{Engagement, HeldOut, unit};
+use super::gap::{Closed, Engagement, HeldOut, unit};
 use super::locate::FAMILY_WISE_ERROR;
 use super::select::Hypothesis;
 use super::series::Channel;
@@ -20,8 +20,8 @@ const AMBIGUOUS_NATS: f64 = 4.0;
 /// The whole answer.
 pub(super) fn json(f: &Findings) -> Value {
     let effects = effects_json(f);
-    let (before, after, noise) = speeds(f.held_out);
-    let closed = if before > noise { ((before - after) / (before - noise)).min(1.0) } else { 0.0 };
+    let unseen = Closed::of(f.held_out);
+    let (Closed { before, after, noise }, closed) = (unseen, unseen.fraction());
     let confidence = confidence(f);
     json!({
         "schema": "kisspoint-diagnosis/1",
@@ -76,13 +76,6 @@ pub fn plant_parameters(vehicle: &Vehicle, effects: &Parameters) -> Value {
     let numbers = NUMBERS.iter().map(|n| (n.name.to_owned(), Value::from((n.get)(vehicle))));
     let effects = PARAMETERS.iter().zip(effects).map(|(p, v)| (p.variable.to_owned(), Value::from(*v)));
     Value::Object(numbers.chain(effects).collect::<Map<_, _>>())
-}
-
-/// Mean of both speeds on the held-out recordings: before, after, noise.
-fn speeds(held_out: &[HeldOut]) -> (f64, f64, f64) {
-    let of: Vec<&HeldOut> = held_out.iter().filter(|h| matches!(h.channel, Channel::OmegaF | Channel::OmegaC)).collect();
-    let mean = |get: fn(&HeldOut) -> f64| of.iter().map(|h| get(h)).sum::<f64>() / of.len().max(1) as f64;
-    (mean(|h| h.before), mean(|h| h.after), mean(|h| h.noise))
 }
 
 fn held_out_names(held_out: &[HeldOut]) -> Vec<&str> {

@@ -4,6 +4,7 @@
 //! never set on a case at hand.
 
 use super::fit::{Fit, prior, weight};
+use super::gap::Closed;
 use super::select::{Hypothesis, Search};
 
 /// Verdict on a campaign, as the answer's schema names it.
@@ -40,6 +41,12 @@ pub const STRUCTURED: f64 = 1.3;
 pub const LEFT: f64 = 0.06;
 /// Share of the base's excess above which an effect explains nothing worth naming.
 pub const HELPS: f64 = 0.5;
+
+/// Share of the gap on an unseen recording that effects have to close if they are to explain it, and to be named at all.
+const EXPLAINS_UNSEEN: f64 = 0.5;
+const HELPS_UNSEEN: f64 = 0.2;
+/// Gap on an unseen recording, relative to the noise, that is large enough to test them.
+const TELLING: f64 = 4.0;
 
 /// What was decided.
 #[derive(Clone, Debug)]
@@ -133,4 +140,19 @@ pub fn decide(search: &Search) -> Decision {
         }
     };
     Decision { verdict, chosen, left }
+}
+
+impl Decision {
+    /// Lowers the verdict on effects that do not keep their word on a recording that took no part: it may refute them, never choose them.
+    pub fn tested(mut self, search: &Search, unseen: &Closed) -> Self {
+        if self.chosen.effects.is_empty() || unseen.before < TELLING * unseen.noise {
+            return self;
+        }
+        if unseen.fraction() < HELPS_UNSEEN {
+            (self.verdict, self.chosen) = (Verdict::Unexplained, search.base.clone());
+        } else if unseen.fraction() < EXPLAINS_UNSEEN {
+            self.verdict = Verdict::PartlyExplained;
+        }
+        self
+    }
 }

@@ -3,7 +3,7 @@
 use super::answer;
 use super::decide::{Decision, FIRST_GAIN, STRUCTURED, Verdict, decide};
 use super::fit::{Fit, Point, Problem, fit};
-use super::gap::{self, HeldOut};
+use super::gap::{self, Closed, HeldOut};
 use super::locate::{self, Location};
 use super::nuisance::{self, ToleranceError};
 use super::predict::{Follow, HORIZON_S};
@@ -98,16 +98,20 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
     if fast {
         look_again(&native, &mut search);
     }
-    let decision = decide(&search);
+    let decided = decide(&search);
     let problem = if fast { &native } else { &coarse };
-    progress("location", 0.9);
+    progress("held-out recordings", 0.9);
+    let nominal = (vehicle, effects::null());
+    let against = |tuned: &(Vehicle, Parameters)| gap::evaluate(&campaign.recordings[held], (&nominal.0, &nominal.1), (&tuned.0, &tuned.1));
+    // Nuisances that a gap of unknown cause has dragged along retune nothing: the car is handed back as it came.
+    let retuned = |d: &Decision| if d.verdict == Verdict::Unexplained { nominal } else { coarse.plant_at(&d.chosen.fit.point) };
+    let decision = decided.clone().tested(&search, &Closed::of(&against(&retuned(&decided))));
+    let point = &decision.chosen.fit.point;
+    let (tuned, effects) = retuned(&decision);
+    let held_out = against(&(tuned, effects));
+    progress("location", 0.95);
     let location = locate::locate(&coarse, &search, &decision);
     let blind_spots = screen::blind_spots(&coarse, &search.base.fit, FIRST_GAIN);
-    let point = &decision.chosen.fit.point;
-    // Nuisances that a gap of unknown cause has dragged along retune nothing: the car is handed back as it came.
-    let (tuned, effects) = if decision.verdict == Verdict::Unexplained { (vehicle, effects::null()) } else { coarse.plant_at(point) };
-    progress("held-out recordings", 0.95);
-    let held_out = gap::evaluate(&campaign.recordings[held], (&vehicle, &effects::null()), (&tuned, &effects));
     let findings = Findings {
         campaign,
         problem,

@@ -61,6 +61,31 @@ pub fn rms(a: &[f64], b: &[f64]) -> f64 {
     (a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>() / a.len().max(1) as f64).sqrt()
 }
 
+/// Gap of both speeds on recordings that took no part: mean over channels, rad/s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Closed {
+    /// Of the nominal plant.
+    pub before: f64,
+    /// Of the retuned plant.
+    pub after: f64,
+    /// Of a perfect one.
+    pub noise: f64,
+}
+
+impl Closed {
+    /// Sums up held-out recordings.
+    pub fn of(held_out: &[HeldOut]) -> Self {
+        let speeds: Vec<&HeldOut> = held_out.iter().filter(|h| matches!(h.channel, Channel::OmegaF | Channel::OmegaC)).collect();
+        let mean = |get: fn(&HeldOut) -> f64| speeds.iter().map(|h| get(h)).sum::<f64>() / speeds.len().max(1) as f64;
+        Self { before: mean(|h| h.before), after: mean(|h| h.after), noise: mean(|h| h.noise) }
+    }
+
+    /// Share of the gap that is gone; zero where there was none.
+    pub fn fraction(&self) -> f64 {
+        if self.before > self.noise { ((self.before - self.after) / (self.before - self.noise)).min(1.0) } else { 0.0 }
+    }
+}
+
 /// Gaps of every channel that the recording has.
 pub fn evaluate(recording: &Recording, before: Car, after: Car) -> Vec<HeldOut> {
     let series = Series::native(recording);
