@@ -120,10 +120,11 @@ pub fn decide(search: &Search) -> Decision {
     let base = &search.base;
     let excess = |h: &Hypothesis| (h.fit.cost - n).max(0.0);
     let mut chosen = base.clone();
-    if let Some(single) = search.singles.first().filter(|s| first_is_needed(base, s)) {
-        chosen = single.clone();
-        if let Some(pair) = search.pairs.first().filter(|pair| second_is_needed(search, single, pair)) {
-            chosen = pair.clone();
+    if let Some(single) = search.singles.first() {
+        let pair = search.pairs.first().filter(|pair| second_is_needed(search, single, pair));
+        // Two effects may need each other: alone, either leaves most of the gap.
+        if first_is_needed(base, single) || pair.is_some_and(|pair| first_is_needed(base, pair)) {
+            chosen = pair.unwrap_or(single).clone();
         }
     }
     let structured = chosen.fit.cost > STRUCTURED * n;

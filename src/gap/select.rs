@@ -99,6 +99,10 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
         progress("pairs of effects", 0.5 + 0.25 * (k + 1) as f64);
     }
     pairs.sort_by(|a, b| a.score().total_cmp(&b.score()));
+    if let Some(best) = pairs.first().filter(|best| !settled(best)).cloned() {
+        progress("exchanging", 0.95);
+        exchange(problem, &best, &mut pairs);
+    }
     if let Some(pair) = pairs.first() {
         progress("pruning", 0.97);
         prune(problem, pair, &mut singles);
@@ -124,6 +128,23 @@ fn start_of(problem: &Problem, candidate: &Candidate) -> Point {
     let cost = |p: &Point| problem.cost(p, &problem.all_residuals(p));
     let nominal = undragged(candidate.start.effects);
     if cost(&nominal) < cost(&candidate.start) { nominal } else { candidate.start.clone() }
+}
+
+/// Each half of a pair is exchanged for whatever suits the other half better: beside the right second effect, and with the tolerances that go with
+/// it, the first one's neighbours no longer look alike.
+fn exchange(problem: &Problem, best: &Hypothesis, pairs: &mut Vec<Hypothesis>) {
+    for &kept in &best.effects {
+        let mut point = best.fit.point.clone();
+        for k in best.effects.iter().filter(|e| **e != kept).flat_map(|&e| REGISTRY[e].parameters.clone()) {
+            point.effects[k] = PARAMETERS[k].null;
+        }
+        let mut candidates = screen(problem, &[Anchor::new(problem, &point, &[kept], false)], &[kept]);
+        candidates.retain(|c| !tried(pairs, kept, c.effect));
+        // As from the nominal car: each starts as it was replayed.
+        candidates.iter_mut().for_each(|c| c.anchor = 1);
+        pairs.extend(fit_all(problem, &[kept], worthwhile(&candidates, SECONDS)));
+    }
+    pairs.sort_by(|a, b| a.score().total_cmp(&b.score()));
 }
 
 /// Each half of a pair is fitted alone from where the pair ended: a first effect that only helped the second to find its place is not
