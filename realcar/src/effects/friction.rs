@@ -147,7 +147,7 @@ impl Friction {
         let omega = slip.abs();
         let mut f = 1.0;
         if self.level != 0.0 {
-            f += self.level * if self.level_but_at_rest { 1.0 - (-omega / 6.0).exp() } else { 1.0 };
+            f += self.level * if self.level_but_at_rest { 1.0 - (-omega / 1.5).exp() } else { 1.0 };
         }
         f *= match self.fade {
             Fade::None => 1.0,
