@@ -36,8 +36,8 @@ pub fn section(input: &Input) -> String {
 }
 
 /// A gap of which the map shows nothing.
-const HIDDEN: &str = "<p>No cell stands out: moved far enough, the numbers of the vehicle hide this gap from the balances. What speaks for an effect is that \
-    they would have to move further than their tolerances make likely.</p>\n";
+const HIDDEN: &str = "<p>No cell stands out: spread over phases and regions, this gap is too faint for any one of them. What speaks for an effect \
+    are all recordings together.</p>\n";
 
 /// Subsystems in the order of their importance, the primary one first.
 pub fn subsystems(place: &Value) -> Vec<&str> {
@@ -95,7 +95,7 @@ fn map(entries: &[Value], place: &Value) -> String {
     let rows = rows.trim_end_matches("<tbody>").trim_end_matches("</tbody>");
     format!(
         "<div class=\"scroll\" role=\"region\" aria-label=\"Residual map\" tabindex=\"0\"><table class=\"heat\">\
-         <caption><span>What is left when the tolerances are fitted and no effect is added, in standard deviations of the noise; below it the rms gap.</span></caption>\
+         <caption><span>What is left with the tolerances that stand in the end and without any effect, in standard deviations of the noise; below it the rms gap.</span></caption>\
          <thead><tr><th scope=\"col\">Phase</th><th scope=\"col\">Region</th>{head}</tr></thead><tbody>{rows}</tbody></table></div>\n{}",
         scale(real(place, "family_wise_error"))
     )
