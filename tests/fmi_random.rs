@@ -7,16 +7,10 @@ use std::ffi::{CString, c_void};
 use std::ptr;
 use std::time::{Duration, Instant};
 
-struct Random(u64);
+mod random;
+use random::Random;
 
 impl Random {
-    fn next(&mut self) -> f64 {
-        // Marsaglia's xorshift.
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
     /// Often a bound itself, often near the start value, else anywhere.
     fn within(&mut self, start: f64, min: f64, max: f64) -> f64 {
         match (self.next() * 6.0) as u32 {

@@ -7,16 +7,10 @@ use kisspoint::plant::pace::SHORTEST_SUBSTEP;
 use kisspoint::plant::{Inputs, Plant, Start};
 use kisspoint::vehicle::Vehicle;
 
-struct Random(u64);
+mod random;
+use random::Random;
 
 impl Random {
-    fn next(&mut self) -> f64 {
-        // Marsaglia's xorshift.
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
     fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.next()
     }
