@@ -165,7 +165,7 @@ const LOOKED_AT_AGAIN: usize = 2;
 const REFIT_ITERATIONS: usize = 4;
 
 fn refit(problem: &Problem, effects: &[usize], point: &Point) -> Fit {
-    fit(problem, effects, point, REFIT_ITERATIONS)
+    fit(problem, effects, point, REFIT_ITERATIONS, None)
 }
 
 /// Name of a verdict in diagnosis.json.

@@ -208,41 +208,66 @@ pub fn coordinates(problem: &Problem, effects: &[usize]) -> Vec<Coordinate> {
     nuisances.chain(thetas).chain(of_effects).collect()
 }
 
-/// Derivatives of every recording's residuals: per recording a list of (coordinate's place, column).
-pub type Columns = Vec<Vec<(usize, Vec<f64>)>>;
+/// Derivatives of one recording's residuals: the coordinates that touch it, by their place, and a column for each.
+#[derive(Clone, Debug)]
+pub struct Columns {
+    /// Places of the coordinates, ascending.
+    pub places: Vec<usize>,
+    /// Residuals by coordinates.
+    pub matrix: DMatrix<f64>,
+}
 
-/// Finite differences of all residuals along `coordinates`.
-pub fn derivatives(problem: &Problem, point: &Point, residuals: &[Residuals], coordinates: &[Coordinate]) -> Columns {
+/// Derivatives of every recording's residuals along `coordinates`, as finite differences of whole replays; columns that are `known` are
+/// taken over, but those of effects.
+pub fn derivatives(
+    problem: &Problem,
+    point: &Point,
+    residuals: &[Residuals],
+    coordinates: &[Coordinate],
+    known: Option<&[Columns]>,
+) -> Vec<Columns> {
+    let taken_over = |r: usize, place: usize| {
+        let known = &known?[r];
+        let k = known.places.iter().position(|&p| p == place)?;
+        (!matches!(coordinates[place], Coordinate::Effect(_))).then(|| known.matrix.column(k))
+    };
     let tasks: Vec<(usize, usize)> = (0..problem.series.len())
         .flat_map(|r| (0..coordinates.len()).map(move |c| (r, c)))
-        .filter(|&(r, c)| coordinates[c].touches(r))
+        .filter(|&(r, c)| coordinates[c].touches(r) && taken_over(r, c).is_none())
         .collect();
-    let columns: Vec<(usize, usize, Vec<f64>)> = tasks
-        .into_par_iter()
-        .map(|(r, c)| {
-            let coordinate = coordinates[c];
-            let mut moved = coordinate.moved(point, coordinate.step());
-            let mut step = coordinate.get(&moved) - coordinate.get(point);
-            if step.abs() < 0.5 * coordinate.step() {
-                moved = coordinate.moved(point, -coordinate.step());
-                step = coordinate.get(&moved) - coordinate.get(point);
+    let fresh: Vec<Vec<f64>> = tasks.par_iter().map(|&(r, c)| derivative(problem, point, r, &residuals[r], coordinates[c])).collect();
+    let mut fresh = fresh.into_iter();
+    (0..problem.series.len())
+        .map(|r| {
+            let places: Vec<usize> = (0..coordinates.len()).filter(|&c| coordinates[c].touches(r)).collect();
+            let mut matrix = DMatrix::zeros(residuals[r].len(), places.len());
+            for (k, &place) in places.iter().enumerate() {
+                match taken_over(r, place) {
+                    Some(column) => matrix.set_column(k, &column),
+                    None => matrix.column_mut(k).copy_from_slice(&fresh.next().expect("one for each task, in the same order")),
+                }
             }
-            let there = problem.residuals(r, &moved);
-            (r, c, there.iter().zip(&residuals[r]).map(|(a, b)| (a - b) / step).collect())
+            Columns { places, matrix }
         })
-        .collect();
-    let mut all: Columns = vec![Vec::new(); problem.series.len()];
-    for (r, c, column) in columns {
-        all[r].push((c, column));
+        .collect()
+}
+
+fn derivative(problem: &Problem, point: &Point, recording: usize, residuals: &Residuals, coordinate: Coordinate) -> Vec<f64> {
+    let mut moved = coordinate.moved(point, coordinate.step());
+    let mut step = coordinate.get(&moved) - coordinate.get(point);
+    if step.abs() < 0.5 * coordinate.step() {
+        moved = coordinate.moved(point, -coordinate.step());
+        step = coordinate.get(&moved) - coordinate.get(point);
     }
-    all
+    let there = problem.residuals(recording, &moved);
+    there.iter().zip(residuals).map(|(a, b)| (a - b) / step).collect()
 }
 
 /// Normal equations of one linearised step: curvature and gradient of half the cost.
 pub fn normal_equations(
     point: &Point,
     residuals: &[Residuals],
-    columns: &Columns,
+    columns: &[Columns],
     coordinates: &[Coordinate],
 ) -> (DMatrix<f64>, DVector<f64>) {
     let n = coordinates.len();
@@ -250,21 +275,31 @@ pub fn normal_equations(
     let mut gradient = DVector::zeros(n);
     for (own, r) in columns.iter().zip(residuals) {
         let weights: Vec<f64> = r.iter().map(|r| weight(*r)).collect();
-        let weighted: Vec<(usize, Vec<f64>)> =
-            own.iter().map(|(c, col)| (*c, col.iter().zip(&weights).map(|(a, w)| a * w).collect())).collect();
-        for (i, (ci, wi)) in weighted.iter().enumerate() {
-            gradient[*ci] += dot(wi, r);
-            for (cj, col) in &own[..=i] {
-                let h = dot(wi, col);
-                curvature[(*ci, *cj)] += h;
-                if ci != cj {
-                    curvature[(*cj, *ci)] += h;
-                }
-            }
-        }
+        add_products(own.matrix.clone(), r, &weights, &own.places, &mut curvature, &mut gradient);
     }
     add_prior(point, coordinates, &mut curvature, &mut gradient);
     (curvature, gradient)
+}
+
+/// Adds one recording's part of the normal equations: AᵀWA and AᵀWr at the `places` of its columns.
+pub fn add_products(
+    mut matrix: DMatrix<f64>,
+    residuals: &[f64],
+    weights: &[f64],
+    places: &[usize],
+    curvature: &mut DMatrix<f64>,
+    gradient: &mut DVector<f64>,
+) {
+    let roots = DVector::from_iterator(weights.len(), weights.iter().map(|w| w.sqrt()));
+    let weighted = DVector::from_iterator(weights.len(), residuals.iter().zip(weights).map(|(r, w)| r * w.sqrt()));
+    matrix.column_iter_mut().for_each(|mut column| column.component_mul_assign(&roots));
+    let (products, slopes) = (matrix.transpose() * &matrix, matrix.tr_mul(&weighted));
+    for (i, &place) in places.iter().enumerate() {
+        gradient[place] += slopes[i];
+        for (j, &other) in places.iter().enumerate() {
+            curvature[(place, other)] += products[(i, j)];
+        }
+    }
 }
 
 /// Adds the priors' curvature and gradient.
@@ -332,8 +367,14 @@ fn bounded_step(h: &DMatrix<f64>, g: &DVector<f64>, damping: f64, coordinates: &
     curvature.cholesky().map(|c| c.solve(&downhill))
 }
 
-/// Minimises the cost over nuisances, start temperatures and the parameters of `effects`, from `start`.
-pub fn fit(problem: &Problem, effects: &[usize], start: &Point, iterations: usize) -> Fit {
+/// Ratio of a step's gain to what the linear model promised within which the derivatives along tolerances are kept for the next step.
+const KEEPS_ITS_WORD: std::ops::Range<f64> = 0.7..1.5;
+/// Gain of a step below which a fit ends.
+const LEAST_GAIN: f64 = 0.5;
+
+/// Minimises the cost over nuisances, start temperatures and the parameters of `effects`, from `start`. Derivatives along tolerances cost
+/// most of a fit and change little: they are kept while the linear model keeps its word. `known` are those of a place nearby.
+pub fn fit(problem: &Problem, effects: &[usize], start: &Point, iterations: usize, known: Option<&[Columns]>) -> Fit {
     let coordinates = coordinates(problem, effects);
     let mut point = start.clone();
     let mut residuals = problem.all_residuals(&point);
@@ -342,10 +383,17 @@ pub fn fit(problem: &Problem, effects: &[usize], start: &Point, iterations: usiz
     // prior, along which damping in proportion to the curvature would hardly move.
     let mut damping = 0.0_f64;
     let mut curvature = DMatrix::identity(coordinates.len(), coordinates.len());
+    let mut columns: Vec<Columns> = Vec::new();
+    let mut kept = known.is_some();
     for _ in 0..iterations {
-        let columns = derivatives(problem, &point, &residuals, &coordinates);
+        let old = match known {
+            Some(known) if columns.is_empty() => known,
+            _ => &columns,
+        };
+        columns = derivatives(problem, &point, &residuals, &coordinates, kept.then_some(old));
         let (h, g) = normal_equations(&point, &residuals, &columns, &coordinates);
         let before = cost;
+        let mut promised = f64::INFINITY;
         for _ in 0..TRIES {
             let Some(step) = bounded_step(&h, &g, damping, &coordinates, &point) else {
                 damping = (damping * SHRINK).max(1.0);
@@ -358,6 +406,7 @@ pub fn fit(problem: &Problem, effects: &[usize], start: &Point, iterations: usiz
             let there = problem.all_residuals(&trial);
             let cost_there = problem.cost(&trial, &there);
             if cost_there < cost {
+                promised = -2.0 * g.dot(&step) - (&h * &step).dot(&step);
                 (point, residuals, cost) = (trial, there, cost_there);
                 damping = if damping < 0.1 { 0.0 } else { damping * 0.1 };
                 break;
@@ -365,9 +414,11 @@ pub fn fit(problem: &Problem, effects: &[usize], start: &Point, iterations: usiz
             damping = (damping * SHRINK).max(1.0);
         }
         curvature = h;
-        if before - cost < 0.5 {
+        let gain = before - cost;
+        if !kept && gain < LEAST_GAIN {
             break;
         }
+        kept = gain >= LEAST_GAIN && KEEPS_ITS_WORD.contains(&(gain / promised));
     }
     Fit { point, cost, residuals, coordinates, curvature }
 }

@@ -58,11 +58,12 @@ pub fn rhythm(problem: &Problem, point: &Point, residuals: &[Residuals]) -> Opti
         let beyond = tracks.iter().flat_map(|t| &t.residual).map(|r| r * r).sum::<f64>() - noise;
         let [first, last, step] = clock.scanned();
         let count = ((last - first) / step) as usize;
-        let share = |k: usize| {
-            let order = first + k as f64 * step;
-            tracks.iter().map(|t| explained(std::slice::from_ref(t), order).0).sum::<f64>() / beyond.max(1e-9)
-        };
-        (0..count).into_par_iter().map(share).reduce(|| 0.0, f64::max)
+        let mut taken = vec![0.0; count];
+        for track in &tracks {
+            let own = scan(std::slice::from_ref(track), first, step, count);
+            taken.iter_mut().zip(own).for_each(|(sum, (gain, _))| *sum += gain);
+        }
+        taken.into_iter().fold(0.0, f64::max) / beyond.max(1e-9)
     };
     let [time, crank] = [Clock::Time, Clock::Crank].map(of);
     let best = if time > crank { (Clock::Time, time) } else { (Clock::Crank, crank) };
@@ -102,9 +103,8 @@ pub fn starts(problem: &Problem, point: &Point, residuals: &[Residuals], entry: 
     let step = (0.5 * PI / longest).clamp(0.002, 0.05);
     let mut found: Vec<(f64, f64, [f64; 2])> = Vec::new();
     let count = ((ORDERS.end - ORDERS.start) / step) as usize;
-    for k in 0..count {
+    for (k, (gain, amplitudes)) in scan(&tracks, ORDERS.start, step, count).into_iter().enumerate() {
         let order = ORDERS.start + k as f64 * step;
-        let (gain, amplitudes) = explained(&tracks, order);
         match found.last_mut() {
             Some(last) if order - last.1 < 20.0 * step => {
                 if gain > last.0 {
@@ -153,18 +153,41 @@ fn track(problem: &Problem, point: &Point, k: usize, series: &Series, residuals:
     })
 }
 
-/// Sum of squares that a pulsation of this order explains, and its amplitudes (cosine, sine).
-fn explained(tracks: &[Track], order: f64) -> (f64, [f64; 2]) {
+/// Neighbouring orders that one task scans: the cosines of one follow from those of the one before by a rotation.
+const NEIGHBOURS: usize = 64;
+
+/// For `count` orders from `first` on: the sum of squares that a pulsation of this order explains, and its amplitudes (cosine, sine).
+fn scan(tracks: &[Track], first: f64, step: f64, count: usize) -> Vec<(f64, [f64; 2])> {
+    let chunk = |from: usize| {
+        let turned = |order: f64| -> Vec<Vec<(f64, f64)>> {
+            tracks.iter().map(|t| t.angle.iter().map(|angle| (order * angle).sin_cos()).collect()).collect()
+        };
+        let (mut phasors, rotations) = (turned(first + from as f64 * step), turned(step));
+        (from..count.min(from + NEIGHBOURS))
+            .map(|_| {
+                let found = explained(tracks, &phasors);
+                for ((sin, cos), (rs, rc)) in phasors.iter_mut().flatten().zip(rotations.iter().flatten()) {
+                    (*sin, *cos) = (*sin * rc + *cos * rs, *cos * rc - *sin * rs);
+                }
+                found
+            })
+            .collect::<Vec<_>>()
+    };
+    let starts: Vec<usize> = (0..count).step_by(NEIGHBOURS).collect();
+    starts.into_par_iter().flat_map_iter(chunk).collect()
+}
+
+/// Sum of squares that a pulsation explains whose sines and cosines per track are given, and its amplitudes (cosine, sine).
+fn explained(tracks: &[Track], phasors: &[Vec<(f64, f64)>]) -> (f64, [f64; 2]) {
     let (mut cc, mut ss, mut cs, mut cr, mut sr) = (1e-9, 1e-9, 0.0, 0.0, 0.0);
-    for t in tracks {
+    for (t, turned) in tracks.iter().zip(phasors) {
         let (mut c, mut s) = (0.0, 0.0);
-        for ((torque, angle), r) in t.torque.iter().zip(&t.angle).zip(&t.residual) {
+        for ((torque, (sin, cos)), r) in t.torque.iter().zip(turned).zip(&t.residual) {
             cc += c * c;
             ss += s * s;
             cs += c * s;
             cr += c * r;
             sr += s * r;
-            let (sin, cos) = (order * angle).sin_cos();
             c = t.forget * c - t.gain * torque * cos;
             s = t.forget * s - t.gain * torque * sin;
         }

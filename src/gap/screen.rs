@@ -43,7 +43,7 @@ pub struct Anchor {
     point: Point,
     residuals: Vec<Residuals>,
     coordinates: Vec<Coordinate>,
-    columns: Columns,
+    columns: Vec<Columns>,
     trades: bool,
 }
 
@@ -53,7 +53,7 @@ impl Anchor {
     pub fn new(problem: &Problem, point: &Point, effects: &[usize], trades: bool) -> Self {
         let residuals = problem.all_residuals(point);
         let coordinates = fit::coordinates(problem, effects);
-        let columns = fit::derivatives(problem, point, &residuals, &coordinates);
+        let columns = fit::derivatives(problem, point, &residuals, &coordinates, None);
         Self { point: point.clone(), residuals, coordinates, columns, trades }
     }
 
@@ -156,18 +156,10 @@ fn equations(anchor: &Anchor, there: &[Residuals], present: &[Residuals]) -> (DM
     for (r, own) in anchor.columns.iter().enumerate() {
         let direction: Vec<f64> = there[r].iter().zip(&anchor.residuals[r]).map(|(a, b)| a - b).collect();
         let weights: Vec<f64> = present[r].iter().map(|r| fit::weight(*r)).collect();
-        let columns: Vec<(usize, &[f64])> = own.iter().map(|(c, v)| (*c, v.as_slice())).chain([(n, direction.as_slice())]).collect();
-        for (i, (ci, a)) in columns.iter().enumerate() {
-            let weighted: Vec<f64> = a.iter().zip(&weights).map(|(a, w)| a * w).collect();
-            gradient[*ci] += fit::dot(&weighted, &there[r]);
-            for (cj, b) in &columns[..=i] {
-                let h = fit::dot(&weighted, b);
-                curvature[(*ci, *cj)] += h;
-                if ci != cj {
-                    curvature[(*cj, *ci)] += h;
-                }
-            }
-        }
+        let mut matrix = own.matrix.clone().insert_column(own.places.len(), 0.0);
+        matrix.column_mut(own.places.len()).copy_from_slice(&direction);
+        let places: Vec<usize> = own.places.iter().copied().chain([n]).collect();
+        fit::add_products(matrix, &there[r], &weights, &places, &mut curvature, &mut gradient);
     }
     fit::add_prior(&anchor.point, &anchor.coordinates, &mut curvature, &mut gradient);
     curvature[(n, n)] += 1e-6;
@@ -181,9 +173,9 @@ fn linear(anchor: &Anchor, there: &[Residuals], step: &DVector<f64>) -> Vec<Resi
         for (k, value) in all[r].iter_mut().enumerate() {
             *value += step[n] * (there[r][k] - anchor.residuals[r][k]);
         }
-        for (c, column) in own {
-            for (value, d) in all[r].iter_mut().zip(column) {
-                *value += step[*c] * d;
+        for (&place, column) in own.places.iter().zip(own.matrix.column_iter()) {
+            for (value, d) in all[r].iter_mut().zip(column.iter()) {
+                *value += step[place] * d;
             }
         }
     }

@@ -70,7 +70,7 @@ const DRAGGED: f64 = 1.6;
 /// Searches for up to two effects. `progress` is told what is being fitted, with the share of the work done.
 pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Search {
     progress("tolerances", 0.0);
-    let base = fit(problem, &[], &problem.nominal(), ITERATIONS + FIRST_ITERATIONS);
+    let base = fit(problem, &[], &problem.nominal(), ITERATIONS + FIRST_ITERATIONS, None);
     let noise_cost = problem.noise_cost();
     progress("single effects", 0.1);
     let mut anchors = vec![Anchor::at(problem, &base, &[])];
@@ -155,7 +155,7 @@ fn prune(problem: &Problem, pair: &Hypothesis, singles: &mut Vec<Hypothesis>) {
         for k in REGISTRY[dropped].parameters.clone() {
             start.effects[k] = PARAMETERS[k].null;
         }
-        let alone = Hypothesis { effects: vec![kept], fit: fit(problem, &[kept], &start, ITERATIONS) };
+        let alone = Hypothesis { effects: vec![kept], fit: fit(problem, &[kept], &start, ITERATIONS, None) };
         match singles.iter_mut().find(|h| h.effects == [kept]) {
             Some(known) if known.fit.cost <= alone.fit.cost => {}
             Some(known) => *known = alone,
@@ -181,7 +181,7 @@ fn fit_all(problem: &Problem, already: &[usize], candidates: &[Candidate]) -> Ve
     let first = |c: &Candidate| {
         let mut effects = already.to_vec();
         effects.push(c.effect);
-        Hypothesis { fit: fit(problem, &effects, &start_of(problem, c), FIRST_ITERATIONS), effects }
+        Hypothesis { fit: fit(problem, &effects, &start_of(problem, c), FIRST_ITERATIONS, None), effects }
     };
     let by_cost = |a: &Hypothesis, b: &Hypothesis| a.score().total_cmp(&b.score());
     let mut all: Vec<Hypothesis> = candidates.par_iter().map(first).collect();
@@ -195,7 +195,7 @@ fn fit_all(problem: &Problem, already: &[usize], candidates: &[Candidate]) -> Ve
         }
     });
     let finalists = all.len().min(FINALISTS);
-    all[..finalists].par_iter_mut().for_each(|h| h.fit = fit(problem, &h.effects, &h.fit.point, ITERATIONS));
+    all[..finalists].par_iter_mut().for_each(|h| h.fit = fit(problem, &h.effects, &h.fit.point, ITERATIONS, None));
     all.sort_by(by_cost);
     all
 }
