@@ -57,6 +57,11 @@ impl Anchor {
         Self { point: point.clone(), residuals, coordinates, columns, trades }
     }
 
+    /// Derivatives along what is free there.
+    pub fn columns(&self) -> &[Columns] {
+        &self.columns
+    }
+
     /// At a fit.
     pub fn at(problem: &Problem, fit: &Fit, effects: &[usize]) -> Self {
         Self::new(problem, &fit.point, effects, true)

@@ -62,6 +62,8 @@ const FINALISTS: usize = 3;
 const ITERATIONS: usize = 12;
 /// A single effect that leaves less than this cost per residual, and pulls no tolerance beyond [`PULLED`], needs no second one.
 const SETTLED: f64 = 1.04;
+/// Gain over the best single effect below which a pair is not worth exchanging its halves.
+const PROMISING: f64 = 20.0;
 /// Cost of the nuisances that a car within its tolerances hardly reaches.
 const PULLED: f64 = 32.0;
 /// Base cost per residual above which the nuisances are taken for dragged away.
@@ -82,24 +84,26 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
     // Each anchor sends its own: promises from different places do not compare.
     let from = |a: usize| screened.iter().filter(|c| c.anchor == a).cloned().collect::<Vec<Candidate>>();
     let sent: Vec<Candidate> = (0..anchors.len()).flat_map(|a| worthwhile(&from(a), SINGLES).to_vec()).collect();
-    let mut singles = fit_all(problem, &[], &sent);
+    let mut singles = fit_all(problem, &[], &sent, &anchors);
     progress("pairs of effects", 0.5);
     let mut pairs: Vec<Hypothesis> = Vec::new();
     let settled = |h: &Hypothesis| h.fit.cost < SETTLED * noise_cost && prior(&h.fit.point) < PULLED;
     let firsts = if singles.first().is_none_or(settled) { 0 } else { FIRSTS };
     let rivals = |h: &&Hypothesis| h.fit.cost < HOPELESS * singles[0].fit.cost;
     for (k, first) in singles.iter().take(firsts).filter(rivals).enumerate() {
-        let candidates = screen(problem, &[Anchor::at(problem, &first.fit, &first.effects)], &first.effects);
+        let anchors = [Anchor::at(problem, &first.fit, &first.effects)];
+        let candidates = screen(problem, &anchors, &first.effects);
         let fresh: Vec<Candidate> = candidates.into_iter().filter(|c| !tried(&pairs, first.effects[0], c.effect)).collect();
         let promising = worthwhile(&fresh, SECONDS);
         let called: Vec<usize> = twins_of_pulled(problem, &first.fit.point);
         let twins = fresh[promising.len()..].iter().filter(|c| called.contains(&c.effect));
         let seconds: Vec<Candidate> = promising.iter().chain(twins).cloned().collect();
-        pairs.extend(fit_all(problem, &first.effects, &seconds));
+        pairs.extend(fit_all(problem, &first.effects, &seconds, &anchors));
         progress("pairs of effects", 0.5 + 0.25 * (k + 1) as f64);
     }
     pairs.sort_by(|a, b| a.score().total_cmp(&b.score()));
-    if let Some(best) = pairs.first().filter(|best| !settled(best)).cloned() {
+    let promising = |best: &&Hypothesis| !settled(best) && singles[0].score() - best.score() > PROMISING;
+    if let Some(best) = pairs.first().filter(promising).cloned() {
         progress("exchanging", 0.95);
         exchange(problem, &best, &mut pairs);
     }
@@ -138,11 +142,11 @@ fn exchange(problem: &Problem, best: &Hypothesis, pairs: &mut Vec<Hypothesis>) {
         for k in best.effects.iter().filter(|e| **e != kept).flat_map(|&e| REGISTRY[e].parameters.clone()) {
             point.effects[k] = PARAMETERS[k].null;
         }
-        let mut candidates = screen(problem, &[Anchor::new(problem, &point, &[kept], false)], &[kept]);
+        let anchors = [Anchor::new(problem, &point, &[kept], false)];
+        let mut candidates = screen(problem, &anchors, &[kept]);
         candidates.retain(|c| !tried(pairs, kept, c.effect));
-        // As from the nominal car: each starts as it was replayed.
-        candidates.iter_mut().for_each(|c| c.anchor = 1);
-        pairs.extend(fit_all(problem, &[kept], worthwhile(&candidates, SECONDS)));
+        candidates.iter_mut().for_each(|c| c.start = Point { effects: c.replayed, ..problem.nominal() });
+        pairs.extend(fit_all(problem, &[kept], worthwhile(&candidates, SECONDS), &anchors));
     }
     pairs.sort_by(|a, b| a.score().total_cmp(&b.score()));
 }
@@ -177,11 +181,11 @@ fn tried(pairs: &[Hypothesis], a: usize, b: usize) -> bool {
 }
 
 /// Fits candidates on top of `already`, the better half of them to the end; best first.
-fn fit_all(problem: &Problem, already: &[usize], candidates: &[Candidate]) -> Vec<Hypothesis> {
+fn fit_all(problem: &Problem, already: &[usize], candidates: &[Candidate], anchors: &[Anchor]) -> Vec<Hypothesis> {
     let first = |c: &Candidate| {
         let mut effects = already.to_vec();
         effects.push(c.effect);
-        Hypothesis { fit: fit(problem, &effects, &start_of(problem, c), FIRST_ITERATIONS, None), effects }
+        Hypothesis { fit: fit(problem, &effects, &start_of(problem, c), FIRST_ITERATIONS, Some(anchors[c.anchor].columns())), effects }
     };
     let by_cost = |a: &Hypothesis, b: &Hypothesis| a.score().total_cmp(&b.score());
     let mut all: Vec<Hypothesis> = candidates.par_iter().map(first).collect();
