@@ -217,8 +217,9 @@ pub struct Columns {
     pub matrix: DMatrix<f64>,
 }
 
-/// Derivatives of every recording's residuals along `coordinates`, as finite differences of whole replays; columns that are `known` are
-/// taken over, but those of effects.
+/// Derivatives of every recording's residuals along `coordinates`, as finite differences of whole replays. Columns that are `known` are
+/// taken over, but those of effects. A tolerance that moves the same number as a free effect has that effect's column: differences of their own
+/// would hide the valley between the two.
 pub fn derivatives(
     problem: &Problem,
     point: &Point,
@@ -226,30 +227,44 @@ pub fn derivatives(
     coordinates: &[Coordinate],
     known: Option<&[Columns]>,
 ) -> Vec<Columns> {
+    let (vehicle, _) = problem.plant_at(point);
+    let shared = |c: Coordinate| {
+        let Coordinate::Nuisance(k) = c else { return None };
+        let (parameter, rate) = problem.nuisances[k].same_as(&vehicle, &point.effects)?;
+        let place = coordinates.iter().position(|c| *c == Coordinate::Effect(parameter))?;
+        Some((place, rate))
+    };
     let taken_over = |r: usize, place: usize| {
         let known = &known?[r];
         let k = known.places.iter().position(|&p| p == place)?;
         (!matches!(coordinates[place], Coordinate::Effect(_))).then(|| known.matrix.column(k))
     };
+    let is_fresh = |r: usize, c: usize| shared(coordinates[c]).is_none() && taken_over(r, c).is_none();
     let tasks: Vec<(usize, usize)> = (0..problem.series.len())
         .flat_map(|r| (0..coordinates.len()).map(move |c| (r, c)))
-        .filter(|&(r, c)| coordinates[c].touches(r) && taken_over(r, c).is_none())
+        .filter(|&(r, c)| coordinates[c].touches(r) && is_fresh(r, c))
         .collect();
     let fresh: Vec<Vec<f64>> = tasks.par_iter().map(|&(r, c)| derivative(problem, point, r, &residuals[r], coordinates[c])).collect();
     let mut fresh = fresh.into_iter();
-    (0..problem.series.len())
-        .map(|r| {
-            let places: Vec<usize> = (0..coordinates.len()).filter(|&c| coordinates[c].touches(r)).collect();
-            let mut matrix = DMatrix::zeros(residuals[r].len(), places.len());
-            for (k, &place) in places.iter().enumerate() {
-                match taken_over(r, place) {
-                    Some(column) => matrix.set_column(k, &column),
-                    None => matrix.column_mut(k).copy_from_slice(&fresh.next().expect("one for each task, in the same order")),
-                }
+    let assembled = |r: usize| {
+        let places: Vec<usize> = (0..coordinates.len()).filter(|&c| coordinates[c].touches(r)).collect();
+        let mut matrix = DMatrix::zeros(residuals[r].len(), places.len());
+        for (k, &place) in places.iter().enumerate() {
+            if is_fresh(r, place) {
+                matrix.column_mut(k).copy_from_slice(&fresh.next().expect("one for each task, in the same order"));
+            } else if let Some(column) = taken_over(r, place) {
+                matrix.set_column(k, &column);
             }
-            Columns { places, matrix }
-        })
-        .collect()
+        }
+        for (k, &place) in places.iter().enumerate() {
+            if let Some((other, rate)) = shared(coordinates[place]) {
+                let column = matrix.column(places.partition_point(|&p| p < other)) * rate;
+                matrix.set_column(k, &column);
+            }
+        }
+        Columns { places, matrix }
+    };
+    (0..problem.series.len()).map(assembled).collect()
 }
 
 fn derivative(problem: &Problem, point: &Point, recording: usize, residuals: &Residuals, coordinate: Coordinate) -> Vec<f64> {
@@ -385,7 +400,8 @@ pub fn fit(problem: &Problem, effects: &[usize], start: &Point, iterations: usiz
     let mut curvature = DMatrix::identity(coordinates.len(), coordinates.len());
     let mut columns: Vec<Columns> = Vec::new();
     let mut kept = known.is_some();
-    for _ in 0..iterations {
+    let mut done = 0;
+    while done < iterations {
         let old = match known {
             Some(known) if columns.is_empty() => known,
             _ => &columns,
@@ -418,7 +434,10 @@ pub fn fit(problem: &Problem, effects: &[usize], start: &Point, iterations: usiz
         if !kept && gain < LEAST_GAIN {
             break;
         }
-        kept = gain >= LEAST_GAIN && KEEPS_ITS_WORD.contains(&(gain / promised));
+        let keeps_its_word = gain >= LEAST_GAIN && KEEPS_ITS_WORD.contains(&(gain / promised));
+        // A step from kept derivatives that broke its word was only a try.
+        done += usize::from(keeps_its_word || !kept);
+        kept = keeps_its_word;
     }
     Fit { point, cost, residuals, coordinates, curvature }
 }

@@ -44,6 +44,27 @@ impl Nuisance {
     }
 }
 
+impl Nuisance {
+    /// The effect parameter that does to the car exactly what this number does, and how far it moves there for one standard deviation, at a
+    /// point with this vehicle, tolerances applied, and these effects.
+    pub fn same_as(&self, vehicle: &Vehicle, effects: &Parameters) -> Option<(usize, f64)> {
+        let factor = match self.name.as_str() {
+            "friction.mu" => Some(param::friction_level::factor),
+            "driveline.J_c" => Some(param::vehicle_mass::factor),
+            "thermal.gamma_1" => Some(param::clutch_cooling::body_factor),
+            "thermal.gamma_2" => Some(param::clutch_cooling::air_factor),
+            _ => None,
+        };
+        let (k, size) = match (&self.target, factor) {
+            (Target::Effect(k), _) => (*k, effects[*k]),
+            (_, Some(k)) if self.relative => (k, effects[k]),
+            _ if self.name == "driveline.T_L0" => (param::road_load::rolling_torque, vehicle.driveline.T_L0),
+            _ => return None,
+        };
+        Some((k, if self.relative { self.sigma * size } else { self.sigma }))
+    }
+}
+
 /// Why a tolerance cannot be used.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum ToleranceError {

@@ -1,0 +1,52 @@
+//! A tolerance that moves the same number as an effect has the effect's derivatives, so these have to be its own.
+
+use kisspoint::campaign;
+use kisspoint::effects::{PARAMETERS, REGISTRY};
+use kisspoint::gap::fit::{Coordinate, Problem, coordinates, derivatives};
+use kisspoint::gap::nuisance;
+use kisspoint::gap::predict::{Follow, HORIZON_S};
+use kisspoint::gap::series::Series;
+use kisspoint::vehicle::Vehicle;
+use std::path::Path;
+
+fn problem() -> Problem {
+    let campaign = campaign::read(Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
+    Problem {
+        series: campaign.recordings.iter().take(4).map(Series::coarse).collect(),
+        vehicle: Vehicle::from_value(&campaign.vehicle_json).unwrap(),
+        nuisances: nuisance::read(&campaign.vehicle_json).unwrap(),
+        follow: Follow::Horizon(HORIZON_S),
+    }
+}
+
+#[test]
+fn a_tolerance_that_an_effect_repeats_has_the_same_derivatives_as_by_itself() {
+    let problem = problem();
+    let mut point = problem.nominal();
+    let all: Vec<usize> = (0..REGISTRY.len()).collect();
+    let mut repeated = 0;
+    for effect in all {
+        let effects = [effect];
+        point.effects = problem.nominal().effects;
+        for k in REGISTRY[effect].parameters.clone().filter(|&k| PARAMETERS[k].null == 1.0) {
+            point.effects[k] = 1.1;
+        }
+        let residuals = problem.all_residuals(&point);
+        let alone = derivatives(&problem, &point, &residuals, &coordinates(&problem, &[]), None);
+        let places = coordinates(&problem, &effects);
+        let shared = derivatives(&problem, &point, &residuals, &places, None);
+        for (k, nuisance) in problem.nuisances.iter().enumerate() {
+            let Some((parameter, _)) = nuisance.same_as(&problem.plant_at(&point).0, &point.effects) else { continue };
+            if !places.contains(&Coordinate::Effect(parameter)) {
+                continue;
+            }
+            repeated += 1;
+            for (a, b) in alone.iter().zip(&shared) {
+                let (a, b) = (a.matrix.column(k), b.matrix.column(k));
+                let difference = (a - b).norm();
+                assert!(difference <= 0.03 * a.norm().max(1.0), "{}: {difference} beside {}", nuisance.name, a.norm());
+            }
+        }
+    }
+    assert_eq!(repeated, 6, "bias and gain of the torque, μ, J_c, gamma_1, T_L0");
+}
