@@ -174,6 +174,29 @@ pub enum Act {
     Load(fn(&Parameters, &Vehicle, f64) -> f64),
 }
 
+/// How late a signal arrives: a dead time, and a filter of first order, s.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SignalDelay {
+    /// Dead time.
+    pub dead_time: f64,
+    /// Time constant of the filter.
+    pub smoothing: f64,
+}
+
+impl SignalDelay {
+    /// Whether there is none.
+    pub fn is_none(self) -> bool {
+        self.dead_time <= 0.0 && self.smoothing <= 0.0
+    }
+
+    /// Ages in s of the values that are sensed together, each with its weight: the nodes of Gauss and Laguerre, which keep the first three
+    /// moments of the filter's memory.
+    pub fn nodes(self) -> [(f64, f64); 2] {
+        use std::f64::consts::SQRT_2;
+        [(2.0 - SQRT_2, 0.25 * (2.0 + SQRT_2)), (2.0 + SQRT_2, 0.25 * (2.0 - SQRT_2))].map(|(x, w)| (self.dead_time + x * self.smoothing, w))
+    }
+}
+
 /// Constants of the plant that effects may change; the nominal ones come from the vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {
@@ -181,12 +204,16 @@ pub struct Constants {
     pub engine_gain: f64,
     /// See `engine_gain`.
     pub engine_bias: f64,
+    /// Power that an accessory takes from the crankshaft, W.
+    pub accessory_power: f64,
     /// Lag of the torque.
     pub engine_lag: Lag,
     /// Transport delay of the position command, s.
     pub command_delay: f64,
     /// Inverse of the bearing's greatest speed, s/mm; 0 is no limit.
     pub inverse_speed: f64,
+    /// Distance from its target over which the bearing slows down, mm.
+    pub approach: f64,
     /// Lag of the bearing.
     pub actuator_lag: Lag,
     /// Play between command and bearing, mm.
@@ -209,10 +236,10 @@ pub struct Constants {
     pub disc_share: f64,
     /// Damping of the shafts, N·m·s/rad.
     pub shaft_damping: f64,
-    /// Delay of the disc speed signal, s.
-    pub clutch_speed_delay: f64,
-    /// Delay of the engine speed signal, s.
-    pub engine_speed_delay: f64,
+    /// Delay of the disc speed signal.
+    pub clutch_speed_delay: SignalDelay,
+    /// Delay of the engine speed signal.
+    pub engine_speed_delay: SignalDelay,
     /// Disc speed sensed over disc speed.
     pub clutch_speed_gain: f64,
 }
@@ -223,9 +250,11 @@ impl Constants {
         Self {
             engine_gain: 1.0,
             engine_bias: 0.0,
+            accessory_power: 0.0,
             engine_lag: Lag::default(),
             command_delay: 0.0,
             inverse_speed: 0.0,
+            approach: 0.0,
             actuator_lag: Lag::default(),
             play: 0.0,
             contact_shift: Contact { x_cnt: 0.0, x_cls: 0.0 },
@@ -237,8 +266,8 @@ impl Constants {
             compliance: 0.0,
             disc_share: 1.0,
             shaft_damping: 0.0,
-            clutch_speed_delay: 0.0,
-            engine_speed_delay: 0.0,
+            clutch_speed_delay: SignalDelay::default(),
+            engine_speed_delay: SignalDelay::default(),
             clutch_speed_gain: 1.0,
         }
     }

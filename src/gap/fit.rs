@@ -390,7 +390,17 @@ const LEAST_GAIN: f64 = 0.5;
 /// Minimises the cost over nuisances, start temperatures and the parameters of `effects`, from `start`. Derivatives along tolerances cost
 /// most of a fit and change little: they are kept while the linear model keeps its word. `known` are those of a place nearby.
 pub fn fit(problem: &Problem, effects: &[usize], start: &Point, iterations: usize, known: Option<&[Columns]>) -> Fit {
-    let coordinates = coordinates(problem, effects);
+    fit_along(problem, coordinates(problem, effects), start, iterations, known)
+}
+
+/// As [`fit`], along these coordinates alone.
+pub fn fit_along(
+    problem: &Problem,
+    coordinates: Vec<Coordinate>,
+    start: &Point,
+    iterations: usize,
+    known: Option<&[Columns]>,
+) -> Fit {
     let mut point = start.clone();
     let mut residuals = problem.all_residuals(&point);
     let mut cost = problem.cost(&point, &residuals);

@@ -4,7 +4,7 @@
 //! order n the response is computed from measured slip and predicted torque, and the orders that explain most of the residual in flywheel
 //! speed become starts. A scan is needed because the response loses its phase within a few hundredths of the order.
 
-use super::fit::{Point, Problem, Residuals};
+use super::fit::{Coordinate, Fit, Point, Problem, Residuals, fit_along};
 use super::predict::{Follow, HORIZON_S, predict};
 use super::series::Series;
 use crate::effects::Entry;
@@ -15,6 +15,9 @@ use std::f64::consts::PI;
 const ORDERS: std::ops::Range<f64> = 0.15..12.0;
 /// Orders that become starts.
 const STARTS: usize = 2;
+/// Orders that are tried for it, each with this many iterations.
+const LOBES: usize = 6;
+const POLISH: usize = 3;
 
 /// Samples of a recording that the scan looks at: the first slip of a long recording tells as much as all of it.
 const LONGEST_TRACK: usize = 2000;
@@ -122,7 +125,12 @@ pub fn starts(problem: &Problem, point: &Point, residuals: &[Residuals], entry: 
         start.effects[k + 2] = *order;
         start
     };
-    found.iter().take(STARTS).map(set).collect()
+    // Side lobes explain nearly as much, but only the order itself gets better when it is let free.
+    let own: Vec<Coordinate> = entry.parameters.clone().map(Coordinate::Effect).collect();
+    let polished = |s: &(f64, f64, [f64; 2])| fit_along(problem, own.clone(), &set(s), POLISH, None);
+    let mut fits: Vec<Fit> = found[..found.len().min(LOBES)].par_iter().map(polished).collect();
+    fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    fits.into_iter().take(STARTS).map(|f| f.point).collect()
 }
 
 fn track(problem: &Problem, point: &Point, k: usize, series: &Series, residuals: &Residuals) -> Option<Track> {

@@ -62,6 +62,8 @@ const FINALISTS: usize = 3;
 const ITERATIONS: usize = 12;
 /// A single effect that leaves less than this cost per residual, and pulls no tolerance beyond [`PULLED`], needs no second one.
 const SETTLED: f64 = 1.04;
+/// Cost of the nuisances from which on the nominal car, with the first effect, is a second place to look from.
+const FAR_AWAY: f64 = 150.0;
 /// Gain over the best single effect below which a pair is not worth exchanging its halves.
 const PROMISING: f64 = 20.0;
 /// Cost of the nuisances that a car within its tolerances hardly reaches.
@@ -91,13 +93,22 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
     let firsts = if singles.first().is_none_or(settled) { 0 } else { FIRSTS };
     let rivals = |h: &&Hypothesis| h.fit.cost < HOPELESS * singles[0].fit.cost;
     for (k, first) in singles.iter().take(firsts).filter(rivals).enumerate() {
-        let anchors = [Anchor::at(problem, &first.fit, &first.effects)];
-        let candidates = screen(problem, &anchors, &first.effects);
-        let fresh: Vec<Candidate> = candidates.into_iter().filter(|c| !tried(&pairs, first.effects[0], c.effect)).collect();
-        let promising = worthwhile(&fresh, SECONDS);
+        let mut anchors = vec![Anchor::at(problem, &first.fit, &first.effects)];
+        if prior(&first.fit.point) > FAR_AWAY {
+            let undragged = Point { effects: first.fit.point.effects, ..problem.nominal() };
+            anchors.push(Anchor::new(problem, &undragged, &first.effects, false));
+        }
+        let mut candidates = screen(problem, &anchors, &first.effects);
+        candidates.retain(|c| !tried(&pairs, first.effects[0], c.effect));
         let called: Vec<usize> = twins_of_pulled(problem, &first.fit.point);
-        let twins = fresh[promising.len()..].iter().filter(|c| called.contains(&c.effect));
-        let seconds: Vec<Candidate> = promising.iter().chain(twins).cloned().collect();
+        let seconds: Vec<Candidate> = (0..anchors.len())
+            .flat_map(|a| {
+                let from: Vec<Candidate> = candidates.iter().filter(|c| c.anchor == a).cloned().collect();
+                let promising = worthwhile(&from, SECONDS);
+                let twins = from[promising.len()..].iter().filter(|c| a == 0 && called.contains(&c.effect));
+                promising.iter().chain(twins).cloned().collect::<Vec<Candidate>>()
+            })
+            .collect();
         pairs.extend(fit_all(problem, &first.effects, &seconds, &anchors));
         progress("pairs of effects", 0.5 + 0.25 * (k + 1) as f64);
     }
@@ -122,7 +133,10 @@ fn twins_of_pulled(problem: &Problem, point: &Point) -> Vec<usize> {
     problem.nuisances.iter().zip(&point.z).filter(|(_, z)| z.abs() > FAR).filter_map(|(n, _)| n.twin()).collect()
 }
 
-/// Where the fit of a candidate starts: where it was promised, with the nuisances nominal if they fit better so (a large gap drags them
+/// Share of the cost at a promised start below which the same effect in the nominal car is the better start.
+const MUCH_BETTER: f64 = 0.8;
+
+/// Where the fit of a candidate starts: where it was promised, with the nuisances nominal if they fit much better so (a large gap drags them
 /// away). What was found from the nominal car starts as it was replayed: its linear promise is too rough to follow.
 fn start_of(problem: &Problem, candidate: &Candidate) -> Point {
     let undragged = |effects| Point { effects, ..problem.nominal() };
@@ -131,7 +145,7 @@ fn start_of(problem: &Problem, candidate: &Candidate) -> Point {
     }
     let cost = |p: &Point| problem.cost(p, &problem.all_residuals(p));
     let nominal = undragged(candidate.start.effects);
-    if cost(&nominal) < cost(&candidate.start) { nominal } else { candidate.start.clone() }
+    if cost(&nominal) < MUCH_BETTER * cost(&candidate.start) { nominal } else { candidate.start.clone() }
 }
 
 /// Each half of a pair is exchanged for whatever suits the other half better: beside the right second effect, and with the tolerances that go with

@@ -66,7 +66,7 @@ pub fn advance(config: &Config, state: &State, x_cmd: f64, h: f64) -> Chain {
     } else {
         LagState { value: target, rate: 0.0 }
     };
-    let limited = rate_limited(c.inverse_speed, state.limited, x_cmd, h);
+    let limited = rate_limited(c.inverse_speed, c.approach, state.limited, x_cmd, h);
     let lagged = if c.actuator_lag.time_constant > 0.0 {
         let slope = if h > 0.0 { (limited - state.limited) / h } else { 0.0 };
         // A command that jumps at the start of the substep counts as held; one that the rate limit slows is a ramp.
@@ -94,12 +94,18 @@ fn drag_along(follower: f64, leader: f64, reach: f64) -> f64 {
 }
 
 #[inline]
-fn rate_limited(inverse_speed: f64, from: f64, to: f64, h: f64) -> f64 {
+fn rate_limited(inverse_speed: f64, approach: f64, from: f64, to: f64, h: f64) -> f64 {
     if inverse_speed <= 0.0 {
         return to;
     }
-    let most = h / inverse_speed;
-    from + (to - from).clamp(-most, most)
+    let (most, distance) = (h / inverse_speed, (to - from).abs());
+    if approach <= 0.0 || distance - most >= approach {
+        return from + (to - from).clamp(-most, most);
+    }
+    // Full speed down to the approach, then the rest of the distance decays.
+    let slowing = h - (distance - approach).max(0.0) * inverse_speed;
+    let left = distance.min(approach) * (-slowing / (approach * inverse_speed)).exp();
+    to - left * (to - from).signum()
 }
 
 /// Puts the chain to rest in the values of the state's inputs.

@@ -139,10 +139,10 @@ pub fn substeps(plant: &Plant, h: f64) -> f64 {
 
 fn record_sensed(plant: &mut Plant) {
     let (c, s) = (&plant.config.constants, &plant.state);
-    if c.engine_speed_delay > 0.0 {
+    if !c.engine_speed_delay.is_none() {
         plant.sensed_f.push(s.time, s.y[index::OMEGA_F]);
     }
-    if c.clutch_speed_delay > 0.0 {
+    if !c.clutch_speed_delay.is_none() {
         plant.sensed_c.push(s.time, s.y[index::OMEGA_C]);
     }
 }

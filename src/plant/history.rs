@@ -6,6 +6,9 @@
 /// Values kept.
 pub const CAPACITY: usize = 1024;
 
+/// Age up to which values are surely kept, s.
+pub const LONGEST: f64 = 0.2;
+
 /// Least time between two values kept, s.
 pub const RESOLUTION: f64 = 2e-4;
 

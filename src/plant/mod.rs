@@ -21,7 +21,7 @@ pub mod motion;
 pub mod pace;
 pub mod saved;
 
-use crate::effects::Parameters;
+use crate::effects::{Parameters, SignalDelay};
 use crate::physics::lag::LagState;
 pub use crate::physics::phase::Phase;
 use crate::vehicle::Vehicle;
@@ -188,12 +188,12 @@ impl Plant {
     fn start_delay_lines(&mut self, command: f64) {
         let (c, s) = (&self.config.constants, &self.state);
         let lines = [
-            (&mut self.command, c.command_delay, command),
-            (&mut self.sensed_f, c.engine_speed_delay, s.y[index::OMEGA_F]),
-            (&mut self.sensed_c, c.clutch_speed_delay, s.y[index::OMEGA_C]),
+            (&mut self.command, c.command_delay <= 0.0, command),
+            (&mut self.sensed_f, c.engine_speed_delay.is_none(), s.y[index::OMEGA_F]),
+            (&mut self.sensed_c, c.clutch_speed_delay.is_none(), s.y[index::OMEGA_C]),
         ];
-        for (line, delay, value) in lines {
-            if delay <= 0.0 {
+        for (line, at_once, value) in lines {
+            if at_once {
                 line.clear();
             } else if line.is_empty() {
                 line.push(s.time, value);
@@ -225,7 +225,14 @@ impl Plant {
     /// Outputs now.
     pub fn outputs(&self) -> Outputs {
         let (s, c) = (&self.state, &self.config.constants);
-        let sensed = |line: &History, delay: f64, now: f64| if delay > 0.0 { line.interpolate(s.time - delay, s.time, now) } else { now };
+        let sensed = |line: &History, delay: SignalDelay, now: f64| {
+            let at = |age: f64| line.interpolate(s.time - age.min(history::LONGEST), s.time, now);
+            match delay {
+                d if d.is_none() => now,
+                d if d.smoothing <= 0.0 => at(d.dead_time),
+                d => d.nodes().iter().map(|(age, weight)| weight * at(*age)).sum(),
+            }
+        };
         Outputs {
             omega_f: sensed(&self.sensed_f, c.engine_speed_delay, s.y[index::OMEGA_F]),
             omega_c: c.clutch_speed_gain * sensed(&self.sensed_c, c.clutch_speed_delay, s.y[index::OMEGA_C]),

@@ -57,6 +57,15 @@ pub struct Setting {
     pub t_load: f64,
 }
 
+/// Speed in rad/s below which an accessory takes constant torque, not constant power.
+const ACCESSORY_SPEED: f64 = 50.0;
+
+/// Torque in N·m that accessories leave of the engine's `t_e` at the crankshaft.
+#[inline]
+fn crankshaft_torque(config: &Config, t_e: f64, omega_f: f64) -> f64 {
+    t_e - config.constants.accessory_power / omega_f.max(ACCESSORY_SPEED)
+}
+
 /// Torque in N·m that the driveline behind the disc puts up against it.
 #[inline]
 pub fn resistance(config: &Config, y: &Motion, t_load: f64) -> f64 {
@@ -85,6 +94,7 @@ pub fn slipping(config: &Config, y: &Motion, direction: f64, memory: Branch, x: 
 #[inline]
 pub fn sticking_torque(config: &Config, y: &Motion, t_e: f64, t_load: f64) -> f64 {
     let resist = resistance(config, y, t_load);
+    let t_e = crankshaft_torque(config, t_e, y[OMEGA_F]);
     driveline::holding_torque(&config.constants.driveline, config.disc_inertia(), y[OMEGA_F], t_e, resist)
 }
 
@@ -94,17 +104,18 @@ fn rates(config: &Config, set: &Setting, y: &Motion, drive: Drive) -> Motion {
     let c = &config.constants;
     let d = &c.driveline;
     let resist = resistance(config, y, set.t_load);
+    let t_e = crankshaft_torque(config, drive.t_e, y[OMEGA_F]);
     let mut dy = [0.0; N];
     let (t_fc, slip, heating) = if set.stuck {
-        let t_fc = driveline::holding_torque(d, config.disc_inertia(), y[OMEGA_F], drive.t_e, resist);
-        let common = driveline::flywheel_acceleration(d, y[OMEGA_F], drive.t_e, t_fc);
+        let t_fc = driveline::holding_torque(d, config.disc_inertia(), y[OMEGA_F], t_e, resist);
+        let common = driveline::flywheel_acceleration(d, y[OMEGA_F], t_e, t_fc);
         dy[OMEGA_F] = common;
         dy[OMEGA_C] = common;
         (t_fc, 0.0, 0.0)
     } else {
         let slipping = slipping(config, y, set.direction, set.memory, drive.x);
         let (t_fc, slip) = (slipping.total(), y[OMEGA_F] - y[OMEGA_C]);
-        dy[OMEGA_F] = driveline::flywheel_acceleration(d, y[OMEGA_F], drive.t_e, t_fc);
+        dy[OMEGA_F] = driveline::flywheel_acceleration(d, y[OMEGA_F], t_e, t_fc);
         dy[OMEGA_C] = driveline::driveline_acceleration(config.disc_inertia(), t_fc, resist);
         (t_fc, slip, slipping.friction * slip)
     };
@@ -122,7 +133,7 @@ fn rates(config: &Config, set: &Setting, y: &Motion, drive: Drive) -> Motion {
     (dy[THETA_C], dy[THETA_B]) = thermal::single_rates(&c.thermal, y[THETA_C], y[THETA_B], set.theta_h, set.engaged, heating);
     dy[ANGLE] = slip;
     dy[E_D] = t_fc * slip;
-    dy[WORK_IN] = drive.t_e * y[OMEGA_F];
+    dy[WORK_IN] = t_e * y[OMEGA_F];
     dy
 }
 
