@@ -113,7 +113,7 @@ pub fn mismatch() -> Parameters {
     let mut effects = effects::null();
     effects[param::friction_level::factor] = 0.41359;
     effects[param::kiss_point_offset::offset] = 0.012161;
-    effects[param::kiss_point_offset::closed_share] = 1.0;
+    effects[param::kiss_point_offset::closed_offset] = 0.012161;
     effects
 }
 

@@ -48,5 +48,24 @@ fn a_tolerance_that_an_effect_repeats_has_the_same_derivatives_as_by_itself() {
             }
         }
     }
-    assert_eq!(repeated, 6, "bias and gain of the torque, μ, J_c, gamma_1, T_L0");
+    assert_eq!(repeated, 7, "bias and gain of the torque, μ, J_c, gamma_1, T_L0, x_cnt");
+}
+
+#[test]
+fn an_effect_that_takes_over_from_its_tolerance_leaves_the_car_as_it_is() {
+    let problem = problem();
+    let mut taken_over = 0;
+    for k in 0..problem.nuisances.len() {
+        let mut moved = problem.nominal();
+        moved.z[k] = 3.0;
+        let mut instead = problem.nominal();
+        if problem.nuisances[k].hand_over(3.0, &problem.vehicle, &mut instead.effects).is_none() {
+            continue;
+        }
+        taken_over += 1;
+        for (a, b) in problem.all_residuals(&moved).iter().flatten().zip(problem.all_residuals(&instead).iter().flatten()) {
+            assert!((a - b).abs() < 1e-6, "{}: {a} and {b}", problem.nuisances[k].name);
+        }
+    }
+    assert_eq!(taken_over, 7);
 }

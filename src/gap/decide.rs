@@ -121,7 +121,9 @@ pub fn decide(search: &Search) -> Decision {
     let excess = |h: &Hypothesis| (h.fit.cost - n).max(0.0);
     let mut chosen = base.clone();
     if let Some(single) = search.singles.first() {
-        let pair = search.pairs.first().filter(|pair| second_is_needed(search, single, pair));
+        // Not the pair that fits best: a second effect that polishes the first one's form may fit better than the true one.
+        let needed = search.pairs.iter().filter(|pair| second_is_needed(search, single, pair));
+        let pair = needed.max_by(|a, b| evidence(single, a).total_cmp(&evidence(single, b)));
         // Two effects may need each other: alone, either leaves most of the gap.
         if first_is_needed(base, single) || pair.is_some_and(|pair| first_is_needed(base, pair)) {
             chosen = pair.unwrap_or(single).clone();

@@ -6,7 +6,7 @@
 
 use super::nuisance::{self, Nuisance};
 use super::predict::{Follow, predict};
-use super::series::Series;
+use super::series::{Channel, Series};
 use crate::effects::{self, PARAMETERS, Parameters, REGISTRY};
 use crate::vehicle::Vehicle;
 use nalgebra::{DMatrix, DVector};
@@ -65,7 +65,9 @@ impl Problem {
         let predicted = predict(series, &vehicle, &effects, point.theta_shift[k], self.follow);
         let mut all = Vec::with_capacity(5 * series.len());
         for c in 0..5 {
-            let errors = series.measured[c].iter().zip(&predicted.value[c]).map(|(y, p)| (y - p) / series.scale[c]);
+            let jumps = |k: usize| c == Channel::TFc as usize && series.locking[k];
+            let pairs = series.measured[c].iter().zip(&predicted.value[c]).enumerate();
+            let errors = pairs.map(|(k, (y, p))| if jumps(k) { 0.0 } else { (y - p) / series.scale[c] });
             push_blocks(&mut all, errors, series.block);
         }
         all

@@ -58,10 +58,23 @@ impl Nuisance {
         let (k, size) = match (&self.target, factor) {
             (Target::Effect(k), _) => (*k, effects[*k]),
             (_, Some(k)) if self.relative => (k, effects[k]),
-            _ if self.name == "driveline.T_L0" => (param::road_load::rolling_torque, vehicle.driveline.T_L0),
-            _ => return None,
+            _ => match self.name.as_str() {
+                "driveline.T_L0" => (param::road_load::rolling_torque, vehicle.driveline.T_L0),
+                "actuator.x_cnt" => (param::kiss_point_offset::offset, vehicle.actuator.x_cnt_0),
+                "actuator.x_cls" => (param::kiss_point_offset::closed_offset, vehicle.actuator.x_cls_0),
+                _ => return None,
+            },
         };
         Some((k, if self.relative { self.sigma * size } else { self.sigma }))
+    }
+
+    /// Puts a move of `z` standard deviations into the effect parameter that does the same to `vehicle`, tolerances not applied; that parameter's
+    /// place, if there is one.
+    pub fn hand_over(&self, z: f64, vehicle: &Vehicle, effects: &mut Parameters) -> Option<usize> {
+        let (k, rate) = self.same_as(vehicle, effects)?;
+        let grown = if self.relative { ((self.sigma * z).exp() - 1.0) / self.sigma } else { z };
+        effects[k] += rate * grown;
+        Some(k)
     }
 }
 

@@ -57,6 +57,11 @@ impl Anchor {
         Self { point: point.clone(), residuals, coordinates, columns, trades }
     }
 
+    /// The point.
+    pub fn point(&self) -> &Point {
+        &self.point
+    }
+
     /// Derivatives along what is free there.
     pub fn columns(&self) -> &[Columns] {
         &self.columns
@@ -82,7 +87,9 @@ pub fn screen(problem: &Problem, anchors: &[Anchor], already: &[usize]) -> Vec<C
     let all: Vec<Option<Candidate>> = tasks.into_par_iter().map(promised).collect();
     let mut best: Vec<Candidate> = Vec::new();
     for candidate in all.into_iter().flatten() {
-        match best.iter_mut().find(|b| (b.effect, b.anchor) == (candidate.effect, candidate.anchor)) {
+        // Orders of a pulsation do not lead to each other: each of its starts is a candidate.
+        let alone = matches!(REGISTRY[candidate.effect].effect.act, Act::Pulsation(_));
+        match best.iter_mut().find(|b| !alone && (b.effect, b.anchor) == (candidate.effect, candidate.anchor)) {
             Some(b) => b.join(candidate),
             None => best.push(candidate),
         }

@@ -93,36 +93,49 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
     let firsts = if singles.first().is_none_or(settled) { 0 } else { FIRSTS };
     let rivals = |h: &&Hypothesis| h.fit.cost < HOPELESS * singles[0].fit.cost;
     for (k, first) in singles.iter().take(firsts).filter(rivals).enumerate() {
-        let mut anchors = vec![Anchor::at(problem, &first.fit, &first.effects)];
-        if prior(&first.fit.point) > FAR_AWAY {
-            let undragged = Point { effects: first.fit.point.effects, ..problem.nominal() };
-            anchors.push(Anchor::new(problem, &undragged, &first.effects, false));
-        }
-        let mut candidates = screen(problem, &anchors, &first.effects);
-        candidates.retain(|c| !tried(&pairs, first.effects[0], c.effect));
-        let called: Vec<usize> = twins_of_pulled(problem, &first.fit.point);
-        let seconds: Vec<Candidate> = (0..anchors.len())
-            .flat_map(|a| {
-                let from: Vec<Candidate> = candidates.iter().filter(|c| c.anchor == a).cloned().collect();
-                let promising = worthwhile(&from, SECONDS);
-                let twins = from[promising.len()..].iter().filter(|c| a == 0 && called.contains(&c.effect));
-                promising.iter().chain(twins).cloned().collect::<Vec<Candidate>>()
-            })
-            .collect();
-        pairs.extend(fit_all(problem, &first.effects, &seconds, &anchors));
-        progress("pairs of effects", 0.5 + 0.25 * (k + 1) as f64);
+        let untried = |second: usize| !tried(&pairs, first.effects[0], second);
+        let with_first = pairs_of(problem, first, untried);
+        pairs.extend(with_first);
+        progress("pairs of effects", 0.5 + 0.2 * (k + 1) as f64);
     }
     pairs.sort_by(|a, b| a.score().total_cmp(&b.score()));
     let promising = |best: &&Hypothesis| !settled(best) && singles[0].score() - best.score() > PROMISING;
     if let Some(best) = pairs.first().filter(promising).cloned() {
-        progress("exchanging", 0.95);
+        progress("exchanging", 0.9);
         exchange(problem, &best, &mut pairs);
     }
     if let Some(pair) = pairs.first() {
-        progress("pruning", 0.97);
+        progress("pruning", 0.95);
+        let before = singles[0].fit.cost;
         prune(problem, pair, &mut singles);
+        // A single effect that has found a much better place on the way looks for its second one from there.
+        if singles[0].fit.cost < MUCH_BETTER * before && !settled(&singles[0]) {
+            pairs.extend(pairs_of(problem, &singles[0], |_| true));
+            pairs.sort_by(|a, b| a.score().total_cmp(&b.score()));
+        }
     }
     Search { base: Hypothesis { effects: Vec::new(), fit: base }, singles, pairs, screened, noise_cost }
+}
+
+/// The most promising pairs with this first effect, of the second ones that are `wanted`.
+fn pairs_of(problem: &Problem, first: &Hypothesis, wanted: impl Fn(usize) -> bool) -> Vec<Hypothesis> {
+    let mut anchors = vec![Anchor::at(problem, &first.fit, &first.effects)];
+    if prior(&first.fit.point) > FAR_AWAY {
+        let undragged = Point { effects: first.fit.point.effects, ..problem.nominal() };
+        anchors.push(Anchor::new(problem, &undragged, &first.effects, false));
+    }
+    let mut candidates = screen(problem, &anchors, &first.effects);
+    candidates.retain(|c| wanted(c.effect));
+    let called = twins_of_pulled(problem, &first.fit.point);
+    let seconds: Vec<Candidate> = (0..anchors.len())
+        .flat_map(|a| {
+            let from: Vec<Candidate> = candidates.iter().filter(|c| c.anchor == a).cloned().collect();
+            let promising = worthwhile(&from, SECONDS);
+            let twins = from[promising.len()..].iter().filter(|c| a == 0 && called.contains(&c.effect));
+            promising.iter().chain(twins).cloned().collect::<Vec<Candidate>>()
+        })
+        .collect();
+    fit_all(problem, &first.effects, &seconds, &anchors)
 }
 
 /// Move of one tolerance in standard deviations that calls for the effect which it stands in for.
@@ -136,16 +149,37 @@ fn twins_of_pulled(problem: &Problem, point: &Point) -> Vec<usize> {
 /// Share of the cost at a promised start below which the same effect in the nominal car is the better start.
 const MUCH_BETTER: f64 = 0.8;
 
-/// Where the fit of a candidate starts: where it was promised, with the nuisances nominal if they fit much better so (a large gap drags them
-/// away). What was found from the nominal car starts as it was replayed: its linear promise is too rough to follow.
-fn start_of(problem: &Problem, candidate: &Candidate) -> Point {
+/// Where the fit of a candidate starts: where it was promised, as it was replayed if the promise was too bold, or where it takes over from the
+/// tolerance that stood in for it; with the nuisances nominal if they fit much better so (a large gap drags them away). What was found from the nominal car starts as it was replayed: its linear promise
+/// is too rough to follow.
+fn start_of(problem: &Problem, candidate: &Candidate, anchor: &Anchor) -> Point {
     let undragged = |effects| Point { effects, ..problem.nominal() };
     if candidate.anchor > 0 {
         return undragged(candidate.replayed);
     }
     let cost = |p: &Point| problem.cost(p, &problem.all_residuals(p));
+    let here = [
+        Some(candidate.start.clone()),
+        Some(Point { effects: candidate.replayed, ..anchor.point().clone() }),
+        handed_over(problem, candidate.effect, anchor.point()),
+    ];
+    let priced = here.into_iter().flatten().map(|p| (cost(&p), p));
+    let best = priced.min_by(|a, b| a.0.total_cmp(&b.0)).expect("there is the promise");
     let nominal = undragged(candidate.start.effects);
-    if cost(&nominal) < MUCH_BETTER * cost(&candidate.start) { nominal } else { candidate.start.clone() }
+    if cost(&nominal) < MUCH_BETTER * best.0 { nominal } else { best.1 }
+}
+
+/// The same car, with the moves of tolerances that the effect repeats put into the effect.
+fn handed_over(problem: &Problem, effect: usize, point: &Point) -> Option<Point> {
+    let mut moved = point.clone();
+    for (k, nuisance) in problem.nuisances.iter().enumerate() {
+        let mut effects = moved.effects;
+        let parameter = nuisance.hand_over(moved.z[k], &problem.vehicle, &mut effects);
+        if parameter.is_some_and(|p| REGISTRY[effect].parameters.contains(&p)) {
+            (moved.z[k], moved.effects) = (0.0, effects);
+        }
+    }
+    (moved != *point).then_some(moved)
 }
 
 /// Each half of a pair is exchanged for whatever suits the other half better: beside the right second effect, and with the tolerances that go with
@@ -199,7 +233,7 @@ fn fit_all(problem: &Problem, already: &[usize], candidates: &[Candidate], ancho
     let first = |c: &Candidate| {
         let mut effects = already.to_vec();
         effects.push(c.effect);
-        Hypothesis { fit: fit(problem, &effects, &start_of(problem, c), FIRST_ITERATIONS, Some(anchors[c.anchor].columns())), effects }
+        Hypothesis { fit: fit(problem, &effects, &start_of(problem, c, &anchors[c.anchor]), FIRST_ITERATIONS, Some(anchors[c.anchor].columns())), effects }
     };
     let by_cost = |a: &Hypothesis, b: &Hypothesis| a.score().total_cmp(&b.score());
     let mut all: Vec<Hypothesis> = candidates.par_iter().map(first).collect();

@@ -62,6 +62,9 @@ pub struct Series {
     pub theta_h: Vec<f64>,
     /// What was measured, by [`Channel`]; empty where the channel is missing.
     pub measured: [Vec<f64>; 5],
+    /// Samples around a lock-up, where the clutch torque jumps from its capacity to what is asked of it: a torque of such a sample says
+    /// nothing, for it hangs on a fraction of a sample.
+    pub locking: Vec<bool>,
     /// Standard deviation of each channel's noise at this rate.
     pub noise: [f64; 5],
     /// What residuals are divided by: the noise, with errors that stay for many samples spread over these.
@@ -95,6 +98,7 @@ impl Series {
         let dt = factor as f64 / recording.sample_rate_hz;
         let noise: [f64; 5] =
             std::array::from_fn(|k| noise(&measured[k]).hypot(if factor > 1 { AVERAGING_ERROR[k] } else { 0.0 }).max(LEAST_NOISE[k]));
+        let locking = locking(&measured, &noise);
         Self {
             name: recording.name.clone(),
             manoeuvre: recording.manoeuvre.clone(),
@@ -107,6 +111,7 @@ impl Series {
             x_to,
             theta_h,
             measured,
+            locking,
         }
     }
 
@@ -135,6 +140,21 @@ fn reduction(recording: &Recording) -> usize {
 
 /// What averaging over a block adds to the error of each channel, where the inputs move within it.
 const AVERAGING_ERROR: [f64; 5] = [0.05, 0.03, 0.0, 0.0, 0.1];
+
+/// Slip in units of its noise that counts as locked.
+const LOCKED: f64 = 6.0;
+
+/// Marks the samples around every lock-up: from two before the measured slip is gone to one after.
+fn locking(measured: &[Vec<f64>; 5], noise: &[f64; 5]) -> Vec<bool> {
+    let most = LOCKED * noise[0].hypot(noise[1]);
+    let slips: Vec<bool> = measured[0].iter().zip(&measured[1]).map(|(f, c)| (f - c).abs() > most).collect();
+    let mut marked = vec![false; slips.len()];
+    for k in (1..slips.len()).filter(|&k| slips[k - 1] && !slips[k]) {
+        let last = marked.len() - 1;
+        marked[k.saturating_sub(2)..=(k + 1).min(last)].fill(true);
+    }
+    marked
+}
 
 fn block_means(v: &[f64], factor: usize) -> Vec<f64> {
     v.chunks(factor).map(|c| c.iter().sum::<f64>() / c.len() as f64).collect()
