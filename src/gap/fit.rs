@@ -5,9 +5,10 @@
 //! not outvote a whole recording. Levenberg–Marquardt; derivatives are finite differences of whole replays.
 
 use super::nuisance::{self, Nuisance};
-use super::predict::{Follow, predict};
+use super::predict::{Follow, SUBSTEP_S, predict};
 use super::series::{Channel, Series};
 use crate::effects::{self, PARAMETERS, Parameters, REGISTRY};
+use crate::plant::config::Config;
 use crate::vehicle::Vehicle;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -17,6 +18,9 @@ pub const HUBER: f64 = 5.0;
 
 /// Standard deviation of the temperatures at the start of a recording, K; from the contract of the recordings.
 pub const THETA_0_SIGMA_K: f64 = 1.0;
+
+/// Substep in s below which a plant is too fast to be replayed again and again.
+const LEAST_SUBSTEP_S: f64 = 2e-4;
 
 /// What is fitted: the recordings of one car, and what is believed of it.
 #[derive(Clone, Debug)]
@@ -58,6 +62,12 @@ impl Problem {
         (vehicle, effects)
     }
 
+    /// Whether the plant there is slow enough for replays: a wild step may ask for inertias or shafts that no car has.
+    pub fn can_follow(&self, point: &Point) -> bool {
+        let (vehicle, effects) = self.plant_at(point);
+        Config::new(&vehicle, &effects).pace.longest_substep(SUBSTEP_S) > LEAST_SUBSTEP_S
+    }
+
     /// Residuals of recording `k`, in units of each channel's scale.
     pub fn residuals(&self, k: usize, point: &Point) -> Residuals {
         let (vehicle, effects) = self.plant_at(point);
@@ -78,10 +88,17 @@ impl Problem {
         (0..self.series.len()).into_par_iter().map(|k| self.residuals(k, point)).collect()
     }
 
-    /// Cost that noise alone is expected to have.
+    /// Cost that noise alone is expected to have: that of the sensors, and that of the torque report, which the replay takes for torque and
+    /// integrates over its memory while the clutch slips.
     pub fn noise_cost(&self) -> f64 {
         let of = |s: &Series, c: usize| (s.measured[c].len() / s.block) as f64 * (s.noise[c] / s.scale[c]).powi(2);
-        self.series.iter().map(|s| (0..5).map(|c| of(s, c)).sum::<f64>()).sum()
+        let reported = |s: &Series| {
+            let Follow::Horizon(seconds) = self.follow else { return 0.0 };
+            let each = s.torque_noise * s.dt / self.vehicle.driveline.J_f;
+            let integrated = each * each / (1.0 - (-2.0 * s.dt / seconds).exp());
+            s.slipping * (s.measured[0].len() / s.block) as f64 * integrated / s.scale[0].powi(2)
+        };
+        self.series.iter().map(|s| reported(s) + (0..5).map(|c| of(s, c)).sum::<f64>()).sum()
     }
 
     /// Cost of residuals and priors.
@@ -430,6 +447,10 @@ pub fn fit_along(
             let mut trial = point.clone();
             for (c, s) in coordinates.iter().zip(step.iter()) {
                 trial = c.moved(&trial, *s);
+            }
+            if !problem.can_follow(&trial) {
+                damping = (damping * SHRINK).max(1.0);
+                continue;
             }
             let there = problem.all_residuals(&trial);
             let cost_there = problem.cost(&trial, &there);

@@ -14,7 +14,7 @@ use crate::vehicle::Vehicle;
 pub const HORIZON_S: f64 = 0.25;
 
 /// Substep of the plant in a fit, s; the error it adds is far below any sensor's noise.
-const SUBSTEP_S: f64 = 1e-2;
+pub const SUBSTEP_S: f64 = 1e-2;
 
 /// How a replay follows its recording.
 #[derive(Clone, Copy, Debug, PartialEq)]

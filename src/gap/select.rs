@@ -163,10 +163,12 @@ fn start_of(problem: &Problem, candidate: &Candidate, anchor: &Anchor) -> Point 
         Some(Point { effects: candidate.replayed, ..anchor.point().clone() }),
         handed_over(problem, candidate.effect, anchor.point()),
     ];
-    let priced = here.into_iter().flatten().map(|p| (cost(&p), p));
-    let best = priced.min_by(|a, b| a.0.total_cmp(&b.0)).expect("there is the promise");
+    let priced = here.into_iter().flatten().filter(|p| problem.can_follow(p)).map(|p| (cost(&p), p));
     let nominal = undragged(candidate.start.effects);
-    if cost(&nominal) < MUCH_BETTER * best.0 { nominal } else { best.1 }
+    match priced.min_by(|a, b| a.0.total_cmp(&b.0)) {
+        Some((least, best)) if cost(&nominal) >= MUCH_BETTER * least => best,
+        _ => nominal,
+    }
 }
 
 /// The same car, with the moves of tolerances that the effect repeats put into the effect.
@@ -175,7 +177,8 @@ fn handed_over(problem: &Problem, effect: usize, point: &Point) -> Option<Point>
     for (k, nuisance) in problem.nuisances.iter().enumerate() {
         let mut effects = moved.effects;
         let parameter = nuisance.hand_over(moved.z[k], &problem.vehicle, &mut effects);
-        if parameter.is_some_and(|p| REGISTRY[effect].parameters.contains(&p)) {
+        let within = |p: usize| (PARAMETERS[p].min..=PARAMETERS[p].max).contains(&effects[p]);
+        if parameter.is_some_and(|p| REGISTRY[effect].parameters.contains(&p) && within(p)) {
             (moved.z[k], moved.effects) = (0.0, effects);
         }
     }

@@ -62,6 +62,10 @@ pub struct Series {
     pub theta_h: Vec<f64>,
     /// What was measured, by [`Channel`]; empty where the channel is missing.
     pub measured: [Vec<f64>; 5],
+    /// Standard deviation of the torque report's noise, N·m.
+    pub torque_noise: f64,
+    /// Share of the samples in which the clutch slips.
+    pub slipping: f64,
     /// Samples around a lock-up, where the clutch torque jumps from its capacity to what is asked of it: a torque of such a sample says
     /// nothing, for it hangs on a fraction of a sample.
     pub locking: Vec<bool>,
@@ -98,7 +102,9 @@ impl Series {
         let dt = factor as f64 / recording.sample_rate_hz;
         let noise: [f64; 5] =
             std::array::from_fn(|k| noise(&measured[k]).hypot(if factor > 1 { AVERAGING_ERROR[k] } else { 0.0 }).max(LEAST_NOISE[k]));
-        let locking = locking(&measured, &noise);
+        let slips = slips(&measured, &noise);
+        let slipping = slips.iter().filter(|s| **s).count() as f64 / slips.len().max(1) as f64;
+        let (torque_noise, locking) = (self::noise(&t_e), locking(&slips));
         Self {
             name: recording.name.clone(),
             manoeuvre: recording.manoeuvre.clone(),
@@ -111,6 +117,8 @@ impl Series {
             x_to,
             theta_h,
             measured,
+            torque_noise,
+            slipping,
             locking,
         }
     }
@@ -144,10 +152,14 @@ const AVERAGING_ERROR: [f64; 5] = [0.05, 0.03, 0.0, 0.0, 0.1];
 /// Slip in units of its noise that counts as locked.
 const LOCKED: f64 = 6.0;
 
-/// Marks the samples around every lock-up: from two before the measured slip is gone to one after.
-fn locking(measured: &[Vec<f64>; 5], noise: &[f64; 5]) -> Vec<bool> {
+/// Samples in which the measured speeds differ.
+fn slips(measured: &[Vec<f64>; 5], noise: &[f64; 5]) -> Vec<bool> {
     let most = LOCKED * noise[0].hypot(noise[1]);
-    let slips: Vec<bool> = measured[0].iter().zip(&measured[1]).map(|(f, c)| (f - c).abs() > most).collect();
+    measured[0].iter().zip(&measured[1]).map(|(f, c)| (f - c).abs() > most).collect()
+}
+
+/// Marks the samples around every lock-up: from two before the measured slip is gone to one after.
+fn locking(slips: &[bool]) -> Vec<bool> {
     let mut marked = vec![false; slips.len()];
     for k in (1..slips.len()).filter(|&k| slips[k - 1] && !slips[k]) {
         let last = marked.len() - 1;
