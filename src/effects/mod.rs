@@ -193,7 +193,8 @@ impl SignalDelay {
     /// moments of the filter's memory.
     pub fn nodes(self) -> [(f64, f64); 2] {
         use std::f64::consts::SQRT_2;
-        [(2.0 - SQRT_2, 0.25 * (2.0 + SQRT_2)), (2.0 + SQRT_2, 0.25 * (2.0 - SQRT_2))].map(|(x, w)| (self.dead_time + x * self.smoothing, w))
+        [(2.0 - SQRT_2, 0.25 * (2.0 + SQRT_2)), (2.0 + SQRT_2, 0.25 * (2.0 - SQRT_2))]
+            .map(|(x, w)| (self.dead_time + x * self.smoothing, w))
     }
 }
 

@@ -6,6 +6,7 @@
 use super::fit::{Fit, prior, weight};
 use super::gap::Closed;
 use super::select::{Hypothesis, Search};
+use crate::effects::REGISTRY;
 
 /// Verdict on a campaign, as the answer's schema names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,17 +25,22 @@ pub enum Verdict {
 pub const FIRST_GAIN: f64 = 40.0;
 /// Evidence from tolerances set free that a first effect needs if it has little else: what the data say of a healthy car wanders with the
 /// sensors' habits, where its tolerances lie does not.
-const FIRST_FREED: f64 = 12.0;
-/// Evidence that a second effect needs.
+const FIRST_FREED: f64 = 10.0;
+/// Cost relative to the noise's up to which residuals are what the noise makes of them: evidence from the data alone then has to be this many times
+/// as strong.
+const NOISE_ALONE: f64 = 1.05;
+const BEYOND_DOUBT: f64 = 3.0;
+/// Evidence that a second effect needs, and that of tolerances set free if it sets them free.
 pub const SECOND_GAIN: f64 = 30.0;
-/// Share of the pull beyond [`WITHIN`] that a second effect which sets tolerances free has to take.
+const SECOND_FREED: f64 = 20.0;
+/// Share of the pull of tolerances beyond that of any car that a second effect which sets them free has to take.
 const MOST: f64 = 0.65;
-/// Cost of the nuisances of a car within its tolerances.
-const WITHIN: f64 = 25.0;
 /// Share of the first effect's excess that a second effect has to take.
 pub const SECOND_SHARE: f64 = 0.6;
 /// Share of what the first effect explains below which a second one is a trifle: a difference of form.
 pub const TRIFLE: f64 = 0.004;
+/// The same for a second effect of the first one's subsystem, which is what a difference of form looks like.
+const TRIFLE_ALIKE: f64 = 0.04;
 /// Cost per residual above which something structured is there.
 pub const STRUCTURED: f64 = 1.3;
 /// Share of the base's excess that an explanation may leave.
@@ -93,25 +99,38 @@ fn freed(small: &Hypothesis, large: &Hypothesis) -> f64 {
     split(small).0 - split(large).0 - earned
 }
 
-/// Whether the best single effect is more than a healthy car would offer.
-fn first_is_needed(base: &Hypothesis, single: &Hypothesis) -> bool {
-    let evidence = evidence(base, single);
-    evidence > FIRST_GAIN || evidence > FIRST_FREED && freed(base, single) > FIRST_FREED
+/// Whether an effect is more than a healthy car would offer.
+fn first_is_needed(search: &Search, effects: &Hypothesis) -> bool {
+    let (evidence, freed) = (evidence(&search.base, effects), freed(&search.base, effects));
+    let needed = if search.base.fit.cost < NOISE_ALONE * search.noise_cost { BEYOND_DOUBT * FIRST_GAIN } else { FIRST_GAIN };
+    evidence > needed || evidence > FIRST_FREED && freed > FIRST_FREED
+}
+
+/// How far tolerances are pulled: the sum of squares in standard deviations.
+fn pull(h: &Hypothesis) -> f64 {
+    h.fit.point.z.iter().map(|z| z * z).sum()
 }
 
 /// Whether a second effect is there, and not only the first one's form that differs.
 ///
 /// Two signs count: the first effect alone pulls tolerances far beyond their size and the second sets them free, or the second takes
-/// most of the structure that the first left, and not a trifle beside what the first explains.
+/// most of the structure that the first left, and not a trifle beside what the first explains. One of the first one's own subsystem has to do
+/// the latter, and more of it.
 fn second_is_needed(search: &Search, single: &Hypothesis, pair: &Hypothesis) -> bool {
-    let ((pulled_1, data_1), (pulled_2, data_2)) = (split(single), split(pair));
-    let (freed, gained) = (pulled_1 - pulled_2, data_1 - data_2);
+    let (data_1, data_2) = (split(single).1, split(pair).1);
+    let (gained, earned) = (data_1 - data_2, pair.score() - pair.fit.cost - (single.score() - single.fit.cost));
     let structure = data_1 - data_2.min(search.noise_cost);
     let explained = search.base.fit.cost - single.fit.cost;
-    let takes_the_rest = gained > SECOND_SHARE * structure && gained > TRIFLE * explained;
-    // Setting free means that little pull is left, not that some of much is gone.
-    let sets_free = freed > SECOND_GAIN && freed > MOST * (pulled_1 - WITHIN);
-    evidence(single, pair) > SECOND_GAIN && (sets_free || takes_the_rest)
+    let subsystem = |k: usize| REGISTRY[pair.effects[k]].effect.subsystem;
+    let alike = subsystem(0) == subsystem(1);
+    let evidence = evidence(single, pair);
+    let trifle = if alike { TRIFLE_ALIKE } else { TRIFLE };
+    let takes_the_rest = evidence > SECOND_GAIN && gained > SECOND_SHARE * structure && gained > trifle * explained;
+    // Setting free means that little pull is left, not that some of much is gone. Each tolerance is pulled by one standard deviation anyway.
+    let (pull_1, freed) = (pull(single), pull(single) - pull(pair) - earned);
+    let beyond = pull_1 - single.fit.point.z.len() as f64;
+    let sets_free = !alike && evidence.min(freed) > SECOND_FREED && freed > MOST * beyond;
+    pair.score() < single.score() && (sets_free || takes_the_rest)
 }
 
 /// Decides.
@@ -120,12 +139,17 @@ pub fn decide(search: &Search) -> Decision {
     let base = &search.base;
     let excess = |h: &Hypothesis| (h.fit.cost - n).max(0.0);
     let mut chosen = base.clone();
-    if let Some(single) = search.singles.first() {
+    // The best one that is needed: a pliable effect may fit noise a little better than the true one sets tolerances free.
+    let needed = search.singles.iter().find(|single| first_is_needed(search, single));
+    if let Some(single) = needed.or(search.singles.first()) {
         // Not the pair that fits best: a second effect that polishes the first one's form may fit better than the true one.
-        let needed = search.pairs.iter().filter(|pair| second_is_needed(search, single, pair));
-        let pair = needed.max_by(|a, b| evidence(single, a).total_cmp(&evidence(single, b)));
+        let pair = search
+            .pairs
+            .iter()
+            .filter(|pair| second_is_needed(search, single, pair))
+            .max_by(|a, b| evidence(single, a).total_cmp(&evidence(single, b)));
         // Two effects may need each other: alone, either leaves most of the gap.
-        if first_is_needed(base, single) || pair.is_some_and(|pair| first_is_needed(base, pair)) {
+        if first_is_needed(search, single) || pair.is_some_and(|pair| first_is_needed(search, pair)) {
             chosen = pair.unwrap_or(single).clone();
         }
     }

@@ -413,13 +413,7 @@ pub fn fit(problem: &Problem, effects: &[usize], start: &Point, iterations: usiz
 }
 
 /// As [`fit`], along these coordinates alone.
-pub fn fit_along(
-    problem: &Problem,
-    coordinates: Vec<Coordinate>,
-    start: &Point,
-    iterations: usize,
-    known: Option<&[Columns]>,
-) -> Fit {
+pub fn fit_along(problem: &Problem, coordinates: Vec<Coordinate>, start: &Point, iterations: usize, known: Option<&[Columns]>) -> Fit {
     let mut point = start.clone();
     let mut residuals = problem.all_residuals(&point);
     let mut cost = problem.cost(&point, &residuals);

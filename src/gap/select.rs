@@ -236,7 +236,10 @@ fn fit_all(problem: &Problem, already: &[usize], candidates: &[Candidate], ancho
     let first = |c: &Candidate| {
         let mut effects = already.to_vec();
         effects.push(c.effect);
-        Hypothesis { fit: fit(problem, &effects, &start_of(problem, c, &anchors[c.anchor]), FIRST_ITERATIONS, Some(anchors[c.anchor].columns())), effects }
+        Hypothesis {
+            fit: fit(problem, &effects, &start_of(problem, c, &anchors[c.anchor]), FIRST_ITERATIONS, Some(anchors[c.anchor].columns())),
+            effects,
+        }
     };
     let by_cost = |a: &Hypothesis, b: &Hypothesis| a.score().total_cmp(&b.score());
     let mut all: Vec<Hypothesis> = candidates.par_iter().map(first).collect();
