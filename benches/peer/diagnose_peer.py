@@ -58,7 +58,7 @@ CANDIDATES = {
     "cushion_hysteresis": {"hyst_width": (0.1, 0.1, -1, 1), "hyst_stroke": (0.2, 0.1, 0.02, 2)},
     "friction_level": {"mu_factor": (0.9, 0.1, 0.2, 2)},
     "friction_fade": {"fade_depth": (0.2, 0.1, -0.9, 0.9), "fade_onset": (110, 20, 30, 300), "fade_width": (30, 15, 2, 200)},
-    "friction_slip_gradient": {"grad_amp": (-0.1, 0.1, -0.9, 2), "grad_speed": (50, 20, 2, 400)},
+    "friction_slip_gradient": {"grad_amp": (0.08, 0.08, -0.5, 0.5), "grad_speed": (12, 12, 1, 200)},
     "clutch_drag": {"drag": (2, 2, -20, 50), "drag_visc": (0.01, 0.01, -0.1, 0.5)},
     "judder": {"jud_cos": (0.05, 0.05, -0.9, 0.9), "jud_sin": (0.05, 0.05, -0.9, 0.9), "jud_order": (1, 0.2, 0.1, 20)},
     "heat_partition": {"share": (0.1, 0.1, -0.5, 0.5)},
@@ -116,10 +116,10 @@ def capacity(v, xi_0, x, branch, slip, theta, angle):
             w = slip * rho / mean
             radius += 0.5 * weight * rho * max(mu_d + (v[MU_0] - mu_d + v[ALPHA_1] * w) * exp(-v[ALPHA_2] * w), 0.02)
     torque = 2 * radius * force * v[MU_FACTOR]
+    if v[GRAD_AMP] != 0.0:
+        torque += 2 * mean * force * v[GRAD_AMP] * exp(-((slip / v[GRAD_SPEED]) ** 2))
     if v[FADE_DEPTH] != 0.0:
         torque *= 1 - v[FADE_DEPTH] / (1 + exp(-4 * (theta - v[FADE_ONSET]) / v[FADE_WIDTH]))
-    if v[GRAD_AMP] != 0.0:
-        torque *= 1 + v[GRAD_AMP] * (1 - exp(-slip / v[GRAD_SPEED]))
     if v[JUD_COS] != 0.0 or v[JUD_SIN] != 0.0:
         torque *= 1 + v[JUD_COS] * np.cos(v[JUD_ORDER] * angle) + v[JUD_SIN] * np.sin(v[JUD_ORDER] * angle)
     return max(torque, 0.0)

@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | τ, `time_constant` | time constant | s |
 //! | κ, `curvature` | second-order share | 1 |
+//! | a, `asymmetry` | τ is (1 + a) times as long upwards and (1 − a) times downwards | 1 |
 
 use super::{Act, Constants, Effect, Parameters, Subsystem, param};
 use crate::vehicle::Vehicle;
@@ -24,4 +25,5 @@ pub const EFFECT: Effect = Effect {
 fn apply(p: &Parameters, _: &Vehicle, c: &mut Constants) {
     c.actuator_lag.time_constant = p[param::actuator_lag::time_constant];
     c.actuator_lag.curvature = p[param::actuator_lag::curvature];
+    c.actuator_lag.asymmetry = p[param::actuator_lag::asymmetry];
 }

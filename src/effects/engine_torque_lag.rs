@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | τ, `time_constant` | time constant | s |
 //! | κ, `curvature` | second-order share | 1 |
+//! | a, `asymmetry` | τ is (1 + a) times as long upwards and (1 − a) times downwards | 1 |
 
 use super::{Act, Constants, Effect, Parameters, Subsystem, param};
 use crate::vehicle::Vehicle;
@@ -24,4 +25,5 @@ pub const EFFECT: Effect = Effect {
 fn apply(p: &Parameters, _: &Vehicle, c: &mut Constants) {
     c.engine_lag.time_constant = p[param::engine_torque_lag::time_constant];
     c.engine_lag.curvature = p[param::engine_torque_lag::curvature];
+    c.engine_lag.asymmetry = p[param::engine_torque_lag::asymmetry];
 }

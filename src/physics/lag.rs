@@ -3,6 +3,7 @@
 //! | symbol | meaning | unit |
 //! |---|---|---|
 //! | τ | time constant | s |
+//! | a | asymmetry: τ is (1 + a) times as long upwards and (1 − a) times downwards | 1 |
 //! | κ | second-order share: 0 is a first-order lag, 1/4 two equal ones, above that it overshoots | 1 |
 //! | u | input, constant or a ramp over the step | any |
 //!
@@ -15,6 +16,8 @@ pub struct Lag {
     pub time_constant: f64,
     /// κ.
     pub curvature: f64,
+    /// a, between −1 and 1.
+    pub asymmetry: f64,
 }
 
 /// Output and its rate.
@@ -28,10 +31,11 @@ pub struct LagState {
 
 /// State after `h` seconds with the input `u + slope·t`.
 pub fn advance(lag: &Lag, state: LagState, u: f64, slope: f64, h: f64) -> LagState {
-    let tau = lag.time_constant;
-    if tau <= 0.0 {
+    if lag.time_constant <= 0.0 {
         return LagState { value: u + slope * h, rate: slope };
     }
+    let lag = &Lag { time_constant: lag.time_constant * (1.0 + lag.asymmetry * (u - state.value).signum()), ..*lag };
+    let tau = lag.time_constant;
     // Steady response to the ramp: it trails by τ. The rest decays freely.
     let (z0, v0) = (state.value - (u - slope * tau), state.rate - slope);
     let trail = u + slope * (h - tau);
