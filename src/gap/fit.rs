@@ -120,10 +120,35 @@ fn push_blocks(all: &mut Vec<f64>, errors: impl Iterator<Item = f64>, block: usi
     }
 }
 
-/// Cost of the nuisances and start temperatures.
+/// Cost of the nuisances and start temperatures, and of effect parameters that do not belong together.
 pub fn prior(point: &Point) -> f64 {
     let temperatures = point.theta_shift.iter().flatten().map(|t| t / THETA_0_SIGMA_K);
-    point.z.iter().copied().chain(temperatures).map(|x| x * x).sum()
+    let strains = TOGETHER.iter().map(|t| t.strain(&point.effects));
+    point.z.iter().copied().chain(temperatures).chain(strains).map(|x| x * x).sum()
+}
+
+/// Two parameters of an effect of which the second goes with the first, more or less.
+struct Together {
+    leader: usize,
+    follower: usize,
+    share: f64,
+    sigma: f64,
+}
+
+/// A clutch whose contact moves is worn or was adjusted, and its closed point moves the same way, by all, some or none of it. On its own it would
+/// be another stiffness.
+const TOGETHER: [Together; 1] = [Together {
+    leader: effects::param::kiss_point_offset::offset,
+    follower: effects::param::kiss_point_offset::closed_offset,
+    share: 0.5,
+    sigma: 0.05,
+}];
+
+impl Together {
+    /// How far apart they are, in standard deviations.
+    fn strain(&self, effects: &Parameters) -> f64 {
+        (effects[self.follower] - self.share * effects[self.leader]) / self.sigma
+    }
 }
 
 /// Huber's loss; r² near zero.
@@ -342,6 +367,16 @@ pub fn add_prior(point: &Point, coordinates: &[Coordinate], curvature: &mut DMat
         let centre = if let Coordinate::Effect(p) = c { PARAMETERS[*p].null } else { 0.0 };
         curvature[(k, k)] += c.precision();
         gradient[k] += c.precision() * (c.get(point) - centre);
+    }
+    for t in &TOGETHER {
+        let place = |parameter: usize| coordinates.iter().position(|c| *c == Coordinate::Effect(parameter));
+        if let (Some(leader), Some(follower)) = (place(t.leader), place(t.follower)) {
+            let slopes = [(leader, -t.share / t.sigma), (follower, 1.0 / t.sigma)];
+            for (i, a) in slopes {
+                gradient[i] += a * t.strain(&point.effects);
+                slopes.iter().for_each(|&(j, b)| curvature[(i, j)] += a * b);
+            }
+        }
     }
 }
 
