@@ -105,12 +105,13 @@ fn dispersion(f: &Findings) -> f64 {
     decide::dispersion(&f.decision.chosen.fit)
 }
 
-/// Hypotheses that differ from the chosen one in effect `k` alone.
+/// Hypotheses that differ from the chosen one in effect `k` alone; of pairs, those that the data ask for as well.
 fn rivals<'a>(f: &'a Findings, k: usize) -> impl Iterator<Item = (usize, &'a Hypothesis)> {
     let chosen = &f.decision.chosen.effects;
     let kept: Vec<usize> = chosen.iter().copied().filter(|e| *e != chosen[k]).collect();
-    let all = if chosen.len() == 1 { &f.search.singles } else { &f.search.pairs };
-    all.iter().filter_map(move |h| {
+    let all: Vec<&Hypothesis> =
+        if chosen.len() == 1 { f.search.singles.iter().collect() } else { decide::needed_pairs(f.search).collect() };
+    all.into_iter().filter_map(move |h| {
         let other: Vec<usize> = h.effects.iter().copied().filter(|e| !kept.contains(e)).collect();
         (other.len() == 1 && other[0] != chosen[k]).then(|| (other[0], h))
     })
@@ -118,7 +119,7 @@ fn rivals<'a>(f: &'a Findings, k: usize) -> impl Iterator<Item = (usize, &'a Hyp
 
 /// Nats by which the chosen hypothesis beats another.
 fn behind(f: &Findings, other: &Hypothesis) -> f64 {
-    0.5 * (other.score() - f.decision.chosen.score()) / dispersion(f)
+    0.5 * decide::evidence(other, &f.decision.chosen)
 }
 
 fn effects_json(f: &Findings) -> Vec<Value> {

@@ -86,9 +86,9 @@ fn split(h: &Hypothesis) -> (f64, f64) {
     (pulled, h.fit.cost - pulled)
 }
 
-/// Evidence for the larger of two hypotheses, twice in nats: tolerances that it sets free, and data that it explains beyond what hangs
+/// Evidence for the second of two hypotheses, twice in nats: tolerances that it sets free, and data that it explains beyond what hangs
 /// together anyway, less what its parameters have to earn.
-fn evidence(small: &Hypothesis, large: &Hypothesis) -> f64 {
+pub fn evidence(small: &Hypothesis, large: &Hypothesis) -> f64 {
     let (data_0, data_1) = (split(small).1, split(large).1);
     freed(small, large) + (data_0 - data_1) / dispersion(&large.fit)
 }
@@ -133,21 +133,27 @@ fn second_is_needed(search: &Search, single: &Hypothesis, pair: &Hypothesis) -> 
     pair.score() < single.score() && (sets_free || takes_the_rest)
 }
 
+/// The single effect that a second one has to beat: the best one that is needed, for a pliable effect may fit noise a little better than the
+/// true one sets tolerances free.
+fn first_choice(search: &Search) -> Option<&Hypothesis> {
+    search.singles.iter().find(|single| first_is_needed(search, single)).or(search.singles.first())
+}
+
+/// Pairs that the data ask for.
+pub fn needed_pairs(search: &Search) -> impl Iterator<Item = &Hypothesis> {
+    let first = first_choice(search);
+    search.pairs.iter().filter(move |pair| first.is_some_and(|single| second_is_needed(search, single, pair)))
+}
+
 /// Decides.
 pub fn decide(search: &Search) -> Decision {
     let n = search.noise_cost;
     let base = &search.base;
     let excess = |h: &Hypothesis| (h.fit.cost - n).max(0.0);
     let mut chosen = base.clone();
-    // The best one that is needed: a pliable effect may fit noise a little better than the true one sets tolerances free.
-    let needed = search.singles.iter().find(|single| first_is_needed(search, single));
-    if let Some(single) = needed.or(search.singles.first()) {
+    if let Some(single) = first_choice(search) {
         // Not the pair that fits best: a second effect that polishes the first one's form may fit better than the true one.
-        let pair = search
-            .pairs
-            .iter()
-            .filter(|pair| second_is_needed(search, single, pair))
-            .max_by(|a, b| evidence(single, a).total_cmp(&evidence(single, b)));
+        let pair = needed_pairs(search).max_by(|a, b| evidence(single, a).total_cmp(&evidence(single, b)));
         // Two effects may need each other: alone, either leaves most of the gap.
         if first_is_needed(search, single) || pair.is_some_and(|pair| first_is_needed(search, pair)) {
             chosen = pair.unwrap_or(single).clone();
