@@ -230,7 +230,10 @@ impl Plant {
             match delay {
                 d if d.is_none() => now,
                 d if d.smoothing <= 0.0 => at(d.dead_time),
-                d => d.nodes().iter().map(|(age, weight)| weight * at(*age)).sum(),
+                d => {
+                    let [(young, _), (old, weight)] = d.nodes();
+                    at(young) + weight * (at(old) - at(young))
+                }
             }
         };
         Outputs {
