@@ -6,7 +6,7 @@
 use super::fit::{Fit, prior, weight};
 use super::gap::Closed;
 use super::select::{Hypothesis, Search};
-use crate::effects::REGISTRY;
+use crate::effects::{REGISTRY, Subsystem};
 
 /// Verdict on a campaign, as the answer's schema names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -115,7 +115,7 @@ fn pull(h: &Hypothesis) -> f64 {
 ///
 /// Two signs count: the first effect alone pulls tolerances far beyond their size and the second sets them free, or the second takes
 /// most of the structure that the first left, and not a trifle beside what the first explains. One of the first one's own subsystem has to do
-/// the latter, and more of it.
+/// the latter, and more of it; so has a thermal one, but no more of it.
 fn second_is_needed(search: &Search, single: &Hypothesis, pair: &Hypothesis) -> bool {
     let (data_1, data_2) = (split(single).1, split(pair).1);
     let (gained, earned) = (data_1 - data_2, pair.score() - pair.fit.cost - (single.score() - single.fit.cost));
@@ -129,7 +129,9 @@ fn second_is_needed(search: &Search, single: &Hypothesis, pair: &Hypothesis) -> 
     // Setting free means that little pull is left, not that some of much is gone. Each tolerance is pulled by one standard deviation anyway.
     let (pull_1, freed) = (pull(single), pull(single) - pull(pair) - earned);
     let beyond = pull_1 - single.fit.point.z.len() as f64;
-    let sets_free = !alike && evidence.min(freed) > SECOND_FREED && freed > MOST * beyond;
+    // Where heat goes shows in the speeds through friction alone: a friction of another form pulls at the same tolerances.
+    let thermal = (0..2).any(|k| subsystem(k) == Subsystem::Thermal);
+    let sets_free = !alike && !thermal && evidence.min(freed) > SECOND_FREED && freed > MOST * beyond;
     pair.score() < single.score() && (sets_free || takes_the_rest)
 }
 
