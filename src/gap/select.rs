@@ -62,6 +62,8 @@ const FINALISTS: usize = 3;
 const ITERATIONS: usize = 12;
 /// A single effect that leaves less than this cost per residual, and pulls no tolerance beyond [`PULLED`], needs no second one.
 const SETTLED: f64 = 1.04;
+/// Pairs whose halves are fitted alone.
+const PRUNED: usize = 3;
 /// Cost of the nuisances from which on the nominal car, with the first effect, is a second place to look from.
 const FAR_AWAY: f64 = 150.0;
 /// Gain over the best single effect below which a pair is not worth exchanging its halves.
@@ -104,10 +106,12 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
         progress("exchanging", 0.9);
         exchange(problem, &best, &mut pairs);
     }
-    if let Some(pair) = pairs.first() {
+    if !pairs.is_empty() {
         progress("pruning", 0.95);
         let before = singles[0].fit.cost;
-        prune(problem, pair, &mut singles);
+        for pair in pairs.iter().take(PRUNED) {
+            prune(problem, pair, &mut singles);
+        }
         // A single effect that has found a much better place on the way looks for its second one from there.
         if singles[0].fit.cost < MUCH_BETTER * before && !settled(&singles[0]) {
             pairs.extend(pairs_of(problem, &singles[0], |_| true));
