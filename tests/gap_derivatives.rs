@@ -2,9 +2,11 @@
 
 use kisspoint::campaign;
 use kisspoint::effects::{PARAMETERS, REGISTRY};
-use kisspoint::gap::fit::{Coordinate, Problem, coordinates, derivatives};
+use kisspoint::gap::coordinate::{Coordinate, coordinates};
+use kisspoint::gap::derivatives::derivatives;
 use kisspoint::gap::nuisance;
 use kisspoint::gap::predict::{Follow, HORIZON_S};
+use kisspoint::gap::problem::Problem;
 use kisspoint::gap::series::Series;
 use kisspoint::vehicle::Vehicle;
 use std::path::Path;

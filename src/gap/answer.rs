@@ -3,11 +3,13 @@
 //! Keys are sorted and numbers rounded to six significant digits (plant parameters are exact), so that the same
 //! campaign gives the same bytes.
 
+use super::coordinate::Coordinate;
 use super::decide::{self, HELPS, STRUCTURED, Verdict};
 use super::diagnosis::{Findings, verdict_id};
-use super::fit::{Coordinate, Fit, prior};
+use super::fit::Fit;
 use super::gap::{Closed, Engagement, HeldOut, unit};
 use super::locate::FAMILY_WISE_ERROR;
+use super::problem::prior;
 use super::select::Hypothesis;
 use super::series::Channel;
 use crate::effects::{self, PARAMETERS, Parameters, REGISTRY};

@@ -5,8 +5,8 @@
 //! gained in the window beyond what the correction forgets. An error of the engine shows in δT_f alone, one of the driveline in δT_c alone, one of the clutch in both
 //! with opposite sign; while locked only their sum is seen, and slip that is measured there belongs to the sensors.
 
-use super::fit::{Point, Problem};
 use super::predict::{Follow, HORIZON_S, Prediction, predict};
+use super::problem::{Point, Problem};
 use super::series::{Channel, Series};
 
 /// Length of a window, s.

@@ -3,8 +3,9 @@
 //! The thresholds were set on drawn cars whose effects are known, by the procedure that the docs of the method describe; they are
 //! never set on a case at hand.
 
-use super::fit::{Fit, prior, weight};
+use super::fit::Fit;
 use super::gap::Closed;
+use super::problem::{prior, weight};
 use super::select::{Hypothesis, Search};
 use crate::effects::{REGISTRY, Subsystem};
 

@@ -2,11 +2,12 @@
 
 use super::answer;
 use super::decide::{Decision, FIRST_GAIN, STRUCTURED, Verdict, decide};
-use super::fit::{Fit, Point, Problem, fit};
+use super::fit::{Fit, fit};
 use super::gap::{self, Closed, HeldOut};
 use super::locate::{self, Location};
 use super::nuisance::{self, ToleranceError};
 use super::predict::{Follow, HORIZON_S};
+use super::problem::{Point, Problem};
 use super::screen;
 use super::select::{Hypothesis, Search, search};
 use super::series::Series;

@@ -12,8 +12,9 @@
 //! more pliable pays for it. Each may build on the library effect of its own part that comes nearest.
 
 use super::balance::{self, Window};
-use super::fit::{Coordinate, Point, Problem};
+use super::coordinate::Coordinate;
 use super::predict::{Follow, HORIZON_S, predict};
+use super::problem::{Point, Problem};
 use super::pulsation::{self, Clock};
 use super::select::Search;
 use crate::effects::{REGISTRY, Subsystem};

@@ -5,9 +5,11 @@
 //! the balances decide between engine, driveline, sensors and the clutch, and the candidates that come nearest between the parts of the clutch.
 
 use super::balance::{self, HIGH_TORQUE_NM, HOT_DEGC, Window};
+use super::coordinate::Coordinate;
 use super::decide::{Decision, Verdict};
-use super::fit::{self, Coordinate, Point, Problem};
+use super::derivatives::add_products;
 use super::freeform;
+use super::problem::{Point, Problem};
 use super::select::Search;
 use crate::effects::{self, REGISTRY, Subsystem};
 use nalgebra::{DMatrix, DVector};
@@ -159,17 +161,19 @@ fn explain(problem: &Problem, nominal: &Point, moves: &Moves, wrong: Wrong) -> E
     let rows = |w: &[Window]| w.iter().flat_map(|w| left_by(wrong, w)).collect::<Vec<f64>>();
     let here = rows(&moves.nominal);
     let n = moves.moved.len();
-    let columns: Vec<Vec<f64>> = moves.moved.iter().map(|w| rows(w).iter().zip(&here).map(|(a, b)| a - b).collect()).collect();
+    let column = |w: &Vec<Window>| DVector::from_iterator(here.len(), rows(w).iter().zip(&here).map(|(a, b)| a - b));
+    let mut matrix = DMatrix::zeros(here.len(), n);
+    moves.moved.iter().enumerate().for_each(|(k, w)| matrix.set_column(k, &column(w)));
+    let all: Vec<usize> = (0..n).collect();
     let mut z = DVector::zeros(n);
     let mut left = here.clone();
     for _ in 0..ROUNDS {
         let weights: Vec<f64> = left.iter().map(|r| (1.0 + r * r / SATURATION).powi(-2)).collect();
-        let weighted: Vec<Vec<f64>> = columns.iter().map(|c| c.iter().zip(&weights).map(|(a, w)| a * w).collect()).collect();
-        let curvature = DMatrix::from_fn(n, n, |i, j| fit::dot(&weighted[i], &columns[j]) + f64::from(u8::from(i == j)));
-        let gradient = DVector::from_fn(n, |i, _| fit::dot(&weighted[i], &here));
+        let (mut curvature, mut gradient) = (DMatrix::identity(n, n), DVector::zeros(n));
+        add_products(matrix.clone(), &here, &weights, &all, &mut curvature, &mut gradient);
         let Some(step) = curvature.cholesky() else { break };
         z = -step.solve(&gradient);
-        left = (0..here.len()).map(|k| here[k] + (0..n).map(|i| z[i] * columns[i][k]).sum::<f64>()).collect();
+        left = here.iter().zip((&matrix * &z).iter()).map(|(a, b)| a + b).collect();
     }
     let point = Point { z: z.iter().copied().collect(), ..nominal.clone() };
     let windows = balance::windows_in(problem, &point, &moves.phases);

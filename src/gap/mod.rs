@@ -2,7 +2,9 @@
 
 pub mod answer;
 pub mod balance;
+pub mod coordinate;
 pub mod decide;
+pub mod derivatives;
 pub mod diagnosis;
 pub mod fit;
 pub mod freeform;
@@ -10,6 +12,7 @@ pub mod gap;
 pub mod locate;
 pub mod nuisance;
 pub mod predict;
+pub mod problem;
 pub mod pulsation;
 pub mod screen;
 pub mod select;

@@ -3,7 +3,7 @@
 //! `tolerance` of `vehicle.json` gives one standard deviation of each number, absolute or relative. A real car differs by
 //! that much in everything, so every fit moves these numbers too, and pays for it.
 
-use crate::effects::{self, Parameters, param};
+use crate::effects::{self, PARAMETERS, Parameters, param};
 use crate::vehicle::{NUMBERS, Vehicle};
 use serde_json::Value;
 
@@ -28,44 +28,40 @@ enum Target {
 }
 
 impl Nuisance {
+    /// The effect parameter that does to the car exactly what this number does.
+    fn parameter(&self) -> Option<usize> {
+        Some(match self.name.as_str() {
+            "engine.T_e_bias" => param::engine_torque_bias::torque,
+            "engine.T_e_gain" => param::engine_torque_gain::gain,
+            "friction.mu" => param::friction_level::factor,
+            "actuator.x_cnt" => param::kiss_point_offset::offset,
+            "actuator.x_cls" => param::kiss_point_offset::closed_offset,
+            "driveline.T_L0" => param::road_load::rolling_torque,
+            "driveline.J_c" => param::vehicle_mass::factor,
+            "thermal.gamma_1" => param::clutch_cooling::body_factor,
+            "thermal.gamma_2" => param::clutch_cooling::air_factor,
+            _ => return None,
+        })
+    }
+
     /// The effect that does to the car what this number does: beyond the tolerance it is the effect's turn.
     pub fn twin(&self) -> Option<usize> {
-        let id = match self.name.as_str() {
-            "engine.T_e_bias" => "engine_torque_bias",
-            "engine.T_e_gain" => "engine_torque_gain",
-            "friction.mu" | "cushion_spring.beta" => "friction_level",
-            "actuator.x_cnt" => "kiss_point_offset",
-            "driveline.T_L0" => "road_load",
-            "driveline.J_c" => "vehicle_mass",
-            "thermal.gamma_1" => "clutch_cooling",
-            _ => return None,
-        };
-        effects::find(id)
+        // Force and friction make the torque as a product.
+        let force = (self.name == "cushion_spring.beta").then_some(param::friction_level::factor);
+        self.parameter().or(force).and_then(|k| effects::find(PARAMETERS[k].effect))
     }
-}
 
-impl Nuisance {
     /// The effect parameter that does to the car exactly what this number does, and how far it moves there for one standard deviation, at a
     /// point with this vehicle, tolerances applied, and these effects.
     pub fn same_as(&self, vehicle: &Vehicle, effects: &Parameters) -> Option<(usize, f64)> {
-        let factor = match self.name.as_str() {
-            "friction.mu" => Some(param::friction_level::factor),
-            "driveline.J_c" => Some(param::vehicle_mass::factor),
-            "thermal.gamma_1" => Some(param::clutch_cooling::body_factor),
-            "thermal.gamma_2" => Some(param::clutch_cooling::air_factor),
-            _ => None,
+        let k = self.parameter()?;
+        let rate = match &self.target {
+            Target::Numbers(_) if PARAMETERS[k].null == 1.0 && !self.relative => return None,
+            _ if !self.relative => self.sigma,
+            Target::Numbers(numbers) if PARAMETERS[k].null != 1.0 => self.sigma * (NUMBERS[numbers[0]].get)(vehicle),
+            _ => self.sigma * effects[k],
         };
-        let (k, size) = match (&self.target, factor) {
-            (Target::Effect(k), _) => (*k, effects[*k]),
-            (_, Some(k)) if self.relative => (k, effects[k]),
-            _ => match self.name.as_str() {
-                "driveline.T_L0" => (param::road_load::rolling_torque, vehicle.driveline.T_L0),
-                "actuator.x_cnt" => (param::kiss_point_offset::offset, vehicle.actuator.x_cnt_0),
-                "actuator.x_cls" => (param::kiss_point_offset::closed_offset, vehicle.actuator.x_cls_0),
-                _ => return None,
-            },
-        };
-        Some((k, if self.relative { self.sigma * size } else { self.sigma }))
+        Some((k, rate))
     }
 
     /// Puts a move of `z` standard deviations into the effect parameter that does the same to `vehicle`, tolerances not applied; that parameter's

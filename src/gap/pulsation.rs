@@ -4,8 +4,10 @@
 //! order n the response is computed from measured slip and predicted torque, and the orders that explain most of the residual in flywheel
 //! speed become starts. A scan is needed because the response loses its phase within a few hundredths of the order.
 
-use super::fit::{Coordinate, Fit, Point, Problem, Residuals, fit_along};
+use super::coordinate::Coordinate;
+use super::fit::{Fit, fit_along};
 use super::predict::{Follow, HORIZON_S, predict};
+use super::problem::{Point, Problem, Residuals};
 use super::series::Series;
 use crate::effects::Entry;
 use rayon::prelude::*;

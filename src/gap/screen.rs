@@ -4,7 +4,10 @@
 //! the derivatives of everything already free, the cost is minimised as if residuals were linear. The best start of each effect is where its
 //! real fit begins; the order of their costs says which effects are worth one.
 
-use super::fit::{self, Columns, Coordinate, Fit, Point, Problem, Residuals};
+use super::coordinate::{Coordinate, coordinates};
+use super::derivatives::{Columns, add_prior, add_products, derivatives};
+use super::fit::Fit;
+use super::problem::{Point, Problem, Residuals, huber, prior, weight};
 use super::pulsation;
 use crate::effects::{Act, Entry, PARAMETERS, Parameters, REGISTRY};
 use nalgebra::{DMatrix, DVector};
@@ -52,8 +55,8 @@ impl Anchor {
     /// an effect.
     pub fn new(problem: &Problem, point: &Point, effects: &[usize], trades: bool) -> Self {
         let residuals = problem.all_residuals(point);
-        let coordinates = fit::coordinates(problem, effects);
-        let columns = fit::derivatives(problem, point, &residuals, &coordinates, None);
+        let coordinates = coordinates(problem, effects);
+        let columns = derivatives(problem, point, &residuals, &coordinates, None);
         Self { point: point.clone(), residuals, coordinates, columns, trades }
     }
 
@@ -148,7 +151,7 @@ fn promise(problem: &Problem, anchor: &Anchor, effect: usize, start: Point, most
     for (c, s) in anchor.coordinates.iter().zip(step.iter()) {
         moved = c.moved(&moved, *s);
     }
-    let promise = residuals.iter().flatten().map(|r| fit::huber(*r)).sum::<f64>() + fit::prior(&moved);
+    let promise = residuals.iter().flatten().map(|r| huber(*r)).sum::<f64>() + prior(&moved);
     // Moderate moves of the nuisances are taken over, wild ones are not believed.
     if moved.z.iter().zip(&point.z).all(|(a, b)| (a - b).abs() < CREDIBLE) {
         point = moved;
@@ -167,13 +170,13 @@ fn equations(anchor: &Anchor, there: &[Residuals], present: &[Residuals]) -> (DM
     let (mut curvature, mut gradient) = (DMatrix::zeros(n + 1, n + 1), DVector::zeros(n + 1));
     for (r, own) in anchor.columns.iter().enumerate() {
         let direction: Vec<f64> = there[r].iter().zip(&anchor.residuals[r]).map(|(a, b)| a - b).collect();
-        let weights: Vec<f64> = present[r].iter().map(|r| fit::weight(*r)).collect();
+        let weights: Vec<f64> = present[r].iter().map(|r| weight(*r)).collect();
         let mut matrix = own.matrix.clone().insert_column(own.places.len(), 0.0);
         matrix.column_mut(own.places.len()).copy_from_slice(&direction);
         let places: Vec<usize> = own.places.iter().copied().chain([n]).collect();
-        fit::add_products(matrix, &there[r], &weights, &places, &mut curvature, &mut gradient);
+        add_products(matrix, &there[r], &weights, &places, &mut curvature, &mut gradient);
     }
-    fit::add_prior(&anchor.point, &anchor.coordinates, &mut curvature, &mut gradient);
+    add_prior(&anchor.point, &anchor.coordinates, &mut curvature, &mut gradient);
     curvature[(n, n)] += 1e-6;
     (curvature, gradient)
 }

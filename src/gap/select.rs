@@ -4,7 +4,8 @@
 //! lowers the cost by more than chance does on cars within their tolerances; a second one when it takes most of what the first
 //! left. Thresholds are set on drawn cars whose effects are known (see the docs of the method), never on a case at hand.
 
-use super::fit::{Fit, Point, Problem, fit, prior};
+use super::fit::{Fit, fit};
+use super::problem::{Point, Problem, prior};
 use super::screen::{Anchor, Candidate, screen};
 use crate::effects::{PARAMETERS, REGISTRY};
 use rayon::prelude::*;
