@@ -43,11 +43,11 @@ fn a_tolerance_that_an_effect_repeats_has_the_same_derivatives_as_by_itself() {
                 continue;
             }
             repeated += 1;
-            for (a, b) in alone.iter().zip(&shared) {
-                let (a, b) = (a.matrix.column(k), b.matrix.column(k));
-                let difference = (a - b).norm();
-                assert!(difference <= 0.03 * a.norm().max(1.0), "{}: {difference} beside {}", nuisance.name, a.norm());
-            }
+            // Over all recordings together: in one that does not show the number, both are rounding.
+            let squares = |of: &dyn Fn(usize) -> f64| (0..alone.len()).map(of).sum::<f64>().sqrt();
+            let size = squares(&|r| alone[r].matrix.column(k).norm_squared());
+            let difference = squares(&|r| (alone[r].matrix.column(k) - shared[r].matrix.column(k)).norm_squared());
+            assert!(difference <= 0.01 * size, "{}: {difference} beside {size}", nuisance.name);
         }
     }
     assert_eq!(repeated, 7, "bias and gain of the torque, μ, J_c, gamma_1, T_L0, x_cnt");
