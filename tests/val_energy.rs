@@ -30,7 +30,9 @@ fn launch(effects: &effects::Parameters, step: impl Fn(usize) -> f64) -> Plant {
 fn energy_balances_over_a_launch() {
     let mut compliant = effects::null();
     compliant[effects::param::driveline_compliance::compliance] = 1e-3;
-    for parameters in [effects::null(), compliant] {
+    let mut soft = compliant;
+    soft[effects::param::driveline_compliance::soft_angle] = 0.02;
+    for parameters in [effects::null(), compliant, soft] {
         let begin = Plant::new(&Vehicle::paper(), &parameters, &START, &inputs(0.0)).energy();
         let plant = launch(&parameters, |_| 0.01);
         let end = plant.energy();

@@ -1,12 +1,15 @@
 //! Shafts between disc and vehicle twist: J_c splits in two, with a spring and a damper between them.
 //!
-//! T_s = φ/compliance + damping (ω_c − ω_v), φ̇ = ω_c − ω_v; the disc keeps disc_share · J_c and its load acts on the rest.
+//! T_s = (φ − (1 − q) φ_a)/compliance + damping (ω_c − ω_v), φ̇ = ω_c − ω_v, φ_a being φ cut to ±a; the disc keeps disc_share · J_c and its
+//! load acts on the rest. A pre-damper is soft within ±a; with q = 0 that is lash.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
-//! | `compliance` | twist per torque; 0 is rigid | rad/(N·m) |
+//! | `compliance` | twist per torque, outside the soft range; 0 is rigid | rad/(N·m) |
 //! | `disc_share` | share of J_c on the disc side | 1 |
 //! | `damping` | damping of the shafts | N·m·s/rad |
+//! | a | `soft_angle` | rad |
+//! | q | `soft_share` of the stiffness within the soft angle | 1 |
 
 use super::{Act, Constants, Effect, Parameters, Subsystem, param};
 use crate::vehicle::Vehicle;
@@ -27,4 +30,6 @@ fn apply(p: &Parameters, _: &Vehicle, c: &mut Constants) {
     c.compliance = p[param::driveline_compliance::compliance];
     c.disc_share = p[param::driveline_compliance::disc_share];
     c.shaft_damping = p[param::driveline_compliance::damping];
+    c.soft_angle = p[param::driveline_compliance::soft_angle];
+    c.soft_share = p[param::driveline_compliance::soft_share];
 }

@@ -1,13 +1,17 @@
-//! Friction depends otherwise on slip speed: μ + slope · ω + stribeck · e^(−(ω/speed)²).
+//! Friction depends otherwise on slip speed: μ + (slope · ω + stribeck · e^(−(ω/speed)^n)) · (1 − s + s μ/μ_r).
 //!
 //! `slope` is the gradient over the whole range of slip; a negative one excites judder. `stribeck` is what friction gains towards zero slip,
-//! as in Stribeck's curve. Both add to the coefficient whatever the temperature; neither changes its level, which is another effect.
+//! as in Stribeck's curve. A share of both may go with the coefficient, which grows with temperature; the rest adds to it whatever the
+//! temperature. The level of friction is another effect.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
 //! | `slope` | change of the friction coefficient per slip speed | s/rad |
 //! | `stribeck` | friction coefficient added at zero slip | 1 |
 //! | `speed` | Stribeck speed | rad/s |
+//! | n | `exponent` of Stribeck's curve: 2 rounded, 1 exponential | 1 |
+//! | s | `proportional_share` | 1 |
+//! | μ_r | a usual friction coefficient, [`USUAL_MU`] | 1 |
 //! | ω | slip speed, ≥ 0 | rad/s |
 
 use super::{Act, Effect, Parameters, Subsystem, param};
@@ -28,7 +32,11 @@ pub const EFFECT: Effect = Effect {
     shown_by: "slip from high speed down to lock-up at constant position",
 };
 
-fn apply(p: &Parameters, omega: f64) -> f64 {
-    let slow = omega / p[param::friction_slip_gradient::speed];
-    p[param::friction_slip_gradient::slope] * omega + p[param::friction_slip_gradient::stribeck] * (-slow * slow).exp()
+/// Friction coefficient of the paper's facings at working temperature, at which both shares are worth the same.
+const USUAL_MU: f64 = 0.3;
+
+fn apply(p: &Parameters, omega: f64, mu: f64) -> f64 {
+    use param::friction_slip_gradient::{exponent, proportional_share, slope, speed, stribeck};
+    let added = p[slope] * omega + p[stribeck] * (-(omega / p[speed]).powf(p[exponent])).exp();
+    added * (1.0 + p[proportional_share] * (mu / USUAL_MU - 1.0))
 }

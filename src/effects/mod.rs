@@ -164,8 +164,8 @@ pub enum Act {
     Force(fn(&Parameters, f64) -> f64),
     /// Factor on friction at a slip speed ≥ 0 in rad/s and a disc temperature in °C.
     Friction(fn(&Parameters, f64, f64) -> f64),
-    /// Friction coefficient added at a slip speed ≥ 0 in rad/s.
-    FrictionAdded(fn(&Parameters, f64) -> f64),
+    /// Friction coefficient added at a slip speed ≥ 0 in rad/s to one of a given size.
+    FrictionAdded(fn(&Parameters, f64, f64) -> f64),
     /// Factor on the torque capacity at a slip angle in rad.
     Pulsation(fn(&Parameters, f64) -> f64),
     /// Torque in N·m beside the capacity's at a signed slip speed in rad/s and a force on the faces in N.
@@ -237,6 +237,10 @@ pub struct Constants {
     pub disc_share: f64,
     /// Damping of the shafts, N·m·s/rad.
     pub shaft_damping: f64,
+    /// Twist to either side up to which the shafts are softer, rad.
+    pub soft_angle: f64,
+    /// Share of the stiffness that they have there.
+    pub soft_share: f64,
     /// Delay of the disc speed signal.
     pub clutch_speed_delay: SignalDelay,
     /// Delay of the engine speed signal.
@@ -267,6 +271,8 @@ impl Constants {
             compliance: 0.0,
             disc_share: 1.0,
             shaft_damping: 0.0,
+            soft_angle: 0.0,
+            soft_share: 1.0,
             clutch_speed_delay: SignalDelay::default(),
             engine_speed_delay: SignalDelay::default(),
             clutch_speed_gain: 1.0,

@@ -66,7 +66,8 @@ pub fn capacity_under(config: &Config, force: f64, slip: f64, y: &Motion) -> f64
     let theta = y[index::THETA_C];
     let mut torque = config.constants.friction_factor * map::torque_capacity(&config.vehicle.friction, force, slip, theta);
     for effect in config.friction_added.iter() {
-        torque += map::torque_of(&config.vehicle.friction, force, effect(&config.parameters, slip));
+        let per_mu = map::torque_of(&config.vehicle.friction, force, 1.0);
+        torque += per_mu * effect(&config.parameters, slip, torque / per_mu);
     }
     for effect in config.friction.iter() {
         torque *= effect(&config.parameters, slip, theta);

@@ -47,7 +47,7 @@ pub struct Config {
     /// See [`Act::Friction`].
     pub friction: List<fn(&Parameters, f64, f64) -> f64>,
     /// See [`Act::FrictionAdded`].
-    pub friction_added: List<fn(&Parameters, f64) -> f64>,
+    pub friction_added: List<fn(&Parameters, f64, f64) -> f64>,
     /// See [`Act::Pulsation`].
     pub pulsation: List<fn(&Parameters, f64) -> f64>,
     /// See [`Act::Drag`].

@@ -74,7 +74,9 @@ pub fn resistance(config: &Config, y: &Motion, t_load: f64) -> f64 {
 
 #[inline]
 fn shaft_torque(config: &Config, y: &Motion) -> f64 {
-    y[TWIST] / config.constants.compliance + config.constants.shaft_damping * (y[OMEGA_C] - y[OMEGA_V])
+    let c = &config.constants;
+    let within = y[TWIST].clamp(-c.soft_angle, c.soft_angle);
+    (y[TWIST] - (1.0 - c.soft_share) * within) / c.compliance + c.shaft_damping * (y[OMEGA_C] - y[OMEGA_V])
 }
 
 /// Torque in N·m that damping and load put up against the vehicle at `omega` rad/s.
@@ -159,6 +161,12 @@ pub fn runge_kutta(config: &Config, set: &Setting, y: &Motion, drive: [Drive; 3]
 pub fn stored_energy(config: &Config, y: &Motion) -> f64 {
     let d = &config.constants.driveline;
     let disc = config.disc_inertia();
-    let spring = if config.compliant() { y[TWIST] * y[TWIST] / config.constants.compliance } else { 0.0 };
+    let c = &config.constants;
+    let spring = if config.compliant() {
+        let (twist, within) = (y[TWIST].abs(), y[TWIST].abs().min(c.soft_angle));
+        (twist * twist - (1.0 - c.soft_share) * within * (2.0 * twist - within)) / c.compliance
+    } else {
+        0.0
+    };
     0.5 * (d.J_f * y[OMEGA_F] * y[OMEGA_F] + disc * y[OMEGA_C] * y[OMEGA_C] + (d.J_c - disc) * y[OMEGA_V] * y[OMEGA_V] + spring)
 }
