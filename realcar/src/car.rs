@@ -75,7 +75,7 @@ impl Motion {
         d.engine.rest(start.torque, recording);
         d.actuator.rest(start.position, h, recording);
         d.force.rest(vehicle, start.position, start.theta[0]);
-        d.friction.rest();
+        d.friction.rest(recording);
         d.thermal.rest(start.theta[0], start.theta[1]);
         d.driveline.rest(omega_d, recording);
         d.sensors.rest(omega_f, omega_d, h, recording);

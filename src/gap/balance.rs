@@ -35,6 +35,8 @@ pub struct Window {
     pub sigma: [f64; 2],
     /// Measured slip beyond the predicted one, rad/s, and its standard deviation.
     pub slip: [f64; 2],
+    /// Predicted slip, rad/s.
+    pub predicted_slip: f64,
     /// Disc temperature, °C.
     pub theta: f64,
     /// Predicted clutch torque, N·m.
@@ -92,6 +94,7 @@ fn of_recording(problem: &Problem, point: &Point, k: usize, phase: &[u8]) -> Vec
                 driveline: d.J_c * gained(Channel::OmegaC) / span,
                 sigma: [spread(Channel::OmegaF, d.J_f), spread(Channel::OmegaC, d.J_c)],
                 slip: [mean(&|j| error(Channel::OmegaF, j) - error(Channel::OmegaC, j)), series.noise[0].hypot(series.noise[1]) / root],
+                predicted_slip: mean(&|j| predicted.value[0][j] - predicted.value[1][j]).abs(),
                 theta: mean(&|j| predicted.value[4][j]),
                 torque: mean(&|j| predicted.value[3][j]).abs(),
                 bench,

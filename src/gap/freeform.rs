@@ -61,11 +61,18 @@ fn missing(w: &Window) -> f64 {
     (w.driveline * c - w.engine * f) / (f + c)
 }
 
+/// Predicted slip in rad/s below which a window is left out.
+const LEAST_SLIP: f64 = 5.0;
+
 fn shortage(problem: &Problem, point: &Point) -> (Shortage, Vec<Window>) {
     let phases = balance::phases(problem, point);
-    let slipping = |p: &Point| -> Vec<Window> { balance::windows_in(problem, p, &phases).into_iter().filter(|w| w.phase == 2).collect() };
-    let here = slipping(point);
-    let moved: Vec<Vec<Window>> = (0..problem.nuisances.len()).map(|k| slipping(&Coordinate::Nuisance(k).moved(point, 1.0))).collect();
+    let all = |p: &Point| balance::windows_in(problem, p, &phases);
+    let at_point = all(point);
+    // Where the replay is about to lock early, what is missing is no longer a torque of slipping faces.
+    let slips: Vec<bool> = at_point.iter().map(|w| w.phase == 2 && w.predicted_slip > LEAST_SLIP).collect();
+    let slipping = |all: Vec<Window>| -> Vec<Window> { all.into_iter().zip(&slips).filter(|(_, slips)| **slips).map(|(w, _)| w).collect() };
+    let here = slipping(at_point);
+    let moved: Vec<Vec<Window>> = (0..problem.nuisances.len()).map(|k| slipping(all(&Coordinate::Nuisance(k).moved(point, 1.0)))).collect();
     let n = here.len();
     let torque = DVector::from_fn(n, |i, _| missing(&here[i]));
     let sigma = DVector::from_fn(n, |i, _| (here[i].sigma[0].powi(-2) + here[i].sigma[1].powi(-2)).powf(-0.5));
@@ -206,11 +213,13 @@ fn family(part: Subsystem, s: &Signals) -> Vec<Vec<f64>> {
     match part {
         Subsystem::Actuator => {
             let behind = |y: Vec<f64>| times(&s.steepness, &|j| y[j] - s.position[j]);
+            let pressed_time = integral(&ones, &pressed, s.dt, false);
             let leak = |tau: f64| times(&s.steepness, &|j| -0.2 * (1.0 - (-since_contact[j] / tau).exp()));
+            let leak_not_refilled = times(&s.steepness, &|j| -0.1 * pressed_time[j]);
             let lags = [0.03, 0.1, 0.3, 1.0].map(|tau| behind(lagged(&s.position, s.dt, tau)));
             let plays = [0.1, 0.2, 0.4].map(|w| behind(played(&s.position, w)));
             let jumps = [0.1, 0.2].map(|w| behind(stuck(&s.position, w)));
-            lags.into_iter().chain(plays).chain(jumps).chain([1.0, 3.0].map(leak)).collect()
+            lags.into_iter().chain(plays).chain(jumps).chain([1.0, 3.0].map(leak)).chain([leak_not_refilled]).collect()
         }
         Subsystem::ClutchForce => {
             let places = hats(&s.position, &s.range, 6);

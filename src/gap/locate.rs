@@ -181,9 +181,11 @@ fn explain(problem: &Problem, nominal: &Point, moves: &Moves, wrong: Wrong) -> E
     Explanation { cost, windows }
 }
 
-/// Serial correlation of a balance under which what is missing is no torque: the error of a speed sensor comes and goes, so that
-/// its differences cancel from window to window (−1/2 for one that is new in each), while a torque stays or at least does not undo itself.
+/// Serial correlation of a balance, and net impulse, under which what is missing is no torque: the error of a speed sensor comes and goes, so that
+/// its differences cancel from window to window (a correlation of −1/2 for one that is new in each), or at least over a recording, while a torque moves
+/// the car for good.
 const UNDOES_ITSELF: f64 = -0.25;
+const NO_IMPULSE: f64 = 0.5;
 
 /// Mean loss of the balances outside slip, relative to that in slip, under which a gap belongs to the clutch.
 const ONLY_IN_SLIP: f64 = 0.25;
@@ -210,13 +212,25 @@ fn only_slipping(windows: &[Window]) -> bool {
 }
 
 /// Factor on the least leftover up to which the clutch is still in question.
-const CLOSE: f64 = 1.6;
+const CLOSE: f64 = 1.3;
 
 /// Correlation of successive windows of one recording.
-fn serial_correlation(windows: &[Window], read: fn(&Window) -> f64) -> f64 {
-    let square: f64 = windows.iter().map(|w| read(w) * read(w)).sum();
+fn serial_correlation(windows: &[Window], read: fn(&Window) -> [f64; 2]) -> f64 {
+    let square: f64 = windows.iter().map(|w| read(w)[0].powi(2)).sum();
     let successive = windows.windows(2).filter(|p| p[0].recording == p[1].recording);
-    successive.map(|p| read(&p[0]) * read(&p[1])).sum::<f64>() / square.max(f64::MIN_POSITIVE)
+    successive.map(|p| read(&p[0])[0] * read(&p[1])[0]).sum::<f64>() / square.max(f64::MIN_POSITIVE)
+}
+
+/// Square of what a balance is short of over a recording, relative to what windows that know nothing of each other would add up to; beyond noise.
+fn net_impulse(windows: &[Window], read: fn(&Window) -> [f64; 2]) -> f64 {
+    let of = |recording: &[Window]| {
+        let sum = |f: &dyn Fn([f64; 2]) -> f64| recording.iter().map(|w| f(read(w))).sum::<f64>();
+        let noise = sum(&|[_, sigma]| sigma * sigma);
+        [sum(&|[torque, _]| torque).powi(2) - noise, sum(&|[torque, _]| torque * torque) - noise]
+    };
+    let all = windows.chunk_by(|a, b| a.recording == b.recording).map(of);
+    let [net, each] = all.fold([0.0; 2], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
+    net / each
 }
 
 /// Subsystem of a gap, or of a remainder, that no effect accounts for.
@@ -231,14 +245,14 @@ fn of_unknown(problem: &Problem, search: &Search, decision: &Decision) -> Subsys
     let [engine_speed, disc_speed] = [Wrong::EngineSpeed, Wrong::DiscSpeed].map(best);
     let close = clutch.cost < CLOSE * engine.cost.min(driveline.cost);
     if !(clutch.cost < engine.cost.min(driveline.cost) || close && only_slipping(&clutch.windows)) {
-        let sensed = |torque: &Explanation, sensor: &Explanation, read: fn(&Window) -> f64| {
-            let undone = serial_correlation(&torque.windows, read) < UNDOES_ITSELF;
+        let sensed = |torque: &Explanation, sensor: &Explanation, read: fn(&Window) -> [f64; 2]| {
+            let undone = serial_correlation(&torque.windows, read) < UNDOES_ITSELF || net_impulse(&torque.windows, read) < NO_IMPULSE;
             sensor.cost < if undone { 2.0 } else { 0.5 } * torque.cost
         };
         return match engine.cost < driveline.cost {
-            true if sensed(&engine, &engine_speed, |w| w.engine) => Subsystem::Sensors,
+            true if sensed(&engine, &engine_speed, |w| [w.engine, w.sigma[0]]) => Subsystem::Sensors,
             true => Subsystem::Engine,
-            false if sensed(&driveline, &disc_speed, |w| w.driveline) => Subsystem::Sensors,
+            false if sensed(&driveline, &disc_speed, |w| [w.driveline, w.sigma[1]]) => Subsystem::Sensors,
             false => Subsystem::Driveline,
         };
     }

@@ -4,6 +4,7 @@
 //! that wears in within a run, and one that is damp until work has dried it.
 
 use super::Dice;
+use super::road::Road;
 use std::f64::consts::TAU;
 
 /// Fade: how much friction is lost at the end, and on which way.
@@ -50,7 +51,9 @@ enum Drag {
 #[derive(Clone, Debug, Default)]
 pub struct Friction {
     level: f64,
-    level_but_at_rest: bool,
+    level_wanders: f64,
+    level_seed: u64,
+    level_now: f64,
     fade: Fade,
     slip: Slip,
     drag: Drag,
@@ -75,8 +78,9 @@ impl Friction {
         let shape = match id {
             "friction_level" => {
                 self.level = dice.either(0.08, 0.19);
-                self.level_but_at_rest = dice.shape(2) == 1;
-                format!("factor {:.3}{}", 1.0 + self.level, if self.level_but_at_rest { ", not at standstill" } else { "" })
+                self.level_wanders = [0.0, 0.1][dice.shape(2)];
+                self.level_seed = dice.seed();
+                format!("factor {:.3}, change ±{} of it from recording to recording", 1.0 + self.level, self.level_wanders)
             }
             "friction_fade" => {
                 self.fade = if dice.shape(2) == 0 {
@@ -130,7 +134,9 @@ impl Friction {
     }
 
     /// Before a recording.
-    pub fn rest(&mut self) {
+    pub fn rest(&mut self, recording: u64) {
+        let wanders = if self.level_wanders > 0.0 { Road::new(self.level_seed, recording).within(-1.0, 1.0) } else { 0.0 };
+        self.level_now = self.level * (1.0 + self.level_wanders * wanders);
         (self.worked_j, self.slipped_s) = (0.0, 0.0);
     }
 
@@ -145,10 +151,7 @@ impl Friction {
     /// Factor on the friction coefficient.
     pub fn factor(&self, slip: f64, theta: f64, force_n: f64, slip_angle: f64) -> f64 {
         let omega = slip.abs();
-        let mut f = 1.0;
-        if self.level != 0.0 {
-            f += self.level * if self.level_but_at_rest { 1.0 - (-omega / 1.5).exp() } else { 1.0 };
-        }
+        let mut f = 1.0 + self.level_now;
         f *= match self.fade {
             Fade::None => 1.0,
             Fade::Step { loss, at, wide } => 1.0 - loss / (1.0 + (-(theta - at) / wide).exp()),
