@@ -19,8 +19,11 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Driveline,
     amplitudes: &[param::driveline_compliance::compliance],
     act: Act::Constants(apply),
+    // Oscillations of another frequency do not lead to each other.
     starts: &[
         &[(param::driveline_compliance::compliance, 0.003)],
+        &[(param::driveline_compliance::compliance, 0.006)],
+        &[(param::driveline_compliance::compliance, 0.010)],
         &[(param::driveline_compliance::compliance, 0.015), (param::driveline_compliance::damping, 0.5)],
     ],
     shown_by: "torque steps with the clutch locked (tip-in, tip-out)",

@@ -4,8 +4,7 @@
 //! never set on a case at hand.
 
 use super::fit::Fit;
-use super::gap::Closed;
-use super::problem::{prior, weight};
+use super::problem::{Point, Problem, huber, prior, weight};
 use super::select::{Hypothesis, Search};
 use crate::effects::{REGISTRY, Subsystem};
 
@@ -47,13 +46,39 @@ pub const STRUCTURED: f64 = 1.3;
 /// Share of the base's excess that an explanation may leave.
 pub const LEFT: f64 = 0.06;
 /// Share of the base's excess above which an effect explains nothing worth naming.
-pub const HELPS: f64 = 0.5;
+pub const HELPS: f64 = 0.35;
 
-/// Share of the gap on an unseen recording that effects have to close if they are to explain it, and to be named at all.
-const EXPLAINS_UNSEEN: f64 = 0.5;
-const HELPS_UNSEEN: f64 = 0.2;
-/// Gap on an unseen recording, relative to the noise, that is large enough to test them.
+/// Share of what an unseen recording costs beyond noise that effects have to take away if they are to explain it, and to be named at all.
+const EXPLAINS_UNSEEN: f64 = 0.8;
+const HELPS_UNSEEN: f64 = 0.5;
+/// Cost of an unseen recording, relative to the noise, that is large enough to test them.
 const TELLING: f64 = 4.0;
+
+/// Cost of a recording that took no part, as the fit counts it but with nothing fitted to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unseen {
+    /// With the numbers of the vehicle file.
+    pub before: f64,
+    /// With tolerances and effects of the hypothesis.
+    pub after: f64,
+    /// Of noise alone.
+    pub noise: f64,
+}
+
+impl Unseen {
+    /// Judges a hypothesis on a recording.
+    pub fn of(recording: &Problem, point: &Point) -> Self {
+        let cost = |p: &Point| recording.all_residuals(p).iter().flatten().map(|r| huber(*r)).sum();
+        let nominal = recording.nominal();
+        let point = Point { theta_shift: nominal.theta_shift.clone(), ..point.clone() };
+        Self { before: cost(&nominal), after: cost(&point), noise: recording.noise_cost() }
+    }
+
+    /// Share of the cost beyond noise that is gone.
+    fn fraction(&self) -> f64 {
+        (self.before - self.after) / (self.before - self.noise)
+    }
+}
 
 /// What was decided.
 #[derive(Clone, Debug)]
@@ -180,7 +205,7 @@ pub fn decide(search: &Search) -> Decision {
 
 impl Decision {
     /// Lowers the verdict on effects that do not keep their word on a recording that took no part: it may refute them, never choose them.
-    pub fn tested(mut self, search: &Search, unseen: &Closed) -> Self {
+    pub fn tested(mut self, search: &Search, unseen: &Unseen) -> Self {
         if self.chosen.effects.is_empty() || unseen.before < TELLING * unseen.noise {
             return self;
         }

@@ -1,9 +1,9 @@
 //! The diagnosis of one campaign: where, which, how far, and what stays in doubt.
 
 use super::answer;
-use super::decide::{Decision, FIRST_GAIN, STRUCTURED, Verdict, decide};
+use super::decide::{Decision, FIRST_GAIN, STRUCTURED, Unseen, Verdict, decide};
 use super::fit::{Fit, fit};
-use super::gap::{self, Closed, HeldOut};
+use super::gap::{self, HeldOut};
 use super::locate::{self, Location};
 use super::nuisance::{self, ToleranceError};
 use super::predict::{Follow, HORIZON_S};
@@ -85,16 +85,16 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
     }
     let held = hold_out(&campaign.recordings);
     let taught: Vec<&Recording> = campaign.recordings.iter().enumerate().filter(|(k, _)| *k != held).map(|(_, r)| r).collect();
-    let with = |prepare: fn(&Recording) -> Series| Problem {
-        series: taught.iter().map(|r| prepare(r)).collect(),
+    let of = |recordings: &[&Recording], prepare: fn(&Recording) -> Series| Problem {
+        series: recordings.iter().map(|r| prepare(r)).collect(),
         vehicle,
         nuisances: nuisances.clone(),
         follow: Follow::Horizon(HORIZON_S),
     };
-    let coarse = with(Series::coarse);
+    let coarse = of(&taught, Series::coarse);
     let mut search = search(&coarse, &|what, share| progress(what, 0.85 * share));
     progress("decision", 0.85);
-    let native = with(Series::native);
+    let native = of(&taught, Series::native);
     let fast = native.series.iter().any(|s| s.block > 1);
     if fast {
         look_again(&native, &mut search);
@@ -103,13 +103,12 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
     let problem = if fast { &native } else { &coarse };
     progress("held-out recordings", 0.9);
     let nominal = (vehicle, effects::null());
-    let against = |tuned: &(Vehicle, Parameters)| gap::evaluate(&campaign.recordings[held], (&nominal.0, &nominal.1), (&tuned.0, &tuned.1));
-    // Nuisances that a gap of unknown cause has dragged along retune nothing: the car is handed back as it came.
-    let retuned = |d: &Decision| if d.verdict == Verdict::Unexplained { nominal } else { coarse.plant_at(&d.chosen.fit.point) };
-    let decision = decided.clone().tested(&search, &Closed::of(&against(&retuned(&decided))));
+    let unseen = Unseen::of(&of(&[&campaign.recordings[held]], Series::coarse), &decided.chosen.fit.point);
+    let decision = decided.tested(&search, &unseen);
     let point = &decision.chosen.fit.point;
-    let (tuned, effects) = retuned(&decision);
-    let held_out = against(&(tuned, effects));
+    // Nuisances that a gap of unknown cause has dragged along retune nothing: the car is handed back as it came.
+    let (tuned, effects) = if decision.verdict == Verdict::Unexplained { nominal } else { coarse.plant_at(point) };
+    let held_out = gap::evaluate(&campaign.recordings[held], (&nominal.0, &nominal.1), (&tuned, &effects));
     progress("location", 0.95);
     let location = locate::locate(&coarse, &search, &decision);
     let blind_spots = screen::blind_spots(&coarse, &search.base.fit, FIRST_GAIN);
