@@ -139,10 +139,12 @@ fn no_colours_where_there_is_no_terminal() {
     }
 }
 
+type Change = dyn Fn(&mut Value);
+
 #[test]
 fn what_is_wrong_with_a_vehicle_is_named_with_its_file() {
     let folder = Folder::new("vehicle");
-    let cases: [(&dyn Fn(&mut Value), &[&str]); 4] = [
+    let cases: [(&Change, &[&str]); 4] = [
         (&|v| v["driveline"]["J_x"] = 1.into(), &["vehicle.json", "unknown vehicle number \"driveline.J_x\"", "did you mean"]),
         (&|v| v["thermal"]["gamma_3"] = 50.into(), &["vehicle.json", "thermal.gamma_3", "outside 0 to 1", "check its unit"]),
         (&|v| v["tolerance"]["driveline.J_x"] = serde_json::json!({"rel": 0.1}), &["vehicle.json", "driveline.J_x", "remove it"]),

@@ -7,7 +7,7 @@
 use kisspoint::campaign::{self, ReadOptions};
 use kisspoint::effects::{self, REGISTRY};
 use kisspoint::gap::diagnosis::diagnose;
-use kisspoint::gap::gap::evaluate;
+use kisspoint::gap::measure::evaluate;
 use kisspoint::vehicle::Vehicle;
 use std::path::PathBuf;
 

@@ -9,7 +9,7 @@ use super::progress::Progress;
 use crate::campaign::{self, ReadOptions};
 use crate::effects;
 use crate::gap::diagnosis::{Diagnosis, diagnose};
-use crate::gap::gap::evaluate;
+use crate::gap::measure::evaluate;
 use crate::gap::series::Channel;
 use rayon::prelude::*;
 use realcar::{Car, Truth};

@@ -4,7 +4,7 @@ use super::error::CommandError;
 use super::files::read_vehicle;
 use super::output::{print, print_json};
 use crate::campaign::{self, Campaign, ChannelMap, LeftOut, Note, ReadOptions, Recording};
-use crate::gap::gap::{HeldOut, evaluate, unit};
+use crate::gap::measure::{HeldOut, evaluate, unit};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 

@@ -3,8 +3,8 @@
 use super::answer;
 use super::decide::{Decision, FIRST_GAIN, STRUCTURED, Unseen, Verdict, decide};
 use super::fit::{Fit, fit};
-use super::gap::{self, HeldOut};
 use super::locate::{self, Location};
+use super::measure::{self, HeldOut};
 use super::nuisance::{self, ToleranceError};
 use super::predict::{Follow, HORIZON_S};
 use super::problem::{Point, Problem};
@@ -108,7 +108,7 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
     let point = &decision.chosen.fit.point;
     // Nuisances that a gap of unknown cause has dragged along retune nothing: the car is handed back as it came.
     let (tuned, effects) = if decision.verdict == Verdict::Unexplained { nominal } else { coarse.plant_at(point) };
-    let held_out = gap::evaluate(&campaign.recordings[held], (&nominal.0, &nominal.1), (&tuned, &effects));
+    let held_out = measure::evaluate(&campaign.recordings[held], (&nominal.0, &nominal.1), (&tuned, &effects));
     progress("location", 0.95);
     let location = locate::locate(&coarse, &search, &decision);
     let blind_spots = screen::blind_spots(&coarse, &search.base.fit, FIRST_GAIN);
@@ -128,7 +128,7 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
         .recordings
         .iter()
         .enumerate()
-        .map(|(k, r)| gap::overlay(r, k == held, (&vehicle, &effects::null()), (&tuned, &effects), shift(r)))
+        .map(|(k, r)| measure::overlay(r, k == held, (&vehicle, &effects::null()), (&tuned, &effects), shift(r)))
         .collect();
     progress("done", 1.0);
     Ok(Diagnosis { json, overlays, vehicle: tuned, effects, nominal: vehicle })

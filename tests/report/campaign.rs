@@ -118,10 +118,13 @@ impl Noise {
     }
 }
 
+/// Column, unit, and how it is read off.
+type Pick = (&'static str, &'static str, fn(&Outputs) -> f64);
+
 fn channels(real: &[Outputs], before: &[Outputs], after: &[Outputs], noise: &mut Noise) -> Vec<OverlayChannel> {
-    let picks: [(&str, &str, fn(&Outputs) -> f64); 3] =
+    let picks: [Pick; 3] =
         [("omega_f_rad_s", "rad/s", |o| o.omega_f), ("omega_c_rad_s", "rad/s", |o| o.omega_c), ("T_fc_Nm", "N·m", |o| o.t_fc)];
-    let channel = |((column, unit, pick), sigma): ((&'static str, &'static str, fn(&Outputs) -> f64), f64)| OverlayChannel {
+    let channel = |((column, unit, pick), sigma): (Pick, f64)| OverlayChannel {
         column,
         unit,
         real: real.iter().map(|o| pick(o) + sigma * noise.next()).collect(),
