@@ -32,9 +32,9 @@ const NOISE_ALONE: f64 = 1.05;
 const BEYOND_DOUBT: f64 = 3.0;
 /// Evidence that a second effect needs, and that of tolerances set free if it sets them free.
 pub const SECOND_GAIN: f64 = 30.0;
-const SECOND_FREED: f64 = 20.0;
-/// Share of the pull of tolerances beyond that of any car that a second effect which sets them free has to take.
-const MOST: f64 = 0.65;
+const SECOND_FREED: f64 = 12.0;
+/// Share of the pull of the tolerances that a second effect sets free which has to be gone: it frees them altogether or it is another effect.
+const MOST: f64 = 0.7;
 /// Share of the first effect's excess that a second effect has to take.
 pub const SECOND_SHARE: f64 = 0.6;
 /// Share of what the first effect explains below which a second one is a trifle: a difference of form.
@@ -132,9 +132,10 @@ fn first_is_needed(search: &Search, effects: &Hypothesis) -> bool {
     evidence > needed || evidence > FIRST_FREED && freed > FIRST_FREED
 }
 
-/// How far tolerances are pulled: the sum of squares in standard deviations.
-fn pull(h: &Hypothesis) -> f64 {
-    h.fit.point.z.iter().map(|z| z * z).sum()
+/// Tolerances that the second of two hypotheses sets free: their pull (squares in standard deviations) that is gone, and what it was.
+fn set_free(small: &Hypothesis, large: &Hypothesis) -> [f64; 2] {
+    let squares = small.fit.point.z.iter().zip(&large.fit.point.z).map(|(a, b)| [a * a - b * b, a * a]);
+    squares.filter(|[gone, _]| *gone > 1.0).fold([0.0; 2], |sum, [gone, was]| [sum[0] + gone, sum[1] + was])
 }
 
 /// Whether a second effect is there, and not only the first one's form that differs.
@@ -152,12 +153,12 @@ fn second_is_needed(search: &Search, single: &Hypothesis, pair: &Hypothesis) -> 
     let evidence = evidence(single, pair);
     let trifle = if alike { TRIFLE_ALIKE } else { TRIFLE };
     let takes_the_rest = evidence > SECOND_GAIN && gained > SECOND_SHARE * structure && gained > trifle * explained;
-    // Setting free means that little pull is left, not that some of much is gone. Each tolerance is pulled by one standard deviation anyway.
-    let (pull_1, freed) = (pull(single), pull(single) - pull(pair) - earned);
-    let beyond = pull_1 - single.fit.point.z.len() as f64;
+    let pull = |h: &Hypothesis| h.fit.point.z.iter().map(|z| z * z).sum::<f64>();
+    let freed = pull(single) - pull(pair) - earned;
+    let [gone, was] = set_free(single, pair);
     // Where heat goes shows in the speeds through friction alone: a friction of another form pulls at the same tolerances.
     let thermal = (0..2).any(|k| subsystem(k) == Subsystem::Thermal);
-    let sets_free = !alike && !thermal && evidence.min(freed) > SECOND_FREED && freed > MOST * beyond;
+    let sets_free = !alike && !thermal && evidence.min(freed) > SECOND_FREED && gone > MOST * was;
     pair.score() < single.score() && (sets_free || takes_the_rest)
 }
 
