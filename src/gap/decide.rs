@@ -46,7 +46,7 @@ pub const STRUCTURED: f64 = 1.3;
 /// Share of the base's excess that an explanation may leave.
 pub const LEFT: f64 = 0.06;
 /// Share of the base's excess above which an effect explains nothing worth naming.
-pub const HELPS: f64 = 0.35;
+pub const HELPS: f64 = 0.15;
 
 /// Share of what an unseen recording costs beyond noise that effects have to take away if they are to explain it, and to be named at all.
 const EXPLAINS_UNSEEN: f64 = 0.8;

@@ -36,6 +36,9 @@ pub fn part_of_clutch(problem: &Problem, search: &Search) -> Subsystem {
         Some(Clock::Crank) => return Subsystem::ClutchForce,
         None => {}
     }
+    if nearest_is_of(search, Subsystem::Actuator) {
+        return Subsystem::Actuator;
+    }
     let of = |part: Subsystem| {
         let nearest = search.singles.iter().find(|h| REGISTRY[h.effects[0]].effect.subsystem == part);
         let effects = nearest.map(|h| Point { effects: h.fit.point.effects, ..problem.nominal() });
@@ -43,6 +46,23 @@ pub fn part_of_clutch(problem: &Problem, search: &Search) -> Subsystem {
     };
     let all: Vec<(Subsystem, f64)> = PARTS.into_par_iter().map(|part| (part, of(part))).collect();
     all.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(Subsystem::Friction, |b| b.0)
+}
+
+/// Cost beyond noise of the effect that comes nearest, relative to that of any other part's, under which it tells its part.
+const NEAREST: f64 = 0.8;
+
+/// Whether the library effect that explains most is of this part, and no other part's comes near it. An error that follows the past of a command is
+/// hardly ever taken for another; laws of force, friction and heat take each other's place too easily for that.
+fn nearest_is_of(search: &Search, part: Subsystem) -> bool {
+    let least = |wanted: bool| {
+        let costs = search
+            .singles
+            .iter()
+            .filter(|h| (REGISTRY[h.effects[0]].effect.subsystem == part) == wanted)
+            .map(|h| h.fit.cost - search.noise_cost);
+        costs.fold(search.base.fit.cost - search.noise_cost, f64::min)
+    };
+    least(true) < NEAREST * least(false)
 }
 
 /// What the clutch is short of, window by window.

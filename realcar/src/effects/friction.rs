@@ -78,7 +78,7 @@ impl Friction {
         let shape = match id {
             "friction_level" => {
                 self.level = dice.either(0.08, 0.19);
-                self.level_wanders = [0.0, 0.1][dice.shape(2)];
+                self.level_wanders = [0.0, 0.05][dice.shape(2)];
                 self.level_seed = dice.seed();
                 format!("factor {:.3}, change ±{} of it from recording to recording", 1.0 + self.level, self.level_wanders)
             }
