@@ -125,11 +125,15 @@ fn freed(small: &Hypothesis, large: &Hypothesis) -> f64 {
     split(small).0 - split(large).0 - earned
 }
 
+/// Evidence that the data alone have to give, where this much is asked for and `small` is the hypothesis to beat.
+fn beyond_noise(search: &Search, small: &Hypothesis, needed: f64) -> f64 {
+    if small.fit.cost < NOISE_ALONE * search.noise_cost { BEYOND_DOUBT * needed } else { needed }
+}
+
 /// Whether an effect is more than a healthy car would offer.
 fn first_is_needed(search: &Search, effects: &Hypothesis) -> bool {
     let (evidence, freed) = (evidence(&search.base, effects), freed(&search.base, effects));
-    let needed = if search.base.fit.cost < NOISE_ALONE * search.noise_cost { BEYOND_DOUBT * FIRST_GAIN } else { FIRST_GAIN };
-    evidence > needed || evidence > FIRST_FREED && freed > FIRST_FREED
+    evidence > beyond_noise(search, &search.base, FIRST_GAIN) || evidence > FIRST_FREED && freed > FIRST_FREED
 }
 
 /// Tolerances that the second of two hypotheses sets free: their pull (squares in standard deviations) that is gone, and what it was.
@@ -152,7 +156,8 @@ fn second_is_needed(search: &Search, single: &Hypothesis, pair: &Hypothesis) -> 
     let alike = subsystem(0) == subsystem(1);
     let evidence = evidence(single, pair);
     let trifle = if alike { TRIFLE_ALIKE } else { TRIFLE };
-    let takes_the_rest = evidence > SECOND_GAIN && gained > SECOND_SHARE * structure && gained > trifle * explained;
+    let takes_the_rest =
+        evidence > beyond_noise(search, single, SECOND_GAIN) && gained > SECOND_SHARE * structure && gained > trifle * explained;
     let pull = |h: &Hypothesis| h.fit.point.z.iter().map(|z| z * z).sum::<f64>();
     let freed = pull(single) - pull(pair) - earned;
     let [gone, was] = set_free(single, pair);

@@ -185,7 +185,7 @@ fn explain(problem: &Problem, nominal: &Point, moves: &Moves, wrong: Wrong) -> E
 /// its differences cancel from window to window (a correlation of −1/2 for one that is new in each), or at least over a recording, while a torque moves
 /// the car for good.
 const UNDOES_ITSELF: f64 = -0.25;
-const NO_IMPULSE: f64 = 0.5;
+const NO_IMPULSE: f64 = 0.65;
 
 /// Mean loss of the balances outside slip, relative to that in slip, under which a gap belongs to the clutch.
 const ONLY_IN_SLIP: f64 = 0.25;
