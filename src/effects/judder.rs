@@ -1,10 +1,14 @@
-//! Torque pulsates with the slip angle: T (1 + cosine · cos(n φ) + sine · sin(n φ)).
+//! Torque pulsates with the slip angle: T (1 + (cosine · cos(n φ) + sine · sin(n φ)) / (1 + fading · ω²)).
+//!
+//! `fading` is 0 for a pulsation of the geometry, and 1/ω_h² for one of which half is left at a slip of ω_h.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
 //! | `cosine`, `sine` | relative amplitude in two phases | 1 |
 //! | n, `order` | pulsations per radian of slip angle | 1 |
+//! | `fading` | see above | s²/rad² |
 //! | φ | slip angle since the start | rad |
+//! | ω | slip speed, ≥ 0 | rad/s |
 
 use super::{Act, Effect, Parameters, Subsystem, param};
 
@@ -17,7 +21,7 @@ pub const EFFECT: Effect = Effect {
     shown_by: "slip at constant position, sampled fast",
 };
 
-fn apply(p: &Parameters, angle: f64) -> f64 {
+fn apply(p: &Parameters, angle: f64, omega: f64) -> f64 {
     let (sin, cos) = (p[param::judder::order] * angle).sin_cos();
-    1.0 + p[param::judder::cosine] * cos + p[param::judder::sine] * sin
+    1.0 + (p[param::judder::cosine] * cos + p[param::judder::sine] * sin) / (1.0 + p[param::judder::fading] * omega * omega)
 }

@@ -166,8 +166,8 @@ pub enum Act {
     Friction(fn(&Parameters, f64, f64) -> f64),
     /// Friction coefficient added at a slip speed ≥ 0 in rad/s to one of a given size.
     FrictionAdded(fn(&Parameters, f64, f64) -> f64),
-    /// Factor on the torque capacity at a slip angle in rad.
-    Pulsation(fn(&Parameters, f64) -> f64),
+    /// Factor on the torque capacity at a slip angle in rad and a slip speed ≥ 0 in rad/s.
+    Pulsation(fn(&Parameters, f64, f64) -> f64),
     /// Torque in N·m beside the capacity's at a signed slip speed in rad/s and a force on the faces in N.
     Drag(fn(&Parameters, f64, f64) -> f64),
     /// Load torque in N·m added at a speed in rad/s.

@@ -18,7 +18,7 @@ const ORDERS: std::ops::Range<f64> = 0.15..12.0;
 /// Orders that become starts.
 const STARTS: usize = 2;
 /// Orders that are tried for it, each with this many iterations.
-const LOBES: usize = 6;
+const LOBES: usize = 12;
 const POLISH: usize = 3;
 
 /// Samples of a recording that the scan looks at: the first slip of a long recording tells as much as all of it.

@@ -73,7 +73,7 @@ pub fn capacity_under(config: &Config, force: f64, slip: f64, y: &Motion) -> f64
         torque *= effect(&config.parameters, slip, theta);
     }
     for effect in config.pulsation.iter() {
-        torque *= effect(&config.parameters, y[index::ANGLE]);
+        torque *= effect(&config.parameters, y[index::ANGLE], slip);
     }
     torque.max(0.0)
 }

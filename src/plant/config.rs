@@ -49,7 +49,7 @@ pub struct Config {
     /// See [`Act::FrictionAdded`].
     pub friction_added: List<fn(&Parameters, f64, f64) -> f64>,
     /// See [`Act::Pulsation`].
-    pub pulsation: List<fn(&Parameters, f64) -> f64>,
+    pub pulsation: List<fn(&Parameters, f64, f64) -> f64>,
     /// See [`Act::Drag`].
     pub drag: List<fn(&Parameters, f64, f64) -> f64>,
     /// See [`Act::Load`].
