@@ -164,7 +164,7 @@ fn second_is_needed(search: &Search, single: &Hypothesis, pair: &Hypothesis) -> 
     // Where heat goes shows in the speeds through friction alone: a friction of another form pulls at the same tolerances.
     let thermal = (0..2).any(|k| subsystem(k) == Subsystem::Thermal);
     let sets_free = !alike && !thermal && evidence.min(freed) > SECOND_FREED && gone > MOST * was;
-    pair.score() < single.score() && (sets_free || takes_the_rest)
+    sets_free || takes_the_rest
 }
 
 /// The single effect that a second one has to beat: the best one that is needed, for a pliable effect may fit noise a little better than the

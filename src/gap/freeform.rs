@@ -49,7 +49,7 @@ pub fn part_of_clutch(problem: &Problem, search: &Search) -> Subsystem {
 }
 
 /// Cost beyond noise of the effect that comes nearest, relative to that of any other part's, under which it tells its part.
-const NEAREST: f64 = 0.8;
+const NEAREST: f64 = 0.75;
 
 /// Whether the library effect that explains most is of this part, and no other part's comes near it. An error that follows the past of a command is
 /// hardly ever taken for another; laws of force, friction and heat take each other's place too easily for that.
