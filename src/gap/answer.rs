@@ -12,7 +12,7 @@ use super::measure::{Closed, Engagement, HeldOut, unit};
 use super::problem::prior;
 use super::select::Hypothesis;
 use super::series::Channel;
-use crate::effects::{self, PARAMETERS, Parameters, REGISTRY};
+use crate::effects::{self, PARAMETERS, Parameters, REGISTRY, Subsystem};
 use crate::vehicle::{NUMBERS, Vehicle};
 use serde_json::{Map, Value, json};
 
@@ -41,6 +41,7 @@ pub(super) fn json(f: &Findings) -> Value {
             })).collect::<Vec<_>>(),
             "family_wise_error": FAMILY_WISE_ERROR,
             "unexplained_at": f.location.unexplained_at.map(|s| s.id()),
+            "ambiguous_with": places_in_doubt(f),
         },
         "which": {
             "effects": effects,
@@ -124,13 +125,26 @@ fn behind(f: &Findings, other: &Hypothesis) -> f64 {
     0.5 * decide::evidence(other, &f.decision.chosen)
 }
 
+/// Effects that the data cannot tell from the chosen effect `k`.
+fn ambiguous_with(f: &Findings, k: usize) -> impl Iterator<Item = usize> {
+    rivals(f, k).filter(|(_, h)| behind(f, h) < AMBIGUOUS_NATS).map(|(e, _)| e)
+}
+
+/// Subsystems in which the gap, or what remains of it, might lie instead of where it is said to lie.
+fn places_in_doubt(f: &Findings) -> Vec<&'static str> {
+    let of_effects = (0..f.decision.chosen.effects.len()).flat_map(|k| ambiguous_with(f, k)).map(|e| REGISTRY[e].effect.subsystem);
+    let said: Vec<Subsystem> = f.location.shares.iter().map(|s| s.0).collect();
+    let doubted: Vec<Subsystem> = of_effects.chain(f.location.or_at.iter().copied()).filter(|s| !said.contains(s)).collect();
+    Subsystem::ALL.iter().filter(|s| doubted.contains(s)).map(|s| s.id()).collect()
+}
+
 fn effects_json(f: &Findings) -> Vec<Value> {
     let chosen = &f.decision.chosen;
     (0..chosen.effects.len())
         .map(|k| {
             let entry = &REGISTRY[chosen.effects[k]];
             let odds: f64 = rivals(f, k).map(|(_, h)| (-behind(f, h)).exp()).sum();
-            let group: Vec<&str> = rivals(f, k).filter(|(_, h)| behind(f, h) < AMBIGUOUS_NATS).map(|(e, _)| REGISTRY[e].id).collect();
+            let group: Vec<&str> = ambiguous_with(f, k).map(|e| REGISTRY[e].id).collect();
             let split = group
                 .first()
                 .and_then(|id| effects::find(id))
@@ -173,9 +187,7 @@ fn standard_deviation(fit: &Fit, coordinate: Coordinate) -> f64 {
 fn ranked(f: &Findings) -> Vec<Value> {
     let scale = dispersion(f);
     let base = &f.search.base;
-    let ambiguous: Vec<usize> = (0..f.decision.chosen.effects.len())
-        .flat_map(|k| rivals(f, k).filter(|(_, h)| behind(f, h) < AMBIGUOUS_NATS).map(|(e, _)| e).collect::<Vec<_>>())
-        .collect();
+    let ambiguous: Vec<usize> = (0..f.decision.chosen.effects.len()).flat_map(|k| ambiguous_with(f, k)).collect();
     let evidence = |e: usize| {
         let fitted = f.search.singles.iter().find(|h| h.effects == [e]).map(|h| h.fit.cost);
         let promised = || f.search.screened.iter().filter(|c| c.effect == e).map(|c| c.promise).reduce(f64::min);
@@ -234,7 +246,11 @@ fn confidence(f: &Findings) -> f64 {
 fn sentence(f: &Findings, closed: f64) -> String {
     let names: Vec<&str> = f.decision.chosen.effects.iter().map(|&e| REGISTRY[e].id).collect();
     let names = names.join(" and ");
-    let at = f.location.unexplained_at.map_or("an unknown place", |s| s.id());
+    let places: Vec<&str> = f.location.unexplained_at.iter().chain(&f.location.or_at).map(|s| s.id()).collect();
+    let at = match places.split_last() {
+        Some((last, others)) if !others.is_empty() => format!("{} or {last}", others.join(", ")),
+        _ => places.concat(),
+    };
     // Rounded down: "100 %" is said of a gap that is closed, not of one that nearly is.
     let share = format!("{:.1} % of the gap on recordings that took no part in the fit", (1000.0 * closed).floor() / 10.0);
     match f.decision.verdict {

@@ -3,7 +3,7 @@
 //! While the clutch slips the two balances give the torque that it is short of, δT. Each part of the clutch can only make errors of its own
 //! kind, and each kind is a family of functions, none of them an effect of the library:
 //!
-//! - actuator: δT = ∂T/∂x · δx, where δx follows from the command's past (lag, play, stiction) or from how long it has pressed;
+//! - actuator: δT = T(x + δx) − T(x), where δx follows from the command's past (lag, play, stiction) or from how long it has pressed;
 //! - clutch force: δT = T · f, f over the position, over its direction, over the time since contact, over temperature;
 //! - friction: δT = T · f, f over slip, over pressure, over work and time of slip, over temperature;
 //! - thermal: δT = T · ∂ln μ/∂θ · δθ, where δθ is a temperature that the model does not know (a hot surface, a slow part).
@@ -26,27 +26,33 @@ use rayon::prelude::*;
 /// Parts of the clutch.
 const PARTS: [Subsystem; 4] = [Subsystem::Actuator, Subsystem::ClutchForce, Subsystem::Friction, Subsystem::Thermal];
 
-/// The part whose family explains the missing torque best.
+/// The part whose family explains the missing torque best, and those that might do as well, best first.
 ///
 /// A gap that keeps one rhythm has its place by its clock: an actuator oscillates in time, a plate wobbles with the crankshaft.
-pub fn part_of_clutch(problem: &Problem, search: &Search) -> Subsystem {
+pub fn parts_of_clutch(problem: &Problem, search: &Search) -> Vec<Subsystem> {
     let base = &search.base.fit;
     match pulsation::rhythm(problem, &base.point, &base.residuals) {
-        Some(Clock::Time) => return Subsystem::Actuator,
-        Some(Clock::Crank) => return Subsystem::ClutchForce,
+        Some(Clock::Time) => return vec![Subsystem::Actuator],
+        Some(Clock::Crank) => return vec![Subsystem::ClutchForce],
         None => {}
     }
     if nearest_is_of(search, Subsystem::Actuator) {
-        return Subsystem::Actuator;
+        return vec![Subsystem::Actuator];
     }
     let of = |part: Subsystem| {
         let nearest = search.singles.iter().find(|h| REGISTRY[h.effects[0]].effect.subsystem == part);
         let effects = nearest.map(|h| Point { effects: h.fit.point.effects, ..problem.nominal() });
         [Some(problem.nominal()), effects].into_iter().flatten().map(|p| evidence_of(problem, &p, part)).fold(f64::NEG_INFINITY, f64::max)
     };
-    let all: Vec<(Subsystem, f64)> = PARTS.into_par_iter().map(|part| (part, of(part))).collect();
-    all.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).map_or(Subsystem::Friction, |b| b.0)
+    let mut all: Vec<(Subsystem, f64)> = PARTS.into_par_iter().map(|part| (part, of(part))).collect();
+    all.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let most = all[0].1;
+    all.into_iter().take_while(|(_, evidence)| most - evidence < AMBIGUOUS_NATS).map(|(part, _)| part).collect()
 }
+
+/// Difference of evidence in nats under which two parts are not told apart: families are rough, so that differences between them are larger than
+/// those between effects.
+const AMBIGUOUS_NATS: f64 = 30.0;
 
 /// Cost beyond noise of the effect that comes nearest, relative to that of any other part's, under which it tells its part.
 const NEAREST: f64 = 0.75;
@@ -102,21 +108,26 @@ fn shortage(problem: &Problem, point: &Point) -> (Shortage, Vec<Window>) {
 
 /// Signals of one recording that the families are made from, sample by sample.
 struct Signals {
+    config: Config,
     dt: f64,
     /// Positions at which the clutch slips, mm.
     range: [f64; 2],
     position: Vec<f64>,
     capacity: Vec<f64>,
-    /// ∂T/∂x, N·m/mm.
-    steepness: Vec<f64>,
     slip: Vec<f64>,
     theta: Vec<f64>,
     /// ∂ln μ/∂θ, 1/K.
     sensitivity: Vec<f64>,
 }
 
-/// Half of the step of a derivative with the position, mm.
-const DX: f64 = 0.01;
+impl Signals {
+    /// Torque in N·m that sample `j` would have at bearing position `x` mm.
+    fn capacity_at(&self, j: usize, x: f64) -> f64 {
+        let mut y = [0.0; motion::N];
+        y[motion::index::THETA_C] = self.theta[j];
+        clutch::capacity(&self.config, x, clutch::Branch { x, z: 0.0 }, self.slip[j], &y)
+    }
+}
 
 fn signals(problem: &Problem, point: &Point, k: usize) -> Signals {
     let series = &problem.series[k];
@@ -125,25 +136,16 @@ fn signals(problem: &Problem, point: &Point, k: usize) -> Signals {
     let replay = predict(series, &vehicle, &effects, point.theta_shift[k], Follow::Horizon(HORIZON_S));
     let n = series.len();
     let slip: Vec<f64> = (0..n).map(|j| (series.measured[0][j] - series.measured[1][j]).max(0.0)).collect();
-    let (position, theta) = (replay.value[2].clone(), replay.value[4].clone());
-    let capacity_at = |j: usize, dx: f64| {
-        let mut y = [0.0; motion::N];
-        y[motion::index::THETA_C] = theta[j];
-        clutch::capacity(&config, position[j] + dx, clutch::Branch { x: position[j] + dx, z: 0.0 }, slip[j], &y)
-    };
+    let theta = replay.value[4].clone();
     let mu = |j: usize, d: f64| friction::friction_coefficient(&vehicle.friction, slip[j], theta[j] + d);
+    let sensitivity = (0..n).map(|j| (mu(j, 1.0) / mu(j, -1.0)).ln() / 2.0).collect();
     let a = &vehicle.actuator;
     let at = |share: f64| a.x_cnt_0 + share * (a.x_cls_0 - a.x_cnt_0);
-    Signals {
-        dt: series.dt,
-        range: [at(0.2), at(0.85)],
-        capacity: (0..n).map(|j| capacity_at(j, 0.0)).collect(),
-        steepness: (0..n).map(|j| (capacity_at(j, DX) - capacity_at(j, -DX)) / (2.0 * DX)).collect(),
-        sensitivity: (0..n).map(|j| (mu(j, 1.0) / mu(j, -1.0)).ln() / 2.0).collect(),
-        position,
-        slip,
-        theta,
-    }
+    let range = [at(0.2), at(0.85)];
+    let mut signals =
+        Signals { config, dt: series.dt, range, position: replay.value[2].clone(), capacity: Vec::new(), slip, theta, sensitivity };
+    signals.capacity = (0..n).map(|j| signals.capacity_at(j, signals.position[j])).collect();
+    signals
 }
 
 /// What follows `v` with a time constant in s.
@@ -169,12 +171,13 @@ fn played(v: &[f64], width: f64) -> Vec<f64> {
         .collect()
 }
 
-/// What follows `v` in jumps, once it is further away than this.
-fn stuck(v: &[f64], reach: f64) -> Vec<f64> {
+/// What follows `v` in jumps while it is held, once it is further away than this.
+fn stuck(v: &[f64], held: impl Fn(usize) -> bool, reach: f64) -> Vec<f64> {
     let mut y = v[0];
     v.iter()
-        .map(|&x| {
-            if (x - y).abs() > reach {
+        .enumerate()
+        .map(|(j, &x)| {
+            if (x - y).abs() > reach || !held(j) {
                 y = x
             }
             y
@@ -232,14 +235,16 @@ fn family(part: Subsystem, s: &Signals) -> Vec<Vec<f64>> {
     let power: Vec<f64> = s.capacity.iter().zip(&s.slip).map(|(t, w)| t * w).collect();
     match part {
         Subsystem::Actuator => {
-            let behind = |y: Vec<f64>| times(&s.steepness, &|j| y[j] - s.position[j]);
+            let at = |y: &dyn Fn(usize) -> f64| (0..s.position.len()).map(|j| s.capacity_at(j, y(j)) - s.capacity[j]).collect::<Vec<f64>>();
+            let behind = |y: Vec<f64>| at(&|j| y[j]);
             let pressed_time = integral(&ones, &pressed, s.dt, false);
-            let leak = |tau: f64| times(&s.steepness, &|j| -0.2 * (1.0 - (-since_contact[j] / tau).exp()));
-            let leak_not_refilled = times(&s.steepness, &|j| -0.1 * pressed_time[j]);
+            let leak = |tau: f64| at(&|j| s.position[j] - 0.2 * (1.0 - (-since_contact[j] / tau).exp()));
+            let leak_not_refilled = at(&|j| s.position[j] - 0.1 * pressed_time[j]);
             let lags = [0.03, 0.1, 0.3, 1.0].map(|tau| behind(lagged(&s.position, s.dt, tau)));
             let plays = [0.1, 0.2, 0.4].map(|w| behind(played(&s.position, w)));
-            let jumps = [0.1, 0.2].map(|w| behind(stuck(&s.position, w)));
-            lags.into_iter().chain(plays).chain(jumps).chain([1.0, 3.0].map(leak)).chain([leak_not_refilled]).collect()
+            let jumps = [0.1, 0.15, 0.2].map(|w| behind(stuck(&s.position, |_| true, w)));
+            let loaded_jumps = [0.1, 0.15, 0.2].map(|w| behind(stuck(&s.position, |j| pressed[j], w)));
+            lags.into_iter().chain(plays).chain(jumps).chain(loaded_jumps).chain([1.0, 3.0].map(leak)).chain([leak_not_refilled]).collect()
         }
         Subsystem::ClutchForce => {
             let places = hats(&s.position, &s.range, 6);

@@ -50,6 +50,8 @@ pub struct Location {
     pub cells: Vec<Cell>,
     /// Subsystem of a structured remainder.
     pub unexplained_at: Option<Subsystem>,
+    /// Subsystems in which that remainder might lie as well, as far as these recordings tell.
+    pub or_at: Vec<Subsystem>,
 }
 
 /// Two-sided p-value of a standard normal deviate.
@@ -64,11 +66,12 @@ pub fn locate(problem: &Problem, search: &Search, decision: &Decision) -> Locati
     let mut cells = cells(&windows);
     mark_significant(&mut cells);
     let remainder = matches!(decision.verdict, Verdict::Unexplained | Verdict::PartlyExplained);
-    let unexplained_at = remainder.then(|| of_unknown(problem, search, decision));
+    let mut places = if remainder { of_unknown(problem, search, decision) } else { Vec::new() }.into_iter();
+    let unexplained_at = places.next();
     let shares = shares(search, decision, unexplained_at);
     let first = decision.chosen.effects.first().map(|&e| REGISTRY[e].effect.subsystem);
     let primary = if decision.verdict == Verdict::NoGap { None } else { first.or(unexplained_at) };
-    Location { primary, shares, cells, unexplained_at }
+    Location { primary, shares, cells, unexplained_at, or_at: places.collect() }
 }
 
 /// Share of each subsystem in what the tolerances alone leave: what its effects take away, and for an unknown gap what is left.
@@ -214,15 +217,20 @@ fn only_slipping(windows: &[Window]) -> bool {
 /// Factor on the least leftover up to which the clutch is still in question.
 const CLOSE: f64 = 1.3;
 
-/// Correlation of successive windows of one recording.
-fn serial_correlation(windows: &[Window], read: fn(&Window) -> [f64; 2]) -> f64 {
-    let square: f64 = windows.iter().map(|w| read(w)[0].powi(2)).sum();
-    let successive = windows.windows(2).filter(|p| p[0].recording == p[1].recording);
-    successive.map(|p| read(&p[0])[0] * read(&p[1])[0]).sum::<f64>() / square.max(f64::MIN_POSITIVE)
+/// What a balance is short of in a window, and its standard deviation.
+type Short = fn(&Window) -> [f64; 2];
+
+/// Correlation of successive windows of one recording, beyond that of noise (windows share the sample between them); none if there is nothing but noise.
+fn serial_correlation(windows: &[Window], read: Short) -> Option<f64> {
+    let square: f64 = windows.iter().map(read).map(|[torque, sigma]| torque * torque - sigma * sigma).sum();
+    let successive = windows.windows(2).filter(|p| p[0].recording == p[1].recording).map(|p| [read(&p[0]), read(&p[1])]);
+    let product: f64 = successive.map(|[a, b]| a[0] * b[0] + 0.5 * a[1] * b[1]).sum();
+    (square > 0.0).then(|| product / square)
 }
 
-/// Square of what a balance is short of over a recording, relative to what windows that know nothing of each other would add up to; beyond noise.
-fn net_impulse(windows: &[Window], read: fn(&Window) -> [f64; 2]) -> f64 {
+/// Square of what a balance is short of over a recording, relative to what windows that know nothing of each other would add up to; beyond noise, and none
+/// if there is nothing else.
+fn net_impulse(windows: &[Window], read: Short) -> Option<f64> {
     let of = |recording: &[Window]| {
         let sum = |f: &dyn Fn([f64; 2]) -> f64| recording.iter().map(|w| f(read(w))).sum::<f64>();
         let noise = sum(&|[_, sigma]| sigma * sigma);
@@ -230,34 +238,47 @@ fn net_impulse(windows: &[Window], read: fn(&Window) -> [f64; 2]) -> f64 {
     };
     let all = windows.chunk_by(|a, b| a.recording == b.recording).map(of);
     let [net, each] = all.fold([0.0; 2], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
-    net / each
+    (each > 0.0).then(|| net / each)
 }
 
-/// Subsystem of a gap, or of a remainder, that no effect accounts for.
+/// Whether what a balance is short of is undone again, which no torque is: from window to window, over a recording, or already within each window.
+fn undoes_itself(windows: &[Window], read: Short) -> bool {
+    serial_correlation(windows, read).is_none_or(|c| c < UNDOES_ITSELF) || net_impulse(windows, read).is_none_or(|n| n < NO_IMPULSE)
+}
+
+/// Subsystem of a gap, or of a remainder, that no effect accounts for, and those that are nearly as good an explanation.
 ///
 /// Each place is given the tolerances that suit it best, at their price: those of the fit have been dragged away by a gap without cause in the
 /// library.
-fn of_unknown(problem: &Problem, search: &Search, decision: &Decision) -> Subsystem {
+fn of_unknown(problem: &Problem, search: &Search, decision: &Decision) -> Vec<Subsystem> {
     let nominal = Point { effects: decision.chosen.fit.point.effects, ..problem.nominal() };
     let moves = moves(problem, &nominal);
     let best = |wrong: Wrong| explain(problem, &nominal, &moves, wrong);
     let [engine, driveline, clutch] = [Wrong::Engine, Wrong::Driveline, Wrong::Clutch].map(best);
-    let [engine_speed, disc_speed] = [Wrong::EngineSpeed, Wrong::DiscSpeed].map(best);
-    let close = clutch.cost < CLOSE * engine.cost.min(driveline.cost);
-    if !(clutch.cost < engine.cost.min(driveline.cost) || close && only_slipping(&clutch.windows)) {
-        let sensed = |torque: &Explanation, sensor: &Explanation, read: fn(&Window) -> [f64; 2]| {
-            let undone = serial_correlation(&torque.windows, read) < UNDOES_ITSELF || net_impulse(&torque.windows, read) < NO_IMPULSE;
-            sensor.cost < if undone { 2.0 } else { 0.5 } * torque.cost
-        };
-        return match engine.cost < driveline.cost {
-            true if sensed(&engine, &engine_speed, |w| [w.engine, w.sigma[0]]) => Subsystem::Sensors,
-            true => Subsystem::Engine,
-            false if sensed(&driveline, &disc_speed, |w| [w.driveline, w.sigma[1]]) => Subsystem::Sensors,
-            false => Subsystem::Driveline,
-        };
-    }
-    freeform::part_of_clutch(problem, search)
+    let of_clutch = clutch.cost / if only_slipping(&clutch.windows) { CLOSE } else { 1.0 };
+    let (of_engine, of_driveline) = ((Some(Subsystem::Engine), engine.cost), (Some(Subsystem::Driveline), driveline.cost));
+    // The side of the clutch on which a torque, or a speed as it is sensed, is wrong.
+    let (side, other_side, sensor, undone) = if engine.cost < driveline.cost {
+        (of_engine, of_driveline, Wrong::EngineSpeed, undoes_itself(&engine.windows, |w| [w.engine, w.sigma[0]]))
+    } else {
+        (of_driveline, of_engine, Wrong::DiscSpeed, undoes_itself(&driveline.windows, |w| [w.driveline, w.sigma[1]]))
+    };
+    let places = if of_clutch < side.1 {
+        vec![(None, of_clutch), side, other_side]
+    } else {
+        let mut of_side = vec![side, (Some(Subsystem::Sensors), best(sensor).cost / if undone { UNDONE } else { LASTING })];
+        of_side.sort_by(|a, b| a.1.total_cmp(&b.1));
+        of_side.extend([other_side, (None, of_clutch)]);
+        of_side
+    };
+    let nearly = CLOSE * places[0].1;
+    let near = places.iter().enumerate().filter(|(k, (_, cost))| *k == 0 || *cost < nearly);
+    near.flat_map(|(_, (place, _))| place.map_or_else(|| freeform::parts_of_clutch(problem, search), |p| vec![p])).collect()
 }
+
+/// Factor on the cost of a torque that is wrong up to which a sensor is the better explanation: where what is missing undoes itself, and where it lasts.
+const UNDONE: f64 = 2.0;
+const LASTING: f64 = 0.5;
 
 fn phase_name(phase: u8) -> &'static str {
     match phase {

@@ -69,6 +69,8 @@ const PRUNED: usize = 3;
 const FAR_AWAY: f64 = 150.0;
 /// Gain over the best single effect below which a pair is not worth exchanging its halves.
 const PROMISING: f64 = 20.0;
+/// Share of a large gap that the best pair leaves from which on it is not worth more work.
+const LOST: f64 = 0.5;
 /// Cost of the nuisances that a car within its tolerances hardly reaches.
 const PULLED: f64 = 32.0;
 /// Base cost per residual above which the nuisances are taken for dragged away.
@@ -102,6 +104,11 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
         progress("pairs of effects", 0.5 + 0.2 * (k + 1) as f64);
     }
     pairs.sort_by(|a, b| a.score().total_cmp(&b.score()));
+    // What explains less than half of a large gap is the wrong pair altogether: neither exchanging its halves nor going back to one of them saves it.
+    let lost = |best: &Hypothesis| base.cost > DRAGGED * noise_cost && best.fit.cost - noise_cost > LOST * (base.cost - noise_cost);
+    if pairs.first().is_some_and(lost) {
+        return Search { base: Hypothesis { effects: Vec::new(), fit: base }, singles, pairs, screened, noise_cost };
+    }
     let promising = |best: &&Hypothesis| !settled(best) && singles[0].score() - best.score() > PROMISING;
     if let Some(best) = pairs.first().filter(promising).cloned() {
         progress("exchanging", 0.9);

@@ -14,8 +14,10 @@ use super::motion::{self, Motion, index};
 /// Shortest substep that a plant can ask for, s: it bounds the work of a step.
 pub const SHORTEST_SUBSTEP: f64 = 2e-5;
 
-/// The shafts' rate times substep, at most: their oscillation is followed, not only survived.
+/// The shafts' rate times substep, at most: their oscillation is followed, not only survived. A fit that asks for more than [`MAX_SUBSTEP`] is content
+/// with half a percent of their phase.
 const TURN_PER_SUBSTEP: f64 = 0.5;
+const TURN_PER_SUBSTEP_OF_A_FIT: f64 = 1.0;
 
 /// Fastest rate times substep, at most.
 const STABLE: f64 = 2.5;
@@ -85,7 +87,8 @@ impl Pace {
     #[inline]
     pub fn longest_substep(&self, most: f64) -> f64 {
         let shafts = self.motion[3];
-        let turning = if shafts > 0.0 { TURN_PER_SUBSTEP / shafts } else { f64::MAX };
+        let turn = if most > MAX_SUBSTEP { TURN_PER_SUBSTEP_OF_A_FIT } else { TURN_PER_SUBSTEP };
+        let turning = if shafts > 0.0 { turn / shafts } else { f64::MAX };
         let stable = STABLE / self.fastest();
         let longest = if stable < MAX_SUBSTEP { turning.min(stable) } else { turning };
         most.min(longest.max(SHORTEST_SUBSTEP))
@@ -153,7 +156,9 @@ mod tests {
         effects[param::driveline_compliance::compliance] = 1e-4;
         let pace = Config::new(&vehicle, &effects).pace;
         // 1/√(1e-4 · 0.0578 · 0.9) = 438 rad/s.
-        assert!((pace.longest_substep(5e-3) - 0.5 / 438.0).abs() < 1e-5 && pace.check().is_ok());
+        assert!((pace.longest_substep(5e-3) - 1.0 / 438.0).abs() < 1e-5 && pace.check().is_ok());
+        effects[param::driveline_compliance::compliance] = 2e-5;
+        assert!((Config::new(&vehicle, &effects).pace.longest_substep(MAX_SUBSTEP) - 0.5 / 980.0).abs() < 1e-5);
         vehicle.driveline.J_c = 1e-3;
         vehicle.driveline.T_L0 = 1000.0;
         let refused = Config::new(&vehicle, &effects::null()).pace.check().unwrap_err();

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::json::{flag, list, real, text};
+use super::json::{flag, list, real, text, texts};
 use super::text::{capitalised, escape, number, percent, title, unit, words};
 use super::{Input, absent};
 
@@ -61,7 +61,13 @@ fn lead(place: &Value) -> String {
             escape(&words(id))
         )
     });
-    format!("<p>{primary}{remainder}</p>\n")
+    let others: Vec<String> = texts(place, "ambiguous_with").into_iter().map(|id| format!("<b>{}</b>", escape(&words(id)))).collect();
+    let doubt = if others.is_empty() {
+        String::new()
+    } else {
+        format!(" As far as these recordings tell, it may as well lie in {}.", super::text::alternatives(&others))
+    };
+    format!("<p>{primary}{remainder}{doubt}</p>\n")
 }
 
 /// Names that occur, known ones first.

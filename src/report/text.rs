@@ -95,10 +95,19 @@ pub fn words(id: &str) -> String {
 
 /// Items as a list in prose.
 pub fn enumeration(items: &[String]) -> String {
+    joined(items, "and")
+}
+
+/// Alternatives as people write them.
+pub fn alternatives(items: &[String]) -> String {
+    joined(items, "or")
+}
+
+fn joined(items: &[String], word: &str) -> String {
     match items {
         [] => String::new(),
         [one] => one.clone(),
-        [head @ .., last] => format!("{} and {last}", head.join(", ")),
+        [head @ .., last] => format!("{} {word} {last}", head.join(", ")),
     }
 }
 

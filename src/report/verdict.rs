@@ -3,8 +3,8 @@
 use serde_json::Value;
 
 use super::Input;
-use super::json::{list, real, text};
-use super::text::{enumeration, escape, number, percent, title, words};
+use super::json::{list, real, text, texts};
+use super::text::{alternatives, enumeration, escape, number, percent, title, words};
 
 /// The sentence that stands above everything.
 pub fn sentence(diagnosis: &Value) -> String {
@@ -85,7 +85,10 @@ fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
     let (place, far) = (&diagnosis["where"], &diagnosis["how_far"]);
     let primary = text(place, "primary").map_or_else(|| "No subsystem".to_owned(), title);
     let others: Vec<String> = super::residual_map::subsystems(place).iter().skip(1).map(|id| words(id)).collect();
-    let located = if others.is_empty() { String::new() } else { format!("then {}", enumeration(&others)) };
+    let doubts: Vec<String> = texts(place, "ambiguous_with").into_iter().map(words).collect();
+    let then = (!others.is_empty()).then(|| format!("then {}", enumeration(&others)));
+    let or = (!doubts.is_empty()).then(|| format!("or {}", alternatives(&doubts)));
+    let located = then.into_iter().chain(or).collect::<Vec<_>>().join("; ");
     let effects = match effect_names(diagnosis) {
         names if names.is_empty() => "No effect added".to_owned(),
         names => names.iter().map(|n| title(n)).collect::<Vec<_>>().join(" + "),

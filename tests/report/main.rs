@@ -34,6 +34,8 @@ fn the_answers_of_a_campaign_are_all_there() {
         "car 17",
         "Cold is below 70 °C.",
         "96\u{202f}%",
+        "may as well lie in",
+        "or actuator",
         "Friction fade",
         "0.281 to 0.327",
         "Share of the friction that is lost when hot",
