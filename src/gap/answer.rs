@@ -238,8 +238,9 @@ fn confidence(f: &Findings) -> f64 {
         Verdict::Explained => 0.05 * (f.decision.left / HELPS).min(1.0),
         _ => 0.2 * (STRUCTURED * f.search.noise_cost / f.decision.chosen.fit.cost).min(1.0),
     };
-    // Tolerances that had to be pulled far say that something else is not as believed.
-    let pulled = (prior(&chosen.fit.point) - USUAL_PULL).max(0.0) / USUAL_PULL;
+    // Tolerances that had to be pulled far say that something else is not as believed; an unexplained gap says just that.
+    let unbelievable = if f.decision.verdict == Verdict::Unexplained { 0.0 } else { prior(&chosen.fit.point) - USUAL_PULL };
+    let pulled = unbelievable.max(0.0) / USUAL_PULL;
     (among_rivals / ((1.0 + against) * (1.0 + 0.1 * pulled))).clamp(0.0, SUREST)
 }
 

@@ -107,7 +107,8 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
     let decision = decided.tested(&search, &unseen);
     let point = &decision.chosen.fit.point;
     // Nuisances that a gap of unknown cause has dragged along retune nothing: the car is handed back as it came.
-    let (tuned, effects) = if decision.verdict == Verdict::Unexplained { nominal } else { coarse.plant_at(point) };
+    let retuned = decision.verdict != Verdict::Unexplained;
+    let (tuned, effects) = if retuned { coarse.plant_at(point) } else { nominal };
     let held_out = measure::evaluate(&campaign.recordings[held], (&nominal.0, &nominal.1), (&tuned, &effects));
     progress("location", 0.95);
     let location = locate::locate(&coarse, &search, &decision);
@@ -123,7 +124,7 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
         retuned: (&tuned, &effects),
     };
     let json = answer::json(&findings);
-    let shift = |r: &Recording| taught.iter().position(|t| t.name == r.name).map_or([0.0; 2], |k| point.theta_shift[k]);
+    let shift = |r: &Recording| taught.iter().position(|t| retuned && t.name == r.name).map_or([0.0; 2], |k| point.theta_shift[k]);
     let overlays = campaign
         .recordings
         .iter()

@@ -61,17 +61,23 @@ fn two_sided_p(z: f64) -> f64 {
 
 /// Locates the gap of a decided campaign.
 pub fn locate(problem: &Problem, search: &Search, decision: &Decision) -> Location {
-    // With the tolerances that stand and no effect: tolerances alone would have bent towards the gap and hidden it.
-    let windows = balance::windows(problem, &Point { effects: effects::null(), ..decision.chosen.fit.point.clone() });
+    let remainder = matches!(decision.verdict, Verdict::Unexplained | Verdict::PartlyExplained);
+    let unknown = remainder.then(|| of_unknown(problem, search, decision));
+    let (mut places, seen_there) = unknown.map_or_else(Default::default, |u| (u.places, u.windows));
+    // Without any effect, and with the tolerances that go with the verdict: tolerances fitted alone would have bent towards the gap and hidden it.
+    let windows = if decision.verdict == Verdict::Unexplained {
+        seen_there
+    } else {
+        balance::windows(problem, &Point { effects: effects::null(), ..decision.chosen.fit.point.clone() })
+    };
     let mut cells = cells(&windows);
     mark_significant(&mut cells);
-    let remainder = matches!(decision.verdict, Verdict::Unexplained | Verdict::PartlyExplained);
-    let mut places = if remainder { of_unknown(problem, search, decision) } else { Vec::new() }.into_iter();
-    let unexplained_at = places.next();
+    let or_at = places.split_off(places.len().min(1));
+    let unexplained_at = places.pop();
     let shares = shares(search, decision, unexplained_at);
     let first = decision.chosen.effects.first().map(|&e| REGISTRY[e].effect.subsystem);
     let primary = if decision.verdict == Verdict::NoGap { None } else { first.or(unexplained_at) };
-    Location { primary, shares, cells, unexplained_at, or_at: places.collect() }
+    Location { primary, shares, cells, unexplained_at, or_at }
 }
 
 /// Share of each subsystem in what the tolerances alone leave: what its effects take away, and for an unknown gap what is left.
@@ -246,34 +252,56 @@ fn undoes_itself(windows: &[Window], read: Short) -> bool {
     serial_correlation(windows, read).is_none_or(|c| c < UNDOES_ITSELF) || net_impulse(windows, read).is_none_or(|n| n < NO_IMPULSE)
 }
 
-/// Subsystem of a gap, or of a remainder, that no effect accounts for, and those that are nearly as good an explanation.
-///
+/// Where a gap, or a remainder, may lie that no effect accounts for.
+struct Unknown {
+    /// Subsystems: the one that explains it best, and those that are nearly as good.
+    places: Vec<Subsystem>,
+    /// Windows with the tolerances that suit the first of them.
+    windows: Vec<Window>,
+}
+
+/// A place that is wrong: its subsystem (none is the clutch, whose parts are told apart later), its cost with what speaks against it, its windows.
+struct Suspect {
+    place: Option<Subsystem>,
+    cost: f64,
+    windows: Vec<Window>,
+}
+
 /// Each place is given the tolerances that suit it best, at their price: those of the fit have been dragged away by a gap without cause in the
 /// library.
-fn of_unknown(problem: &Problem, search: &Search, decision: &Decision) -> Vec<Subsystem> {
+fn of_unknown(problem: &Problem, search: &Search, decision: &Decision) -> Unknown {
     let nominal = Point { effects: decision.chosen.fit.point.effects, ..problem.nominal() };
     let moves = moves(problem, &nominal);
-    let best = |wrong: Wrong| explain(problem, &nominal, &moves, wrong);
-    let [engine, driveline, clutch] = [Wrong::Engine, Wrong::Driveline, Wrong::Clutch].map(best);
-    let of_clutch = clutch.cost / if only_slipping(&clutch.windows) { CLOSE } else { 1.0 };
-    let (of_engine, of_driveline) = ((Some(Subsystem::Engine), engine.cost), (Some(Subsystem::Driveline), driveline.cost));
+    let suspect = |place: Option<Subsystem>, wrong: Wrong| {
+        let Explanation { cost, windows } = explain(problem, &nominal, &moves, wrong);
+        Suspect { place, cost, windows }
+    };
+    let engine = suspect(Some(Subsystem::Engine), Wrong::Engine);
+    let driveline = suspect(Some(Subsystem::Driveline), Wrong::Driveline);
+    let mut clutch = suspect(None, Wrong::Clutch);
+    if only_slipping(&clutch.windows) {
+        clutch.cost /= CLOSE;
+    }
     // The side of the clutch on which a torque, or a speed as it is sensed, is wrong.
     let (side, other_side, sensor, undone) = if engine.cost < driveline.cost {
-        (of_engine, of_driveline, Wrong::EngineSpeed, undoes_itself(&engine.windows, |w| [w.engine, w.sigma[0]]))
+        let undone = undoes_itself(&engine.windows, |w| [w.engine, w.sigma[0]]);
+        (engine, driveline, Wrong::EngineSpeed, undone)
     } else {
-        (of_driveline, of_engine, Wrong::DiscSpeed, undoes_itself(&driveline.windows, |w| [w.driveline, w.sigma[1]]))
+        let undone = undoes_itself(&driveline.windows, |w| [w.driveline, w.sigma[1]]);
+        (driveline, engine, Wrong::DiscSpeed, undone)
     };
-    let places = if of_clutch < side.1 {
-        vec![(None, of_clutch), side, other_side]
+    let suspects = if clutch.cost < side.cost {
+        vec![clutch, side, other_side]
     } else {
-        let mut of_side = vec![side, (Some(Subsystem::Sensors), best(sensor).cost / if undone { UNDONE } else { LASTING })];
-        of_side.sort_by(|a, b| a.1.total_cmp(&b.1));
-        of_side.extend([other_side, (None, of_clutch)]);
-        of_side
+        let mut sensor = suspect(Some(Subsystem::Sensors), sensor);
+        sensor.cost /= if undone { UNDONE } else { LASTING };
+        let [first, second] = if sensor.cost < side.cost { [sensor, side] } else { [side, sensor] };
+        vec![first, second, other_side, clutch]
     };
-    let nearly = CLOSE * places[0].1;
-    let near = places.iter().enumerate().filter(|(k, (_, cost))| *k == 0 || *cost < nearly);
-    near.flat_map(|(_, (place, _))| place.map_or_else(|| freeform::parts_of_clutch(problem, search), |p| vec![p])).collect()
+    let nearly = CLOSE * suspects[0].cost;
+    let near = suspects.iter().enumerate().filter(|(k, s)| *k == 0 || s.cost < nearly);
+    let places = near.flat_map(|(_, s)| s.place.map_or_else(|| freeform::parts_of_clutch(problem, search), |p| vec![p])).collect();
+    Unknown { places, windows: suspects.into_iter().next().map_or_else(Vec::new, |s| s.windows) }
 }
 
 /// Factor on the cost of a torque that is wrong up to which a sensor is the better explanation: where what is missing undoes itself, and where it lasts.

@@ -28,11 +28,11 @@ pub fn section(input: &Input) -> String {
     let place = &input.diagnosis["where"];
     let entries = list(place, "equations");
     if entries.is_empty() {
-        return lead(place) + &absent("The gap per equation, phase and region was not handed over.");
+        return lead(input.diagnosis) + &absent("The gap per equation, phase and region was not handed over.");
     }
     let hidden = text(place, "primary").is_some() && !entries.iter().any(|e| flag(e, "significant"));
     let hidden = if hidden { HIDDEN } else { "" };
-    lead(place) + hidden + &map(entries, place) + &how_to_read(entries, input.regions)
+    lead(input.diagnosis) + hidden + &map(entries, place) + &how_to_read(entries, input.regions)
 }
 
 /// A gap of which the map shows nothing.
@@ -46,7 +46,9 @@ pub fn subsystems(place: &Value) -> Vec<&str> {
     ordered(&text(place, "primary").into_iter().collect::<Vec<_>>(), shares.into_iter().map(|s| s.0))
 }
 
-fn lead(place: &Value) -> String {
+fn lead(diagnosis: &Value) -> String {
+    let place = &diagnosis["where"];
+    let partly = text(diagnosis, "verdict") == Some("partly_explained");
     let primary = match text(place, "primary") {
         Some(id) => {
             let others: Vec<String> = subsystems(place).iter().skip(1).map(|id| format!("<b>{}</b>", escape(&words(id)))).collect();
@@ -55,7 +57,7 @@ fn lead(place: &Value) -> String {
         }
         None => "No subsystem shows a gap.".to_owned(),
     };
-    let remainder = text(place, "unexplained_at").map_or_else(String::new, |id| {
+    let remainder = text(place, "unexplained_at").filter(|_| partly).map_or_else(String::new, |id| {
         format!(
             " <span class=\"pill warn\"><span aria-hidden=\"true\">◐</span> A structured remainder lies in {}</span>",
             escape(&words(id))
@@ -101,7 +103,7 @@ fn map(entries: &[Value], place: &Value) -> String {
     let rows = rows.trim_end_matches("<tbody>").trim_end_matches("</tbody>");
     format!(
         "<div class=\"scroll\" role=\"region\" aria-label=\"Residual map\" tabindex=\"0\"><table class=\"heat\">\
-         <caption><span>What is left with the tolerances that stand in the end and without any effect, in standard deviations of the noise; below it the rms gap.</span></caption>\
+         <caption><span>What is left without any effect, with the tolerances that go with the verdict, in standard deviations of the noise; below it the rms gap.</span></caption>\
          <thead><tr><th scope=\"col\">Phase</th><th scope=\"col\">Region</th>{head}</tr></thead><tbody>{rows}</tbody></table></div>\n{}",
         scale(real(place, "family_wise_error"))
     )
