@@ -48,6 +48,11 @@ pub const LEFT: f64 = 0.06;
 /// Share of the base's excess above which an effect explains nothing worth naming.
 pub const HELPS: f64 = 0.15;
 
+/// Mean square of the tolerances, in standard deviations, above which an explanation that needs them there is not whole, and above which it is none:
+/// a car's numbers scatter by one, and what an effect of another form pulls at stays below the first of these.
+const STRETCHED: f64 = 6.0;
+const TORN: f64 = 12.0;
+
 /// Share of what an unseen recording costs beyond noise that effects have to take away if they are to explain it, and to be named at all.
 const EXPLAINS_UNSEEN: f64 = 0.8;
 const HELPS_UNSEEN: f64 = 0.5;
@@ -195,16 +200,16 @@ pub fn decide(search: &Search) -> Decision {
     }
     let structured = chosen.fit.cost > STRUCTURED * n;
     let left = if excess(base) > 0.0 { excess(&chosen) / excess(base) } else { 0.0 };
-    let verdict = match (chosen.effects.is_empty(), structured) {
-        (true, false) => Verdict::NoGap,
-        (true, true) => Verdict::Unexplained,
-        (false, false) => Verdict::Explained,
-        (false, true) if left < LEFT => Verdict::Explained,
-        (false, true) if left < HELPS => Verdict::PartlyExplained,
-        (false, true) => {
-            chosen = base.clone();
-            Verdict::Unexplained
-        }
+    let stretch = chosen.fit.point.z.iter().map(|z| z * z).sum::<f64>() / chosen.fit.point.z.len().max(1) as f64;
+    let verdict = if chosen.effects.is_empty() {
+        if structured { Verdict::Unexplained } else { Verdict::NoGap }
+    } else if structured && left > HELPS || stretch > TORN {
+        chosen = base.clone();
+        Verdict::Unexplained
+    } else if structured && left > LEFT || stretch > STRETCHED {
+        Verdict::PartlyExplained
+    } else {
+        Verdict::Explained
     };
     Decision { verdict, chosen, left }
 }
