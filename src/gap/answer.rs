@@ -4,7 +4,7 @@
 //! campaign gives the same bytes.
 
 use super::coordinate::Coordinate;
-use super::decide::{self, HELPS, STRUCTURED, Verdict};
+use super::decide::{self, HELPS, LEFT, STRETCHED, STRUCTURED, Verdict};
 use super::diagnosis::{Findings, verdict_id};
 use super::fit::Fit;
 use super::locate::FAMILY_WISE_ERROR;
@@ -246,6 +246,7 @@ fn confidence(f: &Findings) -> f64 {
 
 fn sentence(f: &Findings, closed: f64) -> String {
     let names: Vec<&str> = f.decision.chosen.effects.iter().map(|&e| REGISTRY[e].id).collect();
+    let (helps, closes) = if names.len() == 1 { ("helps", "closes") } else { ("help", "close") };
     let names = names.join(" and ");
     let places: Vec<&str> = f.location.unexplained_at.iter().chain(&f.location.or_at).map(|s| s.id()).collect();
     let at = match places.split_last() {
@@ -256,12 +257,22 @@ fn sentence(f: &Findings, closed: f64) -> String {
     let share = format!("{:.1} % of the gap on recordings that took no part in the fit", (1000.0 * closed).floor() / 10.0);
     match f.decision.verdict {
         Verdict::NoGap => "The car lies within its tolerances: nothing is left beyond noise.".to_owned(),
-        Verdict::Explained => format!("The gap is explained by {names}, which closes {share}."),
+        Verdict::Explained => format!("The gap is explained by {names}, which {closes} {share}."),
+        Verdict::PartlyExplained if f.decision.left <= LEFT && f.decision.stretch > STRETCHED => {
+            format!("{names} {helps} and {closes} {share}, but only with {}: something may be missing in {at}.", furthest_tolerance(f))
+        }
         Verdict::PartlyExplained => format!(
-            "{names} helps and closes {share}, but something structured remains in {at} that no effect of the library accounts for."
+            "{names} {helps} and {closes} {share}, but something structured remains in {at} that no effect of the library accounts for."
         ),
         Verdict::Unexplained => format!("There is a gap in {at} that no effect of the library accounts for."),
     }
+}
+
+/// The tolerance that was pulled furthest, in words.
+fn furthest_tolerance(f: &Findings) -> String {
+    let all = f.problem.nuisances.iter().zip(&f.decision.chosen.fit.point.z);
+    let furthest = all.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    furthest.map_or_else(String::new, |(n, z)| format!("{} {:.0} standard deviations from its value in the vehicle file", n.name, z.abs()))
 }
 
 fn notes(f: &Findings) -> Vec<String> {

@@ -49,9 +49,9 @@ pub const LEFT: f64 = 0.06;
 pub const HELPS: f64 = 0.15;
 
 /// Mean square of the tolerances, in standard deviations, above which an explanation that needs them there is not whole, and above which it is none:
-/// a car's numbers scatter by one, and what an effect of another form pulls at stays below the first of these.
-const STRETCHED: f64 = 6.0;
-const TORN: f64 = 12.0;
+/// a car's numbers scatter by one; an effect of another form pulls at them, but hardly beyond the second of these.
+pub const STRETCHED: f64 = 6.0;
+const TORN: f64 = 40.0;
 
 /// Share of what an unseen recording costs beyond noise that effects have to take away if they are to explain it, and to be named at all.
 const EXPLAINS_UNSEEN: f64 = 0.8;
@@ -94,6 +94,8 @@ pub struct Decision {
     pub chosen: Hypothesis,
     /// Cost that the chosen hypothesis leaves above the noise, relative to what the tolerances alone leave.
     pub left: f64,
+    /// Mean square of the tolerances, in standard deviations.
+    pub stretch: f64,
 }
 
 /// Numbers of residuals that are summed for the dispersion: up to twice the memory of the replay.
@@ -211,7 +213,7 @@ pub fn decide(search: &Search) -> Decision {
     } else {
         Verdict::Explained
     };
-    Decision { verdict, chosen, left }
+    Decision { verdict, chosen, left, stretch }
 }
 
 impl Decision {

@@ -8,22 +8,24 @@ use crate::vehicle::Vehicle;
 /// Functions of one kind that are active, in the order of the registry.
 #[derive(Clone, Copy, Debug)]
 pub struct List<F: Copy> {
-    functions: [Option<F>; REGISTRY.len()],
+    /// The first `count` are active; the rest are never called.
+    functions: [F; REGISTRY.len()],
     count: usize,
 }
 
 impl<F: Copy> List<F> {
-    fn new() -> Self {
-        Self { functions: [None; REGISTRY.len()], count: 0 }
+    /// An empty list; `filler` takes the places that are not used.
+    fn new(filler: F) -> Self {
+        Self { functions: [filler; REGISTRY.len()], count: 0 }
     }
     fn push(&mut self, function: F) {
-        self.functions[self.count] = Some(function);
+        self.functions[self.count] = function;
         self.count += 1;
     }
     /// The active functions.
     #[inline]
-    pub fn iter(&self) -> impl Iterator<Item = F> + '_ {
-        self.functions[..self.count].iter().flatten().copied()
+    pub fn iter(&self) -> std::slice::Iter<'_, F> {
+        self.functions[..self.count].iter()
     }
 }
 
@@ -71,13 +73,13 @@ impl Config {
             constants: Constants::nominal(vehicle),
             xi_0: cushion::contact_point(&vehicle.cushion_spring),
             pace: Pace::STILL,
-            contact: List::new(),
-            force: List::new(),
-            friction: List::new(),
-            friction_added: List::new(),
-            pulsation: List::new(),
-            drag: List::new(),
-            load: List::new(),
+            contact: List::new(|_, _, _| {}),
+            force: List::new(|_, _| 1.0),
+            friction: List::new(|_, _, _| 1.0),
+            friction_added: List::new(|_, _, _| 0.0),
+            pulsation: List::new(|_, _, _| 1.0),
+            drag: List::new(|_, _, _| 0.0),
+            load: List::new(|_, _, _| 0.0),
         };
         for entry in REGISTRY.iter().filter(|entry| !entry.is_null(parameters)) {
             match entry.effect.act {
