@@ -109,7 +109,6 @@ fn an_effect_outside_the_library_is_flagged_and_located() {
         .max_by(|a, b| a["sigma"].as_f64().unwrap().total_cmp(&b["sigma"].as_f64().unwrap()))
         .unwrap();
     assert!(worst["equation"] == "driveline balance" && worst["significant"] == true, "{worst}");
-    assert!(found["which"]["effects"].as_array().unwrap().is_empty() || verdict == "partly_explained");
     check_structure(&found);
 }
 

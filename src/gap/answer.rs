@@ -4,7 +4,7 @@
 //! campaign gives the same bytes.
 
 use super::coordinate::Coordinate;
-use super::decide::{self, HELPS, LEFT, STRETCHED, STRUCTURED, Verdict};
+use super::decide::{self, HELPS, STRETCHED, STRUCTURED, Verdict};
 use super::diagnosis::{Findings, verdict_id};
 use super::fit::Fit;
 use super::locate::FAMILY_WISE_ERROR;
@@ -249,16 +249,13 @@ fn sentence(f: &Findings, closed: f64) -> String {
     let (helps, closes) = if names.len() == 1 { ("helps", "closes") } else { ("help", "close") };
     let names = names.join(" and ");
     let places: Vec<&str> = f.location.unexplained_at.iter().chain(&f.location.or_at).map(|s| s.id()).collect();
-    let at = match places.split_last() {
-        Some((last, others)) if !others.is_empty() => format!("{} or {last}", others.join(", ")),
-        _ => places.concat(),
-    };
+    let at = places.join(" or ");
     // Rounded down: "100 %" is said of a gap that is closed, not of one that nearly is.
     let share = format!("{:.1} % of the gap on recordings that took no part in the fit", (1000.0 * closed).floor() / 10.0);
     match f.decision.verdict {
         Verdict::NoGap => "The car lies within its tolerances: nothing is left beyond noise.".to_owned(),
         Verdict::Explained => format!("The gap is explained by {names}, which {closes} {share}."),
-        Verdict::PartlyExplained if f.decision.left <= LEFT && f.decision.stretch > STRETCHED => {
+        Verdict::PartlyExplained if f.decision.stretch > STRETCHED => {
             format!("{names} {helps} and {closes} {share}, but only with {}: something may be missing in {at}.", furthest_tolerance(f))
         }
         Verdict::PartlyExplained => format!(

@@ -94,7 +94,7 @@ pub struct Decision {
     pub chosen: Hypothesis,
     /// Cost that the chosen hypothesis leaves above the noise, relative to what the tolerances alone leave.
     pub left: f64,
-    /// Mean square of the tolerances, in standard deviations.
+    /// Mean square of the tolerances that the best explanation needs, in standard deviations.
     pub stretch: f64,
 }
 
@@ -143,6 +143,11 @@ fn first_is_needed(search: &Search, effects: &Hypothesis) -> bool {
     evidence > beyond_noise(search, &search.base, FIRST_GAIN) || evidence > FIRST_FREED && freed > FIRST_FREED
 }
 
+/// Squares of the tolerances in standard deviations, summed.
+fn pull(h: &Hypothesis) -> f64 {
+    h.fit.point.z.iter().map(|z| z * z).sum()
+}
+
 /// Tolerances that the second of two hypotheses sets free: their pull (squares in standard deviations) that is gone, and what it was.
 fn set_free(small: &Hypothesis, large: &Hypothesis) -> [f64; 2] {
     let squares = small.fit.point.z.iter().zip(&large.fit.point.z).map(|(a, b)| [a * a - b * b, a * a]);
@@ -165,7 +170,6 @@ fn second_is_needed(search: &Search, single: &Hypothesis, pair: &Hypothesis) -> 
     let trifle = if alike { TRIFLE_ALIKE } else { TRIFLE };
     let takes_the_rest =
         evidence > beyond_noise(search, single, SECOND_GAIN) && gained > SECOND_SHARE * structure && gained > trifle * explained;
-    let pull = |h: &Hypothesis| h.fit.point.z.iter().map(|z| z * z).sum::<f64>();
     let freed = pull(single) - pull(pair) - earned;
     let [gone, was] = set_free(single, pair);
     // Where heat goes shows in the speeds through friction alone: a friction of another form pulls at the same tolerances.
@@ -202,7 +206,7 @@ pub fn decide(search: &Search) -> Decision {
     }
     let structured = chosen.fit.cost > STRUCTURED * n;
     let left = if excess(base) > 0.0 { excess(&chosen) / excess(base) } else { 0.0 };
-    let stretch = chosen.fit.point.z.iter().map(|z| z * z).sum::<f64>() / chosen.fit.point.z.len().max(1) as f64;
+    let stretch = pull(&chosen) / chosen.fit.point.z.len().max(1) as f64;
     let verdict = if chosen.effects.is_empty() {
         if structured { Verdict::Unexplained } else { Verdict::NoGap }
     } else if structured && left > HELPS || stretch > TORN {

@@ -47,7 +47,8 @@ pub fn parts_of_clutch(problem: &Problem, search: &Search) -> Vec<Subsystem> {
     let mut all: Vec<(Subsystem, f64)> = PARTS.into_par_iter().map(|part| (part, of(part))).collect();
     all.sort_by(|a, b| b.1.total_cmp(&a.1));
     let most = all[0].1;
-    all.into_iter().take_while(|(_, evidence)| most - evidence < AMBIGUOUS_NATS).map(|(part, _)| part).collect()
+    // Where no family has any evidence, none is better than another.
+    all.into_iter().filter(|(_, evidence)| *evidence == most || most - evidence < AMBIGUOUS_NATS).map(|(part, _)| part).collect()
 }
 
 /// Difference of evidence in nats under which two parts are not told apart: families are rough, so that differences between them are larger than

@@ -106,15 +106,13 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
     pairs.sort_by(|a, b| a.score().total_cmp(&b.score()));
     // What explains less than half of a large gap is the wrong pair altogether: neither exchanging its halves nor going back to one of them saves it.
     let lost = |best: &Hypothesis| base.cost > DRAGGED * noise_cost && best.fit.cost - noise_cost > LOST * (base.cost - noise_cost);
-    if pairs.first().is_some_and(lost) {
-        return Search { base: Hypothesis { effects: Vec::new(), fit: base }, singles, pairs, screened, noise_cost };
-    }
-    let promising = |best: &&Hypothesis| !settled(best) && singles[0].score() - best.score() > PROMISING;
+    let worth_more = pairs.first().is_some_and(|best| !lost(best));
+    let promising = |best: &&Hypothesis| worth_more && !settled(best) && singles[0].score() - best.score() > PROMISING;
     if let Some(best) = pairs.first().filter(promising).cloned() {
         progress("exchanging", 0.9);
         exchange(problem, &best, &mut pairs);
     }
-    if !pairs.is_empty() {
+    if worth_more {
         progress("pruning", 0.95);
         let before = singles[0].fit.cost;
         for pair in pairs.iter().take(PRUNED) {

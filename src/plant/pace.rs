@@ -15,7 +15,7 @@ use super::motion::{self, Motion, index};
 pub const SHORTEST_SUBSTEP: f64 = 2e-5;
 
 /// The shafts' rate times substep, at most: their oscillation is followed, not only survived. A fit that asks for more than [`MAX_SUBSTEP`] is content
-/// with half a percent of their phase.
+/// to lose half a percent of their phase and amplitude per radian.
 const TURN_PER_SUBSTEP: f64 = 0.5;
 const TURN_PER_SUBSTEP_OF_A_FIT: f64 = 1.0;
 

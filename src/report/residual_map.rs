@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use super::json::{flag, list, real, text, texts};
-use super::text::{capitalised, escape, number, percent, title, unit, words};
+use super::text::{alternatives, capitalised, enumeration, escape, number, percent, title, unit, words};
 use super::{Input, absent};
 
 /// Bounds between the shades, in standard deviations.
@@ -52,7 +52,7 @@ fn lead(diagnosis: &Value) -> String {
     let primary = match text(place, "primary") {
         Some(id) => {
             let others: Vec<String> = subsystems(place).iter().skip(1).map(|id| format!("<b>{}</b>", escape(&words(id)))).collect();
-            let then = if others.is_empty() { String::new() } else { format!(", then in {}", super::text::enumeration(&others)) };
+            let then = if others.is_empty() { String::new() } else { format!(", then in {}", enumeration(&others)) };
             format!("The gap lies first of all in <b>{}</b>{then}.", escape(&words(id)))
         }
         None => "No subsystem shows a gap.".to_owned(),
@@ -67,7 +67,7 @@ fn lead(diagnosis: &Value) -> String {
     let doubt = if others.is_empty() {
         String::new()
     } else {
-        format!(" As far as these recordings tell, it may as well lie in {}.", super::text::alternatives(&others))
+        format!(" As far as these recordings tell, it may as well lie in {}.", alternatives(&others))
     };
     format!("<p>{primary}{remainder}{doubt}</p>\n")
 }
