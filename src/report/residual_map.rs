@@ -59,7 +59,7 @@ fn lead(diagnosis: &Value) -> String {
     };
     let remainder = text(place, "unexplained_at").filter(|_| partly).map_or_else(String::new, |id| {
         format!(
-            " <span class=\"pill warn\"><span aria-hidden=\"true\">◐</span> A structured remainder lies in {}</span>",
+            " <span class=\"pill warn\"><span aria-hidden=\"true\">◐</span> Not accounted for: something in {}</span>",
             escape(&words(id))
         )
     });
@@ -67,7 +67,8 @@ fn lead(diagnosis: &Value) -> String {
     let doubt = if others.is_empty() {
         String::new()
     } else {
-        format!(" As far as these recordings tell, it may as well lie in {}.", alternatives(&others))
+        let what = if partly { "the gap, or what remains of it," } else { "it" };
+        format!(" As far as these recordings tell, {what} may as well lie in {}.", alternatives(&others))
     };
     format!("<p>{primary}{remainder}{doubt}</p>\n")
 }
