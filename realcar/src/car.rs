@@ -140,7 +140,7 @@ impl Motion {
         let (drag, drag_viscous) = d.friction.drag(force);
         let mut capacity = drag;
         if force > 0.0 {
-            let factor = d.friction.factor(slip, facing, force, self.slip_angle);
+            let factor = d.friction.factor(slip, facing, self.slip_angle);
             capacity += 2.0 * map::friction_radius_m(v, slip, facing) * force * factor;
         }
         let viscous = drag_viscous * slip;

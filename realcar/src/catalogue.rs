@@ -29,7 +29,10 @@ pub const LIBRARY: [(&str, &str); 24] = [
 ];
 
 /// Effects that no library holds: id and subsystem.
-pub const OUTSIDE: [(&str, &str); 20] = [
+///
+/// Each can be placed by its channels, in principle. Friction that falls with pressure can't, and is left out: without a force sensor it is a function of
+/// the bearing's position, as a cushion spring with another curve is.
+pub const OUTSIDE: [(&str, &str); 19] = [
     ("misfire", "engine"),
     ("tip_in_dip", "engine"),
     ("torque_ceiling", "engine"),
@@ -39,7 +42,6 @@ pub const OUTSIDE: [(&str, &str); 20] = [
     ("plate_wobble", "clutch_force"),
     ("cushion_settling", "clutch_force"),
     ("cushion_knee", "clutch_force"),
-    ("pressure_dependence", "friction"),
     ("wear_in", "friction"),
     ("damp_facing", "friction"),
     ("plate_heat_soak", "thermal"),

@@ -1,12 +1,13 @@
-//! Friction depends otherwise on slip speed: μ + (slope · ω + stribeck · e^(−(ω/speed)^n)) · (1 − s + s μ/μ_r).
+//! Friction depends otherwise on slip speed: μ + (slope · min(ω, reach) + stribeck · e^(−(ω/speed)^n)) · (1 − s + s μ/μ_r).
 //!
-//! `slope` is the gradient over the whole range of slip; a negative one excites judder. `stribeck` is what friction gains towards zero slip,
-//! as in Stribeck's curve. A share of both may go with the coefficient, which grows with temperature; the rest adds to it whatever the
-//! temperature. The level of friction is another effect.
+//! `slope` is the gradient from standstill up to a slip of `reach`, from where friction stays; a negative one excites judder. `stribeck` is what
+//! friction gains towards zero slip, as in Stribeck's curve. A share of both may go with the coefficient, which grows with temperature; the rest
+//! adds to it whatever the temperature. The level of friction is another effect.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
 //! | `slope` | change of the friction coefficient per slip speed | s/rad |
+//! | `reach` | slip speed up to which the gradient goes on | rad/s |
 //! | `stribeck` | friction coefficient added at zero slip | 1 |
 //! | `speed` | Stribeck speed | rad/s |
 //! | n | `exponent` of Stribeck's curve: 2 rounded, 1 exponential | 1 |
@@ -22,8 +23,8 @@ pub const EFFECT: Effect = Effect {
     amplitudes: &[param::friction_slip_gradient::slope, param::friction_slip_gradient::stribeck],
     act: Act::FrictionAdded(apply),
     starts: &[
-        &[(param::friction_slip_gradient::slope, 0.0008)],
-        &[(param::friction_slip_gradient::slope, -0.0008)],
+        &[(param::friction_slip_gradient::slope, 0.0008), (param::friction_slip_gradient::reach, 150.0)],
+        &[(param::friction_slip_gradient::slope, -0.0008), (param::friction_slip_gradient::reach, 150.0)],
         &[(param::friction_slip_gradient::stribeck, 0.08), (param::friction_slip_gradient::speed, 12.0)],
         &[(param::friction_slip_gradient::stribeck, -0.08), (param::friction_slip_gradient::speed, 12.0)],
         &[(param::friction_slip_gradient::stribeck, 0.08), (param::friction_slip_gradient::speed, 40.0)],
@@ -36,7 +37,7 @@ pub const EFFECT: Effect = Effect {
 const USUAL_MU: f64 = 0.3;
 
 fn apply(p: &Parameters, omega: f64, mu: f64) -> f64 {
-    use param::friction_slip_gradient::{exponent, proportional_share, slope, speed, stribeck};
-    let added = p[slope] * omega + p[stribeck] * (-(omega / p[speed]).powf(p[exponent])).exp();
+    use param::friction_slip_gradient::{exponent, proportional_share, reach, slope, speed, stribeck};
+    let added = p[slope] * omega.min(p[reach]) + p[stribeck] * (-(omega / p[speed]).powf(p[exponent])).exp();
     added * (1.0 + p[proportional_share] * (mu / USUAL_MU - 1.0))
 }

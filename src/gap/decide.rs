@@ -3,8 +3,9 @@
 //! The thresholds were set on drawn cars whose effects are known, by the procedure that the docs of the method describe; they are
 //! never set on a case at hand.
 
-use super::fit::Fit;
-use super::problem::{Point, Problem, huber, prior, weight};
+use super::coordinate::Coordinate;
+use super::fit::{Fit, fit_along};
+use super::problem::{Point, Problem, prior, weight};
 use super::select::{Hypothesis, Search};
 use crate::effects::{REGISTRY, Subsystem};
 
@@ -56,10 +57,13 @@ const TORN: f64 = 40.0;
 /// Share of what an unseen recording costs beyond noise that effects have to take away if they are to explain it, and to be named at all.
 const EXPLAINS_UNSEEN: f64 = 0.8;
 const HELPS_UNSEEN: f64 = 0.5;
+/// Iterations on the start temperatures of an unseen recording.
+const START_ITERATIONS: usize = 6;
 /// Cost of an unseen recording, relative to the noise, that is large enough to test them.
 const TELLING: f64 = 4.0;
 
-/// Cost of a recording that took no part, as the fit counts it but with nothing fitted to it.
+/// Cost of a recording that took no part, as the fit counts it. Only its start temperatures are fitted to it, which belong to the recording and not to
+/// the car: an error of 1 K in what was noted costs more than the noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unseen {
     /// With the numbers of the vehicle file.
@@ -73,15 +77,16 @@ pub struct Unseen {
 impl Unseen {
     /// Judges a hypothesis on a recording.
     pub fn of(recording: &Problem, point: &Point) -> Self {
-        let cost = |p: &Point| recording.all_residuals(p).iter().flatten().map(|r| huber(*r)).sum();
+        let start = [Coordinate::Theta(0, 0), Coordinate::Theta(0, 1)];
+        let cost = |p: &Point| fit_along(recording, start.to_vec(), p, START_ITERATIONS, None).cost - prior(p);
         let nominal = recording.nominal();
         let point = Point { theta_shift: nominal.theta_shift.clone(), ..point.clone() };
         Self { before: cost(&nominal), after: cost(&point), noise: recording.noise_cost() }
     }
 
-    /// Share of the cost beyond noise that is gone.
-    fn fraction(&self) -> f64 {
-        (self.before - self.after) / (self.before - self.noise)
+    /// Share of the cost beyond noise that is gone; none where there was little to begin with.
+    pub fn fraction(&self) -> Option<f64> {
+        (self.before >= TELLING * self.noise).then(|| ((self.before - self.after) / (self.before - self.noise)).min(1.0))
     }
 }
 
@@ -223,12 +228,10 @@ pub fn decide(search: &Search) -> Decision {
 impl Decision {
     /// Lowers the verdict on effects that do not keep their word on a recording that took no part: it may refute them, never choose them.
     pub fn tested(mut self, search: &Search, unseen: &Unseen) -> Self {
-        if self.chosen.effects.is_empty() || unseen.before < TELLING * unseen.noise {
-            return self;
-        }
-        if unseen.fraction() < HELPS_UNSEEN {
+        let Some(fraction) = unseen.fraction().filter(|_| !self.chosen.effects.is_empty()) else { return self };
+        if fraction < HELPS_UNSEEN {
             (self.verdict, self.chosen) = (Verdict::Unexplained, search.base.clone());
-        } else if unseen.fraction() < EXPLAINS_UNSEEN {
+        } else if fraction < EXPLAINS_UNSEEN {
             self.verdict = Verdict::PartlyExplained;
         }
         self

@@ -54,6 +54,7 @@ pub(super) struct Findings<'a> {
     pub location: &'a Location,
     pub blind_spots: &'a [usize],
     pub held_out: &'a [HeldOut],
+    pub unseen: &'a Unseen,
     pub retuned: (&'a Vehicle, &'a Parameters),
 }
 
@@ -121,6 +122,7 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
         location: &location,
         blind_spots: &blind_spots,
         held_out: &held_out,
+        unseen: &unseen,
         retuned: (&tuned, &effects),
     };
     let json = answer::json(&findings);

@@ -300,7 +300,8 @@ fn of_unknown(problem: &Problem, search: &Search, decision: &Decision) -> Unknow
     };
     let nearly = CLOSE * suspects[0].cost;
     let near = suspects.iter().enumerate().filter(|(k, s)| *k == 0 || s.cost < nearly);
-    let places = near.flat_map(|(_, s)| s.place.map_or_else(|| freeform::parts_of_clutch(problem, search), |p| vec![p])).collect();
+    let places =
+        near.flat_map(|(_, s)| s.place.map_or_else(|| freeform::parts_of_clutch(problem, search, &nominal), |p| vec![p])).collect();
     Unknown { places, windows: suspects.into_iter().next().map_or_else(Vec::new, |s| s.windows) }
 }
 

@@ -10,6 +10,7 @@ pub mod fit;
 pub mod freeform;
 pub mod locate;
 pub mod measure;
+pub mod mechanisms;
 pub mod nuisance;
 pub mod predict;
 pub mod problem;

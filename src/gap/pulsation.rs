@@ -55,7 +55,7 @@ pub fn rhythm(problem: &Problem, point: &Point, residuals: &[Residuals]) -> Opti
             .enumerate()
             .filter_map(|(k, s)| {
                 let track = track(problem, point, k, s, &residuals[k])?;
-                let angle = clocked(clock, s, track.angle.len());
+                let angle = angles(s, track.angle.len(), |j| if clock == Clock::Time { 2.0 * PI } else { s.measured[0][j] });
                 Some(Track { angle, ..track })
             })
             .collect();
@@ -75,17 +75,19 @@ pub fn rhythm(problem: &Problem, point: &Point, residuals: &[Residuals]) -> Opti
     (best.1 > RHYTHMIC).then_some(best.0)
 }
 
-/// Angle of a clock at the samples of the residuals.
-fn clocked(clock: Clock, series: &Series, samples: usize) -> Vec<f64> {
-    let mut crank = 0.0;
-    let mut angles = Vec::with_capacity(samples);
-    for j in 0..samples * series.block {
-        if j % series.block == 0 {
-            angles.push(if clock == Clock::Time { 2.0 * PI * j as f64 * series.dt } else { crank });
-        }
-        crank += series.measured[0][j] * series.dt;
+/// Angle in rad that this speed, in rad/s sample by sample, has turned in the middle of each interval between residuals: what acts from one residual to
+/// the next acts at that angle. At the interval's beginning it would be out by half of what it turns meanwhile, which is a radian for a fast one and
+/// nothing for a slow one.
+fn angles(series: &Series, intervals: usize, speed: impl Fn(usize) -> f64) -> Vec<f64> {
+    let mut turned = Vec::with_capacity(series.len());
+    let mut angle = 0.0;
+    for j in 0..series.len() {
+        turned.push(angle);
+        angle += 0.5 * (speed(j) + speed((j + 1).min(series.len() - 1))) * series.dt;
     }
-    angles
+    let last = turned.len() - 1;
+    let middle = |twice: usize| 0.5 * (turned[(twice / 2).min(last)] + turned[twice.div_ceil(2).min(last)]);
+    (0..intervals).map(|k| middle((2 * k + 1) * series.block)).collect()
 }
 
 /// One recording's torque and slip angle, and the residual to be explained.
@@ -132,7 +134,16 @@ pub fn starts(problem: &Problem, point: &Point, residuals: &[Residuals], entry: 
     let polished = |s: &(f64, f64, [f64; 2])| fit_along(problem, own.clone(), &set(s), POLISH, None);
     let mut fits: Vec<Fit> = found[..found.len().min(LOBES)].par_iter().map(polished).collect();
     fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-    fits.into_iter().take(STARTS).map(|f| f.point).collect()
+    fits.truncate(STARTS);
+    // An order that is one turn out at the end of the longest slip is a minimum of its own, between which no gradient leads.
+    let turn = Coordinate::Effect(entry.parameters.start + 2);
+    let neighbours = |fit: &Fit| [-2.0, -1.0, 1.0, 2.0].map(|turns| turn.moved(&fit.point, turns * 2.0 * PI / longest));
+    fits.into_par_iter()
+        .map(|fit| {
+            let beside = neighbours(&fit).into_par_iter().map(|p| fit_along(problem, own.clone(), &p, POLISH, None));
+            beside.chain([fit.clone()]).min_by(|a, b| a.cost.total_cmp(&b.cost)).map_or(fit.point, |f| f.point)
+        })
+        .collect()
 }
 
 fn track(problem: &Problem, point: &Point, k: usize, series: &Series, residuals: &Residuals) -> Option<Track> {
@@ -141,19 +152,12 @@ fn track(problem: &Problem, point: &Point, k: usize, series: &Series, residuals:
     let block = series.block;
     let samples = (series.len() / block).min(LONGEST_TRACK);
     let dt = series.dt * block as f64;
-    let mut angle = Vec::with_capacity(samples);
-    let mut phi = 0.0;
-    for j in 0..samples * block {
-        if j % block == 0 && angle.len() < samples {
-            angle.push(phi);
-        }
-        phi += (series.measured[0][j] - series.measured[1][j]).max(0.0) * series.dt;
-    }
+    let angle = angles(series, samples, |j| (series.measured[0][j] - series.measured[1][j]).max(0.0));
     let torque: Vec<f64> = predicted.value[3].iter().step_by(block).take(samples).copied().collect();
     // Residuals are in standard deviations of block means.
     let scale = series.noise[0] / (block as f64).sqrt();
     let residual: Vec<f64> = residuals.iter().take(samples).map(|r| r * scale).collect();
-    (phi > 2.0 * PI).then(|| Track {
+    angle.last().is_some_and(|phi| *phi > 2.0 * PI).then(|| Track {
         noise: scale,
         torque,
         angle,

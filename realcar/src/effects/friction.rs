@@ -1,7 +1,7 @@
 //! Between the clamp force and the torque.
 //!
-//! In the library: level, fade, slip gradient, drag, judder. Outside of it: friction that falls with pressure, a facing
-//! that wears in within a run, and one that is damp until work has dried it.
+//! In the library: level, fade, slip gradient, drag, judder. Outside of it: a facing that wears in within a
+//! run, and one that is damp until work has dried it.
 
 use super::Dice;
 use super::road::Road;
@@ -61,8 +61,6 @@ pub struct Friction {
     judder_order: f64,
     judder_phase: f64,
     judder_fades_rad_s: f64,
-    pressure: f64,
-    pressure_power: bool,
     wear_in: f64,
     wear_in_j: f64,
     damp: f64,
@@ -112,11 +110,6 @@ impl Friction {
                 self.judder_fades_rad_s = [f64::INFINITY, 90.0][dice.shape(2)];
                 format!("{:.3} of the torque, order {}, fades {}", self.judder, self.judder_order, self.judder_fades_rad_s)
             }
-            "pressure_dependence" => {
-                self.pressure = dice.either(0.13, 0.28);
-                self.pressure_power = dice.shape(2) == 0;
-                format!("{:+.3} {}", self.pressure, if self.pressure_power { "as a power" } else { "saturating" })
-            }
             "wear_in" => {
                 self.wear_in = dice.either(0.2, 0.42);
                 self.wear_in_j = [2500.0, 5000.0][dice.shape(2)];
@@ -149,7 +142,7 @@ impl Friction {
     }
 
     /// Factor on the friction coefficient.
-    pub fn factor(&self, slip: f64, theta: f64, force_n: f64, slip_angle: f64) -> f64 {
+    pub fn factor(&self, slip: f64, theta: f64, slip_angle: f64) -> f64 {
         let omega = slip.abs();
         let mut f = 1.0 + self.level_now;
         f *= match self.fade {
@@ -167,15 +160,11 @@ impl Friction {
             let fading = 1.0 / (1.0 + (omega / self.judder_fades_rad_s).powi(2));
             f *= 1.0 + self.judder * fading * (self.judder_order * slip_angle + self.judder_phase).sin();
         }
-        f * self.outside(force_n)
+        f * self.outside()
     }
 
-    fn outside(&self, force_n: f64) -> f64 {
+    fn outside(&self) -> f64 {
         let mut f = 1.0;
-        if self.pressure != 0.0 {
-            let load = (force_n / 600.0).max(0.02);
-            f *= if self.pressure_power { load.powf(-self.pressure) } else { 1.0 - 2.0 * self.pressure * (load / (1.0 + load) - 0.5) };
-        }
         if self.wear_in != 0.0 {
             f *= 1.0 + self.wear_in * (0.5 - (-self.worked_j / self.wear_in_j).exp());
         }
