@@ -59,6 +59,8 @@ const EXPLAINS_UNSEEN: f64 = 0.8;
 const HELPS_UNSEEN: f64 = 0.5;
 /// Iterations on the start temperatures of an unseen recording.
 const START_ITERATIONS: usize = 6;
+/// How far they may be from what was noted, K: a misfit that asks for more is not theirs.
+const FURTHEST_START_K: f64 = 3.0;
 /// Cost of an unseen recording, relative to the noise, that is large enough to test them.
 const TELLING: f64 = 4.0;
 
@@ -78,7 +80,11 @@ impl Unseen {
     /// Judges a hypothesis on a recording.
     pub fn of(recording: &Problem, point: &Point) -> Self {
         let start = [Coordinate::Theta(0, 0), Coordinate::Theta(0, 1)];
-        let cost = |p: &Point| fit_along(recording, start.to_vec(), p, START_ITERATIONS, None).cost - prior(p);
+        let cost = |p: &Point| {
+            let mut fitted = fit_along(recording, start.to_vec(), p, START_ITERATIONS, None).point;
+            fitted.theta_shift.iter_mut().flatten().for_each(|shift| *shift = shift.clamp(-FURTHEST_START_K, FURTHEST_START_K));
+            recording.cost(&fitted, &recording.all_residuals(&fitted)) - prior(p)
+        };
         let nominal = recording.nominal();
         let point = Point { theta_shift: nominal.theta_shift.clone(), ..point.clone() };
         Self { before: cost(&nominal), after: cost(&point), noise: recording.noise_cost() }

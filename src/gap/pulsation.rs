@@ -153,7 +153,9 @@ fn track(problem: &Problem, point: &Point, k: usize, series: &Series, residuals:
     let samples = (series.len() / block).min(LONGEST_TRACK);
     let dt = series.dt * block as f64;
     let angle = angles(series, samples, |j| (series.measured[0][j] - series.measured[1][j]).max(0.0));
-    let torque: Vec<f64> = predicted.value[3].iter().step_by(block).take(samples).copied().collect();
+    // Only what slips pulsates: a locked clutch passes what it has to.
+    let slipping = predicted.value[3].iter().zip(&predicted.phase).map(|(torque, phase)| if *phase == 2 { *torque } else { 0.0 });
+    let torque: Vec<f64> = slipping.step_by(block).take(samples).collect();
     // Residuals are in standard deviations of block means.
     let scale = series.noise[0] / (block as f64).sqrt();
     let residual: Vec<f64> = residuals.iter().take(samples).map(|r| r * scale).collect();
