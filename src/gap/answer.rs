@@ -265,9 +265,15 @@ fn sentence(f: &Findings, closed: f64) -> String {
     let places: Vec<&str> = f.location.unexplained_at.iter().chain(&f.location.or_at).map(|s| s.id()).collect();
     let at = places.join(" or ");
     // Rounded down: "100 %" is said of a gap that is closed, not of one that nearly is.
-    let percent = |share: f64| format!("{:.1} %", (1000.0 * share).floor() / 10.0);
-    let short = better_over_short_horizons(f, closed).map_or_else(String::new, |s| format!(" ({} over short horizons)", percent(s)));
-    let share = format!("{} of the gap on recordings that took no part in the fit{short}", percent(closed));
+    let percent = |share: f64| format!("{:.1} %", (1000.0 * share).floor() / 10.0).replace('-', "−");
+    let share = match better_over_short_horizons(f, closed) {
+        Some(short) => format!(
+            "{} of the gap over short horizons and {} in a free replay, on recordings that took no part in the fit",
+            percent(short),
+            percent(closed)
+        ),
+        None => format!("{} of the gap on recordings that took no part in the fit", percent(closed)),
+    };
     match f.decision.verdict {
         Verdict::NoGap => "The car lies within its tolerances: nothing is left beyond noise.".to_owned(),
         Verdict::Explained => format!("The gap is explained by {names}, which {closes} {share}."),
