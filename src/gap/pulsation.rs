@@ -18,7 +18,7 @@ const ORDERS: std::ops::Range<f64> = 0.15..12.0;
 /// Orders that become starts.
 const STARTS: usize = 2;
 /// Orders that are tried for it, each with this many iterations.
-const LOBES: usize = 12;
+const LOBES: usize = 6;
 const POLISH: usize = 3;
 
 /// Samples of a recording that the scan looks at: the first slip of a long recording tells as much as all of it.
@@ -135,15 +135,15 @@ pub fn starts(problem: &Problem, point: &Point, residuals: &[Residuals], entry: 
     let mut fits: Vec<Fit> = found[..found.len().min(LOBES)].par_iter().map(polished).collect();
     fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     fits.truncate(STARTS);
-    // An order that is one turn out at the end of the longest slip is a minimum of its own, between which no gradient leads.
+    // An order that is one turn out at the end of the longest slip is a minimum of its own, to which no gradient leads.
     let turn = Coordinate::Effect(entry.parameters.start + 2);
-    let neighbours = |fit: &Fit| [-2.0, -1.0, 1.0, 2.0].map(|turns| turn.moved(&fit.point, turns * 2.0 * PI / longest));
-    fits.into_par_iter()
-        .map(|fit| {
-            let beside = neighbours(&fit).into_par_iter().map(|p| fit_along(problem, own.clone(), &p, POLISH, None));
-            beside.chain([fit.clone()]).min_by(|a, b| a.cost.total_cmp(&b.cost)).map_or(fit.point, |f| f.point)
-        })
-        .collect()
+    let neighbours = fits.first().map(|best| [-2.0, -1.0, 1.0, 2.0].map(|turns| turn.moved(&best.point, turns * 2.0 * PI / longest)));
+    let beside = neighbours.into_par_iter().flatten().map(|p| fit_along(problem, own.clone(), &p, POLISH, None));
+    let better = beside.min_by(|a, b| a.cost.total_cmp(&b.cost)).filter(|f| f.cost < fits[0].cost);
+    if let Some(better) = better {
+        fits[0] = better;
+    }
+    fits.into_iter().map(|f| f.point).collect()
 }
 
 fn track(problem: &Problem, point: &Point, k: usize, series: &Series, residuals: &Residuals) -> Option<Track> {
