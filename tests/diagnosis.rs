@@ -224,6 +224,8 @@ fn check_structure(found: &Value) {
     }
     let share = |v: &Value| v.as_f64().is_some_and(|s| (0.0..=1.0).contains(&s));
     assert!(found["where"]["subsystems"].as_array().unwrap().iter().all(|s| s["id"].is_string() && share(&s["share"])));
+    let explains = ["explained", "partly_explained"].contains(&found["verdict"].as_str().unwrap());
+    assert_eq!(explains, !found["which"]["effects"].as_array().unwrap().is_empty(), "{}: {}", found["verdict"], found["which"]["effects"]);
     for effect in found["which"]["effects"].as_array().unwrap() {
         assert!(effect["id"].is_string() && share(&effect["probability"]) && effect["ambiguous_with"].is_array(), "{effect}");
         for (name, p) in effect["parameters"].as_object().unwrap() {

@@ -6,7 +6,7 @@
 //! - actuator: δT = T(x + δx) − T(x), where δx follows from the command's past (lag, play, stiction) or from how long it has pressed (leaks);
 //! - clutch force: δT = T · f, f over the position, its direction, the time since contact, or temperature;
 //! - friction: δT = T · f, f over slip, pressure, the work or the time of slip, or temperature;
-//! - thermal: δT = T · ∂ln μ/∂θ · δθ, where δθ is a temperature that the model does not know (a hot surface, a slow part).
+//! - thermal: δT = T · ∂ln μ/∂θ · δθ, where δθ is a temperature that the model does not know (a hot surface, a slow part), or T times the power.
 //!
 //! Parts compete by the marginal likelihood of their mechanisms in a linear Gaussian model, beside the tolerances at their price. Something is
 //! wrong in one way, not in all ways at once: the likelihood of a part is the mean over its mechanisms, and a pliable one pays for it.

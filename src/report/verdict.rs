@@ -96,12 +96,8 @@ fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
     let least = list(&diagnosis["which"], "effects").iter().filter_map(|e| real(e, "probability")).fold(f64::NAN, f64::min);
     let probability = if least.is_finite() { format!("probability {}", percent(least)) } else { String::new() };
     let closed = real(far, "closed_fraction").map_or_else(|| "Not stated".to_owned(), percent);
-    let short = real(far, "short_horizon_closed_fraction").map_or_else(String::new, |c| format!("; {} over short horizons", percent(c)));
     let shrink = match (real(far, "before"), real(far, "after")) {
-        (Some(b), Some(a)) => {
-            let held = held_out(list(far, "held_out").len());
-            format!("{} → {} {} on {held}{short}", number(b, 3), number(a, 3), unit_of(far))
-        }
+        (Some(b), Some(a)) => format!("{} → {} {} on {}", number(b, 3), number(a, 3), unit_of(far), held_out(list(far, "held_out").len())),
         _ => String::new(),
     };
     let (name, closed) = match text(diagnosis, "verdict") {
