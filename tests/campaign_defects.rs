@@ -116,21 +116,89 @@ fn missing_channel() {
 #[test]
 fn missing_and_wrong_cells() {
     let long = column(1, |row, v| if (60..70).contains(&row) { "NaN".into() } else { v.to_string() });
-    noted(&long, &["omega_f_rad_s, line 62: a gap of 0.100 s; the recording is cut in front of it, 0.590 s remain"]);
-    let early = column(1, |row, v| if (20..30).contains(&row) { String::new() } else { v.to_string() });
-    left_out(&early, &["r02.csv, channel omega_f_rad_s, line 22", "0.190 s remain", "Record again"]);
-    let short = column(2, |row, v| if (60..64).contains(&row) { "nan".into() } else { v.to_string() });
-    noted(&short, &["omega_c_rad_s: 1 gap (4 samples, the longest 40 ms, the first at line 62) bridged"]);
-    let input = column(4, |row, v| if row == 100 { String::new() } else { v.to_string() });
-    let cut = noted(&input, &["x_to_cmd_mm, line 102: a gap of 0.010 s; the recording is cut"]);
-    assert_eq!(cut.recordings[1].omega_f.len(), 100);
+    let open = noted(&long, &["omega_f_rad_s: 1 gap (10 samples, the longest 100 ms, the first at line 62); no value is put there"]);
+    let (got, whole) = (&open.recordings[1], &open.recordings[0]);
+    assert!(got.omega_f[60..70].iter().all(|v| v.is_nan()));
+    assert_eq!((got.omega_f[59], got.omega_f[70]), (whole.omega_f[59], whole.omega_f[70]));
+    assert_eq!((&got.time, &got.omega_c, &got.t_e), (&whole.time, &whole.omega_c, &whole.t_e));
     let sprinkled = column(1, |row, v| if row % 9 == 5 { String::new() } else { v.to_string() });
-    left_out(&sprinkled, &["r02.csv, channel omega_f_rad_s, line 7", "many short gaps"]);
+    noted(&sprinkled, &["omega_f_rad_s: 17 gaps (17 samples, the longest 10 ms, the first at line 7)"]);
     let text = column(3, |row, v| if row == 7 { "open".into() } else { v.to_string() });
     left_out(&text, &["r02.csv, channel T_e_Nm, line 9", "\"open\" is not a number"]);
     left_out(&column(2, |_, _| "NaN".into()), &["r02.csv, channel omega_c_rad_s", "not one valid sample"]);
     let late = column(1, |row, v| if row < 15 { "NaN".into() } else { v.to_string() });
     left_out(&late, &["r02.csv, channel omega_f_rad_s, line 17", "starts 0.150 s after"]);
+}
+
+#[test]
+fn inputs_are_held_over_a_tenth_of_a_second() {
+    let input = |rows: std::ops::Range<usize>| column(4, move |row, v| if rows.contains(&row) { String::new() } else { v.to_string() });
+    let held =
+        noted(&input(100..110), &["x_to_cmd_mm: 1 gap (10 samples, the longest 100 ms, the first at line 102); the value before is held"]);
+    let (got, whole) = (&held.recordings[1], &held.recordings[0]);
+    assert_eq!(got.time, whole.time);
+    assert!(got.x_to_cmd[100..110].iter().all(|v| *v == whole.x_to_cmd[99]));
+    assert_eq!(got.x_to_cmd[110..], whole.x_to_cmd[110..]);
+    let cut = noted(&input(100..111), &["x_to_cmd_mm, line 102: a gap of 0.110 s; the recording is cut in front of it, 0.990 s remain"]);
+    assert_eq!(cut.recordings[1].time, whole.time[..100]);
+    left_out(&input(20..40), &["r02.csv, channel x_to_cmd_mm, line 22", "0.190 s remain", "Record again"]);
+    // A frame that is lost loses no more than itself.
+    let lost: String = seed().lines().enumerate().filter(|(i, _)| *i != 81).map(|(_, l)| format!("{l}\n")).collect();
+    let lost =
+        noted(&lost, &["omega_f_rad_s, omega_c_rad_s, x_to_mm, T_fc_Nm, theta_c_degC: 1 gap (1 sample", "T_e_Nm, x_to_cmd_mm: 1 gap"]);
+    assert_eq!(lost.recordings[1].time.len(), whole.time.len() - 1);
+    assert_eq!(lost.recordings[1].omega_f[80..], whole.omega_f[81..]);
+}
+
+#[test]
+fn jittered_stamps_are_kept_as_they_are() {
+    let stamp = |row: usize| (row as f64 + 0.9 * ((row * row * 7919 % 1000) as f64 / 1000.0 - 0.5)) / 100.0 + 0.0045;
+    let campaign = noted(&column(0, |row, _| stamp(row).to_string()), &["the clock starts at"]);
+    let got = &campaign.recordings[1];
+    assert!(got.time.iter().enumerate().all(|(k, t)| (t - (stamp(k) - stamp(0))).abs() < 1e-12));
+    assert_eq!(got.omega_f, campaign.recordings[0].omega_f);
+}
+
+#[test]
+fn channels_of_a_drive() {
+    let with = |name: &str, cell: fn(usize) -> &'static str| -> String {
+        let lines =
+            seed().lines().enumerate().map(|(i, l)| format!("{l},{}\n", if i == 0 { name } else { cell(i - 1) })).collect::<Vec<_>>();
+        lines.concat()
+    };
+    let braked = noted(&with("brake", |row| if row >= 120 { "1" } else { "0" }), &[]);
+    let brake = braked.recordings[1].brake.as_ref().unwrap();
+    assert!(brake.iter().enumerate().all(|(k, on)| *on == (k >= 120)));
+    assert_eq!(braked.recordings[0].brake, None);
+    left_out(&with("brake", |_| "7"), &["channel brake", "7 is neither 0 nor 1"]);
+    let doubted =
+        noted(&with("valid", |row| if (50..55).contains(&row) { "0" } else { "1" }), &["valid: 5 samples marked as not to be believed"]);
+    let (got, whole) = (&doubted.recordings[1], &doubted.recordings[0]);
+    assert_eq!(got.omega_f[..50], whole.omega_f[..50]);
+    assert_eq!((got.time.len(), got.omega_f[50], got.time[50]), (whole.time.len() - 5, whole.omega_f[55], whole.time[55]));
+}
+
+#[test]
+fn start_temperatures_may_be_uncertain_or_unknown() {
+    let folder = Folder::with(&column(1, |_, v| format!("{}", v + 0.025)));
+    let vague = r#"{"manoeuvre": "drive", "theta_c0_degC": 36, "theta_b0_degC": 30, "theta_c0_sigma_K": 12, "theta_b0_sigma_K": 9.5}"#;
+    folder.file("recordings.json", &format!(r#"{{"r01": {vague}, "r02": {{"manoeuvre": "drive"}}}}"#));
+    let campaign = folder.read().unwrap();
+    let [known, unknown] = campaign.recordings.as_slice() else { panic!() };
+    assert_eq!((known.theta_0_sigma, known.theta_c0), ([12.0, 9.5], 36.0));
+    let air = unknown.theta_h[0];
+    assert_eq!((unknown.theta_0_sigma, unknown.theta_c0, unknown.theta_b0), ([40.0; 2], air, air));
+    assert!(campaign.notes.iter().any(|n| n.recording == "r02" && n.text.contains("give or take 40 K")), "{:?}", campaign.notes);
+    folder.file("recordings.json", &format!(r#"{{"r01": {vague}, "r02": {{"manoeuvre": "drive", "theta_c0_sigma": 12}}}}"#));
+    assert!(folder.fault().contains("recording `r02` has a key `theta_c0_sigma` that is not known"), "{}", folder.fault());
+}
+
+#[test]
+fn without_position_or_housing_air() {
+    let text = seed().replace("x_to_cmd_mm", "pedal").replace("theta_h_degC", "oil");
+    let campaign = noted(&text, &["theta_h_degC: not recorded; 30 °C is taken throughout: as warm as the body at the start"]);
+    assert!(campaign.recordings[1].x_to_cmd.is_empty());
+    assert!(campaign.recordings[1].theta_h.iter().all(|t| *t == 30.0));
 }
 
 #[test]
@@ -145,12 +213,9 @@ fn clocks() {
     left_out(&column(0, |_, v| (v * 10.0).to_string()), &["r02.csv", "10.000 Hz"]);
     noted(&column(0, |_, v| (v + 12.5).to_string()), &["the clock starts at 12.5 s"]);
     noted(&column(0, |_, v| (v / 2.0).to_string()), &["recordings.json says 100 Hz, the speeds come at 200 Hz"]);
-    let odd = noted(
-        &column(0, |_, v| (v * 100.0 / 97.0).to_string()),
-        &["omega_f_rad_s: brought from 97 Hz to the 100 Hz grid, along straight lines"],
-    );
-    assert_eq!(odd.recordings[1].sample_rate_hz, 100.0);
-    assert_eq!(odd.recordings[1].omega_f.len(), 155);
+    let odd = noted(&column(0, |_, v| (v * 100.0 / 97.0).to_string()), &[]);
+    assert_eq!(odd.recordings[1].sample_rate_hz, 97.0);
+    assert_eq!(odd.recordings[1].omega_f, odd.recordings[0].omega_f);
     let lost: String = seed().lines().enumerate().filter(|(i, _)| !(81..100).contains(i)).map(|(_, l)| format!("{l}\n")).collect();
     noted(&lost, &["line 82: a gap of 0.190 s; the recording is cut in front of it"]);
 }

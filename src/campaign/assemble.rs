@@ -1,103 +1,121 @@
-//! From a file's channels to a recording: one span, one grid, gaps bridged or cut, and a note of everything that was done.
+//! From a file's channels to a recording: one span, every channel at its own stamps, and a note of everything that was done.
 
 use super::Recording;
 use super::channel_map::ChannelMap;
 use super::channels::{Channel, Lasting};
 use super::checks;
-use super::clock::Gap;
-use super::error::{Defect, RecordingError};
+use super::clock::{Gap, middle};
+use super::error::RecordingError;
 use super::manifest::Entry;
-use super::pick::pick;
-use super::resample::{Grid, SNAP, resample};
-use super::span::{Track, covers, rate, round, span, tracks};
+use super::pick::{Signal, pick};
+use super::rows::{SAME_S, held, rows, sensed};
+use super::span::{Track, check_rate, round, span, tracks};
 use super::table::Measurement;
 
-/// Most samples that may be bridged, as a part of all.
-const MOST_BRIDGED: f64 = 0.05;
+/// Housing air where nothing says how warm it is, °C.
+const MILD: f64 = 20.0;
+
+/// How well start temperatures are known that nobody gave, K: the car may have stood all night or just have climbed a hill.
+const UNKNOWN_K: f64 = 40.0;
 
 /// Builds the recording; the notes say what was done to it.
 pub(crate) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry) -> Result<(Recording, Vec<String>), RecordingError> {
     let mut notes = std::mem::take(&mut m.notes);
     let picked = pick(&mut m, map)?;
     notes.extend(picked.notes);
-    let mut tracks = tracks(&m, picked.signals, &mut notes)?;
-    let rate_hz = rate(&m, &tracks, entry, &mut notes)?;
-    let (start, end) = span(&m, &tracks, rate_hz, &mut notes)?;
+    let mut signals = picked.signals;
+    set_aside(&mut signals, &mut notes);
+    let tracks = tracks(&m, signals, &mut notes)?;
+    check_rate(&m, &tracks, entry, &mut notes)?;
+    let (start, end) = span(&m, &tracks, &mut notes)?;
     // After the clock: three samples are too short to be called a wrong unit.
     for track in &tracks {
         checks::plausible(&m, &track.signal, entry)?;
     }
-    tracks.retain(|t| t.required() || covers(t, start, end, &mut notes));
-    let grid = Grid { start, rate_hz, count: ((end - start) * rate_hz + SNAP).floor() as usize + 1 };
+    let mut time = rows(tracks.iter().map(|t| &t.signal).filter(|s| s.channel != Channel::ThetaH), start, end);
+    note_gaps(&m, &tracks, end, &mut notes);
     let labels: Vec<(Channel, String)> = tracks.iter().map(|t| (t.signal.channel, t.signal.label.clone())).collect();
-    let mut recording = Recording {
-        name: entry.name.clone(),
-        manoeuvre: entry.manoeuvre.clone(),
-        sample_rate_hz: rate_hz,
-        theta_c0: entry.theta_c0,
-        theta_b0: entry.theta_b0,
-        ..Recording::default()
-    };
-    for track in tracks {
-        note_bridges(&m, &track, end, rate_hz, &mut notes)?;
-        let channel = track.signal.channel;
-        put(&mut recording, channel, on_grid(track, grid, &mut notes));
+    let mut recording = Recording { name: entry.name.clone(), manoeuvre: entry.manoeuvre.clone(), ..Recording::default() };
+    for Track { signal, .. } in tracks {
+        let values = if signal.channel.spec().lasting == Lasting::Sensed { sensed(&signal, &time) } else { held(&signal, &time) };
+        put(&mut recording, signal.channel, values);
     }
+    time.iter_mut().for_each(|t| *t = (*t - start).max(0.0));
+    let mut steps: Vec<f64> = time.windows(2).map(|w| w[1] - w[0]).collect();
+    recording.sample_rate_hz = if steps.is_empty() { 0.0 } else { round(1.0 / middle(&mut steps)) };
+    recording.time = time;
+    temperatures(&mut recording, entry, &mut notes);
     let label = |channel| labels.iter().find(|(c, _)| *c == channel).map_or_else(String::new, |(_, l)| l.clone());
     checks::says_something(&m.file, label, &mut recording, &mut notes)?;
     Ok((recording, notes))
 }
 
-/// Reports the gaps that a straight line bridges, and refuses a channel that consists of them.
-fn note_bridges(m: &Measurement, track: &Track, end: f64, rate_hz: f64, notes: &mut Vec<String>) -> Result<(), RecordingError> {
-    let step = track.spacing.step;
-    let gaps: Vec<&Gap> = track.spacing.gaps.iter().filter(|g| g.to <= end + SNAP / rate_hz).collect();
-    let Some(first) = gaps.first() else { return Ok(()) };
-    let missing = |g: &&Gap| (g.missing_s(step) / step).round();
-    let (count, longest) = (gaps.iter().map(missing).sum::<f64>(), gaps.iter().map(|g| g.missing_s(step)).fold(0.0, f64::max));
-    let part = count / (count + track.spacing.count as f64);
-    let label = &track.signal.label;
-    if part > MOST_BRIDGED && track.lasting() != Lasting::Slow {
-        return Err(m.defect_at(Defect::TooManyGaps { percent: 100.0 * part }, label, Some(first.sample)));
+/// Takes out the samples that the channel `valid` marks as not to be believed, and that channel itself.
+fn set_aside(signals: &mut Vec<Signal>, notes: &mut Vec<String>) {
+    let Some(at) = signals.iter().position(|s| s.channel == Channel::Valid) else { return };
+    let mark = signals.remove(at);
+    let mut most = 0;
+    for signal in signals.iter_mut() {
+        let believed = held(&mark, &signal.time);
+        let doubted = signal.values.iter_mut().zip(believed).filter(|(v, b)| *b < 0.5 && !v.is_nan());
+        most = most.max(doubted.map(|(v, _)| *v = f64::NAN).count());
     }
+    if most > 0 {
+        notes.push(format!("{}: {} marked as not to be believed and left out", mark.label, plural(most, "sample")));
+    }
+}
+
+/// Reports the gaps in which sensors say nothing and inputs hold their value; channels with the same gaps in one note.
+fn note_gaps(m: &Measurement, tracks: &[Track], end: f64, notes: &mut Vec<String>) {
+    let mut said: Vec<(String, Vec<&str>)> = Vec::new();
+    for track in tracks.iter().filter(|t| t.lasting() != Lasting::Slow) {
+        let Some(text) = gaps_text(m, track, end) else { continue };
+        match said.iter_mut().find(|(t, _)| *t == text) {
+            Some((_, labels)) => labels.push(&track.signal.label),
+            None => said.push((text, vec![&track.signal.label])),
+        }
+    }
+    notes.extend(said.into_iter().map(|(text, labels)| format!("{}: {text}", labels.join(", "))));
+}
+
+fn gaps_text(m: &Measurement, track: &Track, end: f64) -> Option<String> {
+    let step = track.spacing.step;
+    let gaps: Vec<&Gap> = track.spacing.gaps.iter().filter(|g| g.to <= end + SAME_S).collect();
+    let first = gaps.first()?;
+    let count: f64 = gaps.iter().map(|g| (g.missing_s(step) / step).round().max(1.0)).sum();
+    let longest = gaps.iter().map(|g| g.missing_s(step)).fold(0.0, f64::max);
     let (gap_word, sample_word) = (plural(gaps.len(), "gap"), plural(count as usize, "sample"));
-    notes.push(format!(
-        "{label}: {gap_word} ({sample_word}, the longest {:.0} ms, the first at {}) bridged by a straight line",
-        1e3 * longest,
-        m.row_text(first.sample)
-    ));
-    Ok(())
+    let (at, ms) = (m.row_text(first.sample), 1e3 * longest);
+    let outcome = if track.lasting() == Lasting::Held { "the value before is held" } else { "no value is put there" };
+    Some(format!("{gap_word} ({sample_word}, the longest {ms:.0} ms, the first at {at}); {outcome}"))
 }
 
 fn plural(count: usize, word: &str) -> String {
     format!("{count} {word}{}", if count == 1 { "" } else { "s" })
 }
 
-/// The channel on the grid, with a note if it was not there already.
-fn on_grid(track: Track, grid: Grid, notes: &mut Vec<String>) -> Vec<f64> {
-    let Track { signal, spacing } = track;
-    let lasting = signal.channel.spec().lasting;
-    let out = resample(&signal.time, &signal.values, lasting, grid);
-    let bridged: f64 = spacing.gaps.iter().map(|g| (g.missing_s(spacing.step) * grid.rate_hz).round()).sum();
-    let how = match lasting {
-        Lasting::Held => "each value kept until the next",
-        Lasting::Sensed | Lasting::Slow => "along straight lines",
-    };
-    let (own, rate) = (if spacing.step > 0.0 { round(1.0 / spacing.step) } else { 0.0 }, grid.rate_hz);
-    let label = &signal.label;
-    if spacing.step == 0.0 {
-        notes.push(format!("{label}: a single sample, taken for all times"));
-    } else if out.between as f64 > bridged + 1.0 {
-        notes.push(format!("{label}: brought from {own} Hz to the {rate} Hz grid, {how}"));
-    } else if spacing.step * rate < 0.9 {
-        notes.push(format!("{label}: brought from {own} Hz to the {rate} Hz grid by leaving samples out"));
+/// Start temperatures as given, else around the housing air; and the housing air where it was not recorded.
+fn temperatures(recording: &mut Recording, entry: &Entry, notes: &mut Vec<String>) {
+    if recording.theta_h.is_empty() {
+        let (air, from) = match entry.theta_0 {
+            Some([_, body]) => (body, "as warm as the body at the start"),
+            None => (MILD, "nothing says how warm it is"),
+        };
+        notes.push(format!("theta_h_degC: not recorded; {air} °C is taken throughout: {from}"));
+        recording.theta_h = vec![air; recording.time.len()];
     }
-    out.values
+    let air = recording.theta_h.first().copied().unwrap_or(MILD);
+    let sigma = entry.theta_0_sigma;
+    if entry.theta_0.is_none() {
+        notes.push(format!("no temperatures at the start are given: {air} °C is taken, the housing air's, give or take {UNKNOWN_K} K"));
+    }
+    [recording.theta_c0, recording.theta_b0] = entry.theta_0.unwrap_or([air; 2]);
+    recording.theta_0_sigma = if entry.theta_0.is_some() { sigma } else { [UNKNOWN_K; 2] };
 }
 
 fn put(recording: &mut Recording, channel: Channel, values: Vec<f64>) {
     match channel {
-        Channel::Time => {}
+        Channel::Time | Channel::Valid => {}
         Channel::OmegaF => recording.omega_f = values,
         Channel::OmegaC => recording.omega_c = values,
         Channel::TE => recording.t_e = values,
@@ -106,5 +124,6 @@ fn put(recording: &mut Recording, channel: Channel, values: Vec<f64>) {
         Channel::XTo => recording.x_to = Some(values),
         Channel::TFc => recording.t_fc = Some(values),
         Channel::ThetaC => recording.theta_c = Some(values),
+        Channel::Brake => recording.brake = Some(values.into_iter().map(|v| v > 0.5).collect()),
     }
 }

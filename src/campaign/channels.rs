@@ -1,10 +1,10 @@
-//! The channels that a recording holds, as one table: name, unit, how a value lasts, how long a gap may be bridged.
+//! The channels that a recording holds, as one table: name, unit, whether it has to be there, how a value lasts.
 //!
-//! | held how | meaning | onto another grid |
+//! | held how | meaning | in a row without a sample |
 //! |---|---|---|
-//! | `Held` | an input, constant from its sample to the next | the previous value |
-//! | `Sensed` | a signal at the sample's instant | a straight line between neighbours |
-//! | `Slow` | the housing air | a straight line, and the edge value beyond the ends |
+//! | `Held` | an input, constant from its sample to the next | the previous value, for at most 100 ms of missing samples |
+//! | `Sensed` | a signal at the sample's instant | not a number |
+//! | `Slow` | housing air, brake, validity: they change seldom | the previous value |
 
 use super::units::Quantity;
 
@@ -29,6 +29,10 @@ pub enum Channel {
     TFc,
     /// Disc thermocouple (bench).
     ThetaC,
+    /// Whether the driver brakes.
+    Brake,
+    /// Whether the row's samples are to be believed.
+    Valid,
 }
 
 /// How a channel's value lasts between its samples.
@@ -38,8 +42,21 @@ pub enum Lasting {
     Held,
     /// Valid at its instant.
     Sensed,
-    /// Slow enough for its edge value to hold beyond the ends.
+    /// Holds until the next sample, however long that takes; the first value also holds before it.
     Slow,
+}
+
+/// Which recordings have a channel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Presence {
+    /// A recording can't be used without it.
+    Always,
+    /// Most recordings have it; without it less can be assessed.
+    Usual,
+    /// On the test bench alone.
+    Bench,
+    /// In drives alone.
+    Road,
 }
 
 /// What the contract says about one channel.
@@ -56,24 +73,28 @@ pub struct Spec {
     pub quantity: Quantity,
     /// How a value lasts.
     pub lasting: Lasting,
-    /// False for bench channels.
-    pub required: bool,
-    /// Longest gap that a straight line may bridge, s. Inputs allow none: a replay needs what was really commanded.
-    pub bridge_s: f64,
+    /// Which recordings have it.
+    pub presence: Presence,
 }
 
 /// Every channel, in the order of the columns.
-pub const CHANNELS: [Spec; 9] = [
-    spec(Channel::Time, "time_s", "time", "s", Quantity::Time, Lasting::Sensed, true, 0.0),
-    spec(Channel::OmegaF, "omega_f_rad_s", "omega_f", "rad/s", Quantity::Speed, Lasting::Sensed, true, 0.05),
-    spec(Channel::OmegaC, "omega_c_rad_s", "omega_c", "rad/s", Quantity::Speed, Lasting::Sensed, true, 0.05),
-    spec(Channel::TE, "T_e_Nm", "T_e", "N·m", Quantity::Torque, Lasting::Held, true, 0.0),
-    spec(Channel::XToCmd, "x_to_cmd_mm", "x_to_cmd", "mm", Quantity::Length, Lasting::Held, true, 0.0),
-    spec(Channel::ThetaH, "theta_h_degC", "theta_h", "°C", Quantity::Temperature, Lasting::Slow, true, 10.0),
-    spec(Channel::XTo, "x_to_mm", "x_to", "mm", Quantity::Length, Lasting::Sensed, false, 0.05),
-    spec(Channel::TFc, "T_fc_Nm", "T_fc", "N·m", Quantity::Torque, Lasting::Sensed, false, 0.05),
-    spec(Channel::ThetaC, "theta_c_degC", "theta_c", "°C", Quantity::Temperature, Lasting::Sensed, false, 0.05),
-];
+pub const CHANNELS: [Spec; 11] = {
+    use Lasting::{Held, Sensed, Slow};
+    use Presence::{Always, Bench, Road, Usual};
+    [
+        spec(Channel::Time, "time_s", "time", "s", Quantity::Time, Sensed, Always),
+        spec(Channel::OmegaF, "omega_f_rad_s", "omega_f", "rad/s", Quantity::Speed, Sensed, Always),
+        spec(Channel::OmegaC, "omega_c_rad_s", "omega_c", "rad/s", Quantity::Speed, Sensed, Always),
+        spec(Channel::TE, "T_e_Nm", "T_e", "N·m", Quantity::Torque, Held, Always),
+        spec(Channel::XToCmd, "x_to_cmd_mm", "x_to_cmd", "mm", Quantity::Length, Held, Usual),
+        spec(Channel::ThetaH, "theta_h_degC", "theta_h", "°C", Quantity::Temperature, Slow, Usual),
+        spec(Channel::XTo, "x_to_mm", "x_to", "mm", Quantity::Length, Sensed, Bench),
+        spec(Channel::TFc, "T_fc_Nm", "T_fc", "N·m", Quantity::Torque, Sensed, Bench),
+        spec(Channel::ThetaC, "theta_c_degC", "theta_c", "°C", Quantity::Temperature, Sensed, Bench),
+        spec(Channel::Brake, "brake", "brake", "1", Quantity::Flag, Slow, Road),
+        spec(Channel::Valid, "valid", "valid", "1", Quantity::Flag, Slow, Road),
+    ]
+};
 
 impl Channel {
     /// The contract's entry for this channel.
@@ -87,7 +108,6 @@ impl Channel {
     }
 }
 
-#[allow(clippy::too_many_arguments)]
 const fn spec(
     channel: Channel,
     column: &'static str,
@@ -95,10 +115,9 @@ const fn spec(
     unit: &'static str,
     quantity: Quantity,
     lasting: Lasting,
-    required: bool,
-    bridge_s: f64,
+    presence: Presence,
 ) -> Spec {
-    Spec { channel, column, stem, unit, quantity, lasting, required, bridge_s }
+    Spec { channel, column, stem, unit, quantity, lasting, presence }
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@
 //! | positions | above 100 mm | µm, counts |
 //! | temperatures | above 200 °C in the housing; 253 to 293 K off the disc's temperature at the start | K |
 //! | temperatures | below -60 °C | a wrong channel |
+//! | flags | below 0 or above 1 | a wrong channel |
 
 use super::Recording;
 use super::channels::Channel;
@@ -30,7 +31,8 @@ pub(crate) fn plausible(m: &Measurement, signal: &Signal, entry: &Entry) -> Resu
         Channel::TE | Channel::TFc => torque(signal.channel, &range),
         Channel::XToCmd | Channel::XTo => position(&range),
         Channel::ThetaH => housing(&range),
-        Channel::ThetaC => disc(&range, entry.theta_c0),
+        Channel::ThetaC => entry.theta_0.map_or_else(|| too_cold(&range), |[theta_c0, _]| disc(&range, theta_c0)),
+        Channel::Brake | Channel::Valid => flag(&range),
         Channel::Time => None,
     };
     match found {
@@ -141,6 +143,11 @@ fn too_cold(range: &Range) -> Suspicion {
     (range.min.1 < -60.0).then(|| (range.min.0, format!("{} °C is colder than any road", range.min.1), None))
 }
 
+fn flag(range: &Range) -> Suspicion {
+    let off = if range.min.1 < 0.0 { range.min } else { range.max };
+    (!(0.0..=1.0).contains(&off.1)).then(|| (off.0, format!("{} is neither 0 nor 1", off.1), None))
+}
+
 /// Refuses a recording that shows nothing; drops a bench channel that says nothing.
 pub(crate) fn says_something(
     file: &str,
@@ -175,8 +182,9 @@ pub(crate) fn says_something(
     Ok(())
 }
 
-/// The value of a series that never changes.
+/// The value of a series whose samples are all the same.
 fn constant(values: &[f64]) -> Option<f64> {
-    let first = *values.first()?;
-    values.iter().all(|v| *v == first).then_some(first)
+    let mut there = values.iter().copied().filter(|v| !v.is_nan());
+    let first = there.next()?;
+    there.all(|v| v == first).then_some(first)
 }

@@ -1,14 +1,19 @@
 //! Clocks: that time runs forward, how far samples lie apart, and where some are missing.
 //!
-//! A channel's *spacing* is the median distance between its valid samples, refined by the mean of those that are no gap. A
-//! *gap* is a distance of more than 1.5 spacings; what is missing in it is the distance less one spacing. Judging each channel
-//! by its own valid samples treats alike a slow channel with empty cells in between, rows that were lost, and invalid samples.
+//! A channel's *step* is the median distance between its valid samples, refined by the mean of those that are no gap. A *gap* is a
+//! distance above 1.5 steps and beyond the jitter of the stamps; what is missing in it is the distance less one step. Judging each
+//! channel by its own valid samples treats alike a slow channel with empty cells in between, rows that were lost, and invalid samples.
 
 use super::error::Defect;
 
-/// A distance of more spacings than this is a gap.
+/// A distance of more steps than this is a gap, if the clock does not jitter.
 const GAP: f64 = 1.5;
 
+/// Standard deviations of jitter that a distance may be longer than that.
+const JITTER: f64 = 3.0;
+
+/// Distances that are looked at to find their median.
+const MOST: usize = 200_000;
 /// That every time is a number and greater than the one before; else the defect and its sample.
 pub(crate) fn check(time: &[f64]) -> Result<(), (Defect, usize)> {
     if let Some(i) = time.iter().position(|t| !t.is_finite()) {
@@ -26,6 +31,8 @@ pub(crate) fn check(time: &[f64]) -> Result<(), (Defect, usize)> {
 pub(crate) struct Spacing {
     /// Distance between samples where none is missing, s; 0 for a single sample.
     pub step: f64,
+    /// Standard deviation of that distance, s.
+    pub jitter: f64,
     /// Time of the first valid sample, s.
     pub first: f64,
     /// Time of the last valid sample, s.
@@ -61,37 +68,39 @@ pub(crate) fn valid<'a>(time: &'a [f64], values: &'a [f64]) -> impl Iterator<Ite
 
 /// The spacing of a channel; `None` without a valid sample.
 pub(crate) fn spacing(time: &[f64], values: &[f64]) -> Option<Spacing> {
-    let mut distances = Vec::with_capacity(time.len());
-    let mut points = valid(time, values);
-    let (_, first, _) = points.next()?;
-    let mut last = first;
-    for (_, t, _) in points {
-        distances.push(t - last);
-        last = t;
+    let (_, first, _) = valid(time, values).next()?;
+    let (mut last, mut count) = (first, 0_usize);
+    for (_, t, _) in valid(time, values) {
+        (last, count) = (t, count + 1);
     }
-    if distances.is_empty() {
-        return Some(Spacing { step: 0.0, first, last, count: 1, gaps: Vec::new() });
+    if count == 1 {
+        return Some(Spacing { step: 0.0, jitter: 0.0, first, last, count, gaps: Vec::new() });
     }
-    let count = distances.len() + 1;
-    let middle = distances.len() / 2;
-    let median = *distances.select_nth_unstable_by(middle, f64::total_cmp).1;
-    let near: Vec<f64> = distances.into_iter().filter(|d| *d <= GAP * median).collect();
-    let step = near.iter().sum::<f64>() / near.len() as f64;
-    Some(Spacing { step, first, last, count, gaps: gaps(time, values, step) })
+    let mut some: Vec<f64> = distances(time, values).step_by(count.div_ceil(MOST)).map(|(_, from, to)| to - from).collect();
+    let median = middle(&mut some);
+    some.iter_mut().for_each(|d| *d = (*d - median).abs());
+    // 0.6745 is the median of a half-normal distribution of unit width.
+    let jitter = middle(&mut some) / 0.6745;
+    let longest = GAP * median + JITTER * jitter;
+    let near = distances(time, values).map(|(_, from, to)| to - from).filter(|d| *d <= longest);
+    let (sum, near) = near.fold((0.0, 0_usize), |(sum, n), d| (sum + d, n + 1));
+    let step = sum / near as f64;
+    let longest = GAP * step + JITTER * jitter;
+    let gaps = distances(time, values).filter(|(_, from, to)| to - from > longest);
+    let gaps = gaps.map(|(sample, from, to)| Gap { from, to, sample }).collect();
+    Some(Spacing { step, jitter, first, last, count, gaps })
 }
 
-fn gaps(time: &[f64], values: &[f64], step: f64) -> Vec<Gap> {
-    let mut gaps = Vec::new();
+/// Neighbouring valid samples: index after the earlier one, and both times.
+fn distances<'a>(time: &'a [f64], values: &'a [f64]) -> impl Iterator<Item = (usize, f64, f64)> + 'a {
     let mut before: Option<(usize, f64)> = None;
-    for (i, t, _) in valid(time, values) {
-        if let Some((at, from)) = before
-            && t - from > GAP * step
-        {
-            gaps.push(Gap { from, to: t, sample: at + 1 });
-        }
-        before = Some((i, t));
-    }
-    gaps
+    valid(time, values).filter_map(move |(i, t, _)| before.replace((i, t)).map(|(at, from)| (at + 1, from, t)))
+}
+
+/// The median, the greater one of two; changes the order.
+pub(crate) fn middle(values: &mut [f64]) -> f64 {
+    let at = values.len() / 2;
+    *values.select_nth_unstable_by(at, f64::total_cmp).1
 }
 
 #[cfg(test)]
@@ -127,5 +136,15 @@ mod tests {
         assert!((s.step - 0.1).abs() < 1e-12);
         assert!(s.gaps.is_empty());
         assert!(spacing(&time, &[f64::NAN; 100]).is_none());
+    }
+
+    #[test]
+    fn jitter_is_no_gap_and_a_lost_frame_is_one() {
+        // Stamps up to 4.5 ms off a schedule of 10 ms, in an order without a pattern.
+        let offset = |i: u32| (f64::from(i.wrapping_mul(i).wrapping_mul(2_654_435_761) >> 16) / 65536.0 - 0.5) * 9e-3;
+        let time: Vec<f64> = (0..500).filter(|i| !(300..305).contains(i)).map(|i| f64::from(i) * 0.01 + offset(i)).collect();
+        let s = spacing(&time, &vec![1.0; time.len()]).unwrap();
+        assert!((s.step - 0.01).abs() < 3e-4, "{}", s.step);
+        assert_eq!(s.gaps.iter().map(|g| g.sample).collect::<Vec<_>>(), [300]);
     }
 }

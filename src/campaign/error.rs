@@ -55,6 +55,18 @@ pub enum CampaignError {
         /// What to do.
         remedy: String,
     },
+    /// A recording's entry has a key that nothing reads.
+    #[error("{}: recording `{recording}` has a key `{key}` that is not known. {remedy}", .file.display())]
+    UnknownKey {
+        /// recordings.json.
+        file: PathBuf,
+        /// The recording's name.
+        recording: String,
+        /// The key.
+        key: String,
+        /// What to do.
+        remedy: String,
+    },
     /// A recording's entry lacks a key.
     #[error("{}: recording `{recording}` has no key `{key}`. Add `\"{key}\": {example}`", .file.display())]
     MissingKey {
@@ -234,10 +246,6 @@ pub enum Defect {
     LateStart { seconds: f64 },
     #[error("not one valid sample. Check the sensor and the export")]
     NothingValid,
-    #[error(
-        "{percent:.1} % of the samples are missing in many short gaps; 5 % may be. Export at the rate that the channel was recorded at"
-    )]
-    TooManyGaps { percent: f64 },
     #[error("the value is {value} in every sample: the sensor was frozen or not connected. Check the sensor, or remove the recording")]
     Frozen { value: f64 },
     #[error(

@@ -57,14 +57,14 @@ pub fn read(dir: &Path, options: &ReadOptions) -> Result<Campaign, CampaignError
     })
 }
 
-/// Reads one recording from a file of any of the formats; `like` gives name, manoeuvre, stated rate and temperatures.
+/// Reads one recording from a file of any of the formats; `like` gives name, manoeuvre, stated rate and temperatures at the start.
 pub fn read_one(path: &Path, like: &Recording, map: &ChannelMap) -> Result<(Recording, Vec<Note>), CampaignError> {
     let entry = Entry {
         name: like.name.clone(),
         manoeuvre: like.manoeuvre.clone(),
-        sample_rate_hz: like.sample_rate_hz,
-        theta_c0: like.theta_c0,
-        theta_b0: like.theta_b0,
+        sample_rate_hz: Some(like.sample_rate_hz).filter(|rate| *rate > 0.0),
+        theta_0: Some([like.theta_c0, like.theta_b0]),
+        theta_0_sigma: like.theta_0_sigma,
     };
     let bytes = std::fs::read(path).map_err(|source| CampaignError::Io { file: path.to_path_buf(), source })?;
     let (recording, notes) = from_bytes(path, bytes, &entry, map)?;

@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::CampaignError;
-use super::channels::{CHANNELS, Channel};
+use super::channels::{CHANNELS, Channel, Presence};
 use super::clock;
 use super::folder::file_name;
 use super::guess;
@@ -107,8 +107,13 @@ pub fn draft_channel_map(inspection: &Inspection) -> String {
     );
     // Writing to a String can't fail.
     for spec in &CHANNELS {
-        let bench = if spec.required { "" } else { ", bench only" };
-        let _ = write!(out, "\n# {} in {}{bench}\n", spec.column, spec.unit);
+        let whose = match spec.presence {
+            Presence::Always => "",
+            Presence::Usual => ", may be missing",
+            Presence::Bench => ", bench only",
+            Presence::Road => ", drives only",
+        };
+        let _ = write!(out, "\n# {} in {}{whose}\n", spec.column, spec.unit);
         match inspection.channels.iter().find(|c| c.guess == Some(spec.channel)) {
             Some(channel) => out.push_str(&entry(spec.column, channel, inspection)),
             None => {

@@ -1,4 +1,4 @@
-//! recordings.json: manoeuvre, rate and starting temperatures of each recording.
+//! recordings.json: manoeuvre, rate and starting temperatures of each recording. Keys that begin with `_` are comments.
 
 use std::path::Path;
 
@@ -13,12 +13,12 @@ pub(crate) struct Entry {
     pub name: String,
     /// Manoeuvre in the engineer's words.
     pub manoeuvre: String,
-    /// Stated rate, Hz.
-    pub sample_rate_hz: f64,
-    /// Disc at the start, °C.
-    pub theta_c0: f64,
-    /// Body at the start, °C.
-    pub theta_b0: f64,
+    /// Stated rate, Hz; a check of the clock's unit.
+    pub sample_rate_hz: Option<f64>,
+    /// Disc and body at the start, °C, where they are known.
+    pub theta_0: Option<[f64; 2]>,
+    /// How well, K.
+    pub theta_0_sigma: [f64; 2],
 }
 
 /// Reads the entries, sorted by name.
@@ -67,21 +67,44 @@ fn entry(file: &Path, name: &str, fields: &Value) -> Result<Entry, CampaignError
     let manoeuvre = field(file, name, fields, "manoeuvre", "\"launch\"")?;
     let word = manoeuvre.as_str().filter(|m| !m.trim().is_empty());
     let word = word.ok_or_else(|| wrong("manoeuvre", manoeuvre, "is not a word. Name the manoeuvre, e.g. \"launch\""))?;
-    let number = |key, example, range: std::ops::RangeInclusive<f64>, why| {
-        let value = field(file, name, fields, key, example)?;
-        value.as_f64().filter(|v| range.contains(v)).ok_or_else(|| wrong(key, value, why))
+    let number = |key, range: std::ops::RangeInclusive<f64>, why| match fields.get(key).filter(|v| !v.is_null()) {
+        None => Ok(None),
+        Some(value) => value.as_f64().filter(|v| range.contains(v)).map(Some).ok_or_else(|| wrong(key, value, why)),
     };
     let not_rate = "is not a rate from 20 to 100000. Give samples per second, e.g. 100 or 1000";
     let not_disc = "is not the temperature of a clutch disc, -60 to 600 °C. Give it as it was at the start";
     let not_body = "is not the temperature of a clutch body, -60 to 250 °C. Give it in °C, as it was at the start";
-    Ok(Entry {
+    let not_sigma = "is not a standard deviation from 0.1 to 200 K. Give how well the temperature at the start is known";
+    let missing = |key, example| CampaignError::MissingKey { file: file.to_path_buf(), recording: name.to_string(), key, example };
+    let disc = number("theta_c0_degC", -60.0..=600.0, not_disc)?;
+    let body = number("theta_b0_degC", -60.0..=250.0, not_body)?;
+    let theta_0 = match (disc, body) {
+        (Some(disc), Some(body)) => Some([disc, body]),
+        (None, None) => None,
+        (None, Some(_)) => return Err(missing("theta_c0_degC", "25.0")),
+        (Some(_), None) => return Err(missing("theta_b0_degC", "25.0")),
+    };
+    let sigma = |key| number(key, 0.1..=200.0, not_sigma).map(|sigma| sigma.unwrap_or(1.0));
+    let entry = Entry {
         name: name.to_string(),
         manoeuvre: word.to_string(),
-        sample_rate_hz: number("sample_rate_Hz", "100", 20.0..=1e5, not_rate)?,
-        theta_c0: number("theta_c0_degC", "25.0", -60.0..=600.0, not_disc)?,
-        theta_b0: number("theta_b0_degC", "25.0", -60.0..=250.0, not_body)?,
-    })
+        sample_rate_hz: number("sample_rate_Hz", 20.0..=1e5, not_rate)?,
+        theta_0,
+        theta_0_sigma: [sigma("theta_c0_sigma_K")?, sigma("theta_b0_sigma_K")?],
+    };
+    match fields.keys().find(|key| !key.starts_with('_') && !KEYS.contains(&key.as_str())) {
+        None => Ok(entry),
+        Some(key) => Err(CampaignError::UnknownKey {
+            file: file.to_path_buf(),
+            recording: name.to_string(),
+            key: key.clone(),
+            remedy: format!("Correct or remove it, or let it begin with _ as a comment; known are {}", KEYS.join(", ")),
+        }),
+    }
 }
+
+/// Keys of an entry.
+const KEYS: [&str; 6] = ["manoeuvre", "sample_rate_Hz", "theta_c0_degC", "theta_b0_degC", "theta_c0_sigma_K", "theta_b0_sigma_K"];
 
 fn field<'a>(
     file: &Path,
@@ -113,6 +136,15 @@ mod tests {
     }
 
     #[test]
+    fn an_unknown_key_is_named_and_a_comment_is_not() {
+        let with = |key: &str| format!(r#"{{"r01": {{"manoeuvre": "drive", "{key}": 12}}}}"#);
+        let message = fault(&with("theta_c_sigma_K"));
+        assert!(message.contains("a key `theta_c_sigma_K` that is not known") && message.contains("theta_c0_sigma_K"), "{message}");
+        let read = entries(Path::new("recordings.json"), &with("_driver")).unwrap();
+        assert_eq!((read[0].theta_0, read[0].theta_0_sigma, read[0].sample_rate_hz), (None, [1.0; 2], None));
+    }
+
+    #[test]
     fn impossible_values_are_named() {
         let with = |key: &str, value: &str| {
             let mut fields: Map<String, Value> =
@@ -126,6 +158,7 @@ mod tests {
             ("sample_rate_Hz", "\"100\""),
             ("theta_c0_degC", "1000"),
             ("theta_b0_degC", "298.15"),
+            ("theta_c0_sigma_K", "0"),
             ("manoeuvre", "3"),
         ] {
             let message = fault(&with(key, value));

@@ -2,11 +2,11 @@
 //!
 //! [`read`] takes a folder with `vehicle.json`, `recordings.json` and one CSV, MDF4 or Parquet file per recording. A defect of
 //! the two JSON files or of the channel map is an error. A defect of one recording leaves that recording out with the reason,
-//! unless none remains or [`ReadOptions::strict`] is set. Whatever is bridged, cut, converted or resampled is noted: nothing
-//! is invented silently.
+//! unless none remains or [`ReadOptions::strict`] is set. Whatever is held, cut, converted or left out is noted, and nothing is
+//! interpolated: the rows of a recording are real samples.
 //!
 //! The way of a file: bytes, [`table`] (csv, mdf, parquet), [`pick`] (channel map, units), [`checks`], [`span`] (with
-//! [`clock`]), [`assemble`] (with [`resample`]), [`Recording`].
+//! [`clock`]), [`assemble`] (with [`rows`]), [`Recording`].
 
 mod assemble;
 mod channel_map;
@@ -23,7 +23,7 @@ mod mdf;
 mod mdf_blocks;
 mod parquet;
 mod pick;
-mod resample;
+mod rows;
 mod span;
 mod table;
 mod thrift;
@@ -33,7 +33,7 @@ mod write;
 use std::path::PathBuf;
 
 pub use channel_map::{ChannelMap, Mapped};
-pub use channels::{CHANNELS, Channel, Lasting, Spec};
+pub use channels::{CHANNELS, Channel, Lasting, Presence, Spec};
 pub use error::{CampaignError, Defect, Place, RecordingError, lines};
 pub use folder::{read, read_one};
 pub use inspect::{ChannelInfo, Inspection, draft_channel_map, inspect};
@@ -86,28 +86,34 @@ pub struct ReadOptions {
     pub strict: bool,
 }
 
-/// One recording with uniform time from 0; all vectors have the length of `omega_f`.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// One recording. Its rows are the stamps at which any channel has a sample; all vectors have the length of `time`.
+///
+/// A sensor is NaN in a row where it has no sample of its own, or one that is not to be believed. Inputs are held and never NaN.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     /// Name of the recording: its file's stem.
     pub name: String,
     /// Manoeuvre as recordings.json names it.
     pub manoeuvre: String,
-    /// Sample rate, Hz.
+    /// Nominal rate, Hz: the inverse of the median distance of the rows.
     pub sample_rate_hz: f64,
+    /// Stamps of the rows, s, from 0, strictly increasing.
+    pub time: Vec<f64>,
     /// Disc temperature at the start, °C.
     pub theta_c0: f64,
     /// Body temperature at the start, °C.
     pub theta_b0: f64,
+    /// How well these two are known, K: one standard deviation, disc and body.
+    pub theta_0_sigma: [f64; 2],
     /// Flywheel speed as sensed, rad/s.
     pub omega_f: Vec<f64>,
     /// Disc speed as sensed, rad/s.
     pub omega_c: Vec<f64>,
-    /// Engine torque as reported, N·m; held to the next sample.
+    /// Engine torque as reported, N·m; held.
     pub t_e: Vec<f64>,
-    /// Throwout position as commanded, mm; held to the next sample.
+    /// Throwout position as commanded, mm; held. Empty if it was not recorded.
     pub x_to_cmd: Vec<f64>,
-    /// Housing air temperature, °C.
+    /// Housing air temperature, °C; held.
     pub theta_h: Vec<f64>,
     /// Throwout position as sensed, mm (bench only).
     pub x_to: Option<Vec<f64>>,
@@ -115,4 +121,30 @@ pub struct Recording {
     pub t_fc: Option<Vec<f64>>,
     /// Disc thermocouple, °C (bench only).
     pub theta_c: Option<Vec<f64>>,
+    /// Whether the driver brakes, held (drives only).
+    pub brake: Option<Vec<bool>>,
+}
+
+impl Default for Recording {
+    /// Without rows; start temperatures are known to 1 K, as on a bench.
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            manoeuvre: String::new(),
+            sample_rate_hz: 0.0,
+            time: Vec::new(),
+            theta_c0: 0.0,
+            theta_b0: 0.0,
+            theta_0_sigma: [1.0; 2],
+            omega_f: Vec::new(),
+            omega_c: Vec::new(),
+            t_e: Vec::new(),
+            x_to_cmd: Vec::new(),
+            theta_h: Vec::new(),
+            x_to: None,
+            t_fc: None,
+            theta_c: None,
+            brake: None,
+        }
+    }
 }

@@ -11,7 +11,7 @@
 use std::rc::Rc;
 
 use super::channel_map::{ChannelMap, Mapped};
-use super::channels::{CHANNELS, Channel, Spec};
+use super::channels::{CHANNELS, Channel, Presence, Spec};
 use super::error::{Defect, RecordingError};
 use super::table::{Group, Measurement, Series};
 use super::units::{self, Unit};
@@ -46,7 +46,7 @@ pub(crate) fn pick(m: &mut Measurement, map: &ChannelMap) -> Result<Picked, Reco
     for spec in &CHANNELS[1..] {
         match find(m, spec, map)? {
             Some(place) => found.push((spec, place)),
-            None if spec.required => return Err(missing(m, spec, map)),
+            None if spec.presence == Presence::Always => return Err(missing(m, spec, map)),
             None => {}
         }
     }

@@ -9,6 +9,7 @@
 //! | torque | N·m | kN·m, mN·m, daN·m, N·mm, lbf·ft |
 //! | length | mm | m, cm, µm, in |
 //! | temperature | °C | K, °F |
+//! | flag | 1 | bool |
 //!
 //! A bare `1/s` is refused on purpose: some tools mean rad/s by it and some mean revolutions.
 
@@ -27,6 +28,8 @@ pub enum Quantity {
     Length,
     /// °C
     Temperature,
+    /// 0 or 1
+    Flag,
 }
 
 /// A unit string that is understood.
@@ -67,6 +70,7 @@ pub fn parse(text: &str) -> Option<Unit> {
         "°c" | "degc" | "c" | "celsius" | "deg_c" | "grdc" => unit(Quantity::Temperature, 1.0, 0.0),
         "k" | "kelvin" | "degk" => unit(Quantity::Temperature, 1.0, -273.15),
         "°f" | "degf" | "f" | "fahrenheit" | "deg_f" => unit(Quantity::Temperature, 5.0 / 9.0, -160.0 / 9.0),
+        "1" | "-" | "bool" | "boolean" => unit(Quantity::Flag, 1.0, 0.0),
         _ => None,
     }
 }
@@ -79,6 +83,7 @@ pub fn examples(quantity: Quantity) -> &'static str {
         Quantity::Torque => "N·m, kN·m, N·mm, lbf·ft",
         Quantity::Length => "mm, m, cm, um, in",
         Quantity::Temperature => "°C, K, °F",
+        Quantity::Flag => "1, bool",
     }
 }
 
@@ -90,6 +95,7 @@ pub fn quantity_name(quantity: Quantity) -> &'static str {
         Quantity::Torque => "a torque",
         Quantity::Length => "a length",
         Quantity::Temperature => "a temperature",
+        Quantity::Flag => "a flag",
     }
 }
 

@@ -5,35 +5,42 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use super::channels::CHANNELS;
+use super::channels::Channel;
 use super::{CampaignError, Recording};
 
-/// Writes a recording as CSV. Numbers have as many digits as they need to come back the same.
+/// Writes a recording as CSV. Numbers have as many digits as they need to come back the same; what is not a number stays empty.
 ///
 /// The file appears under its name only when it is complete.
 pub fn write_csv(recording: &Recording, path: &Path) -> Result<(), CampaignError> {
-    let mut columns: Vec<(&str, &[f64])> = vec![
-        (CHANNELS[1].column, &recording.omega_f),
-        (CHANNELS[2].column, &recording.omega_c),
-        (CHANNELS[3].column, &recording.t_e),
-        (CHANNELS[4].column, &recording.x_to_cmd),
-        (CHANNELS[5].column, &recording.theta_h),
-    ];
-    let bench = [&recording.x_to, &recording.t_fc, &recording.theta_c];
-    columns.extend(CHANNELS[6..].iter().zip(bench).filter_map(|(spec, v)| v.as_deref().map(|v| (spec.column, v))));
-    if let Some((column, values)) = columns.iter().find(|(_, v)| v.len() != recording.omega_f.len()) {
+    let r = recording;
+    let brake: Option<Vec<f64>> = r.brake.as_ref().map(|b| b.iter().map(|&on| f64::from(u8::from(on))).collect());
+    let columns: Vec<(&str, &[f64])> = [
+        (Channel::OmegaF, Some(&r.omega_f)),
+        (Channel::OmegaC, Some(&r.omega_c)),
+        (Channel::TE, Some(&r.t_e)),
+        (Channel::XToCmd, Some(&r.x_to_cmd).filter(|v| !v.is_empty())),
+        (Channel::ThetaH, Some(&r.theta_h)),
+        (Channel::XTo, r.x_to.as_ref()),
+        (Channel::TFc, r.t_fc.as_ref()),
+        (Channel::ThetaC, r.theta_c.as_ref()),
+        (Channel::Brake, brake.as_ref()),
+    ]
+    .into_iter()
+    .filter_map(|(channel, values)| Some((channel.spec().column, values?.as_slice())))
+    .collect();
+    if let Some((column, values)) = columns.iter().find(|(_, v)| v.len() != r.time.len()) {
         return Err(CampaignError::Shape {
             file: path.to_path_buf(),
-            what: format!("{column} has {} samples where omega_f_rad_s has {}", values.len(), recording.omega_f.len()),
+            what: format!("{column} has {} samples where time_s has {}", values.len(), r.time.len()),
             remedy: "Give every channel the same length".to_string(),
         });
     }
     whole(path, |out| {
-        write!(out, "{}", CHANNELS[0].column)?;
+        write!(out, "{}", Channel::Time.spec().column)?;
         columns.iter().try_for_each(|(name, _)| write!(out, ",{name}"))?;
-        for i in 0..recording.omega_f.len() {
-            write!(out, "\n{}", i as f64 / recording.sample_rate_hz)?;
-            columns.iter().try_for_each(|(_, values)| write!(out, ",{}", values[i]))?;
+        for (i, time) in r.time.iter().enumerate() {
+            write!(out, "\n{time}")?;
+            columns.iter().try_for_each(|(_, values)| if values[i].is_nan() { write!(out, ",") } else { write!(out, ",{}", values[i]) })?;
         }
         writeln!(out)
     })
@@ -47,6 +54,8 @@ pub fn write_recordings_json(recordings: &[Recording], path: &Path) -> Result<()
             "sample_rate_Hz": r.sample_rate_hz,
             "theta_c0_degC": r.theta_c0,
             "theta_b0_degC": r.theta_b0,
+            "theta_c0_sigma_K": r.theta_0_sigma[0],
+            "theta_b0_sigma_K": r.theta_0_sigma[1],
         })
     };
     let all: Map<String, Value> = recordings.iter().map(|r| (r.name.clone(), entry(r))).collect();
