@@ -15,9 +15,9 @@ const IMPORTS: [(&str, &[&str]); 14] = [
     ("launch", &["physics", "vehicle", "effects", "plant", "control"]),
     ("plots", &["physics", "vehicle", "effects", "plant", "control", "launch"]),
     ("campaign", &[]),
-    ("report", &["vehicle", "effects"]),
-    // Of the report, only the form in which curves are handed over.
-    ("gap", &["physics", "vehicle", "effects", "plant", "campaign", "report"]),
+    ("gap", &["physics", "vehicle", "effects", "plant", "campaign"]),
+    // Of the diagnosis, only the form in which curves are handed over.
+    ("report", &["vehicle", "effects", "gap"]),
     ("fmu", &["physics", "vehicle", "effects", "control", "fmi2", "launch"]),
     ("cli", &["physics", "vehicle", "effects", "plant", "control", "launch", "plots", "campaign", "report", "gap", "fmu"]),
     ("main", &[]),

@@ -10,7 +10,7 @@ use crate::campaign::{self, ReadOptions};
 use crate::effects;
 use crate::gap::diagnosis::{Diagnosis, diagnose};
 use crate::gap::measure::evaluate;
-use crate::gap::series::Channel;
+use crate::gap::model::track::Channel;
 use rayon::prelude::*;
 use realcar::{Car, Truth};
 use serde_json::json;

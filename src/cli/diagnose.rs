@@ -9,10 +9,10 @@ use crate::campaign::{self, Campaign, ChannelMap, ReadOptions, Recording};
 use crate::effects::REGISTRY;
 use crate::fmu::{self, FmuError, library, ssv};
 use crate::gap::answer::plant_parameters;
-use crate::gap::balance::{HIGH_TORQUE_NM, HOT_DEGC};
 use crate::gap::diagnosis::{Diagnosis, diagnose};
+use crate::gap::map::{HIGH_TORQUE_NM, HOT_DEGC};
 use crate::report;
-use serde_json::{Value, json};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Options of `kisspoint diagnose`.
@@ -135,7 +135,7 @@ fn provenance(campaign: &Campaign, options: &ReadOptions) -> Vec<(String, String
         ("kisspoint", env!("CARGO_PKG_VERSION").to_owned()),
         ("recordings", format!("{} used at {}, {} left out", recordings.len(), rates.join(" and "), campaign.left_out.len())),
         ("bench channels", if bench.is_empty() { "none".to_owned() } else { bench.join(", ") }),
-        ("candidates", format!("{} effects, alone and in pairs, with {tolerances} declared tolerances free", REGISTRY.len())),
+        ("candidates", format!("{} effects, up to three at a time, with {tolerances} declared tolerances free", REGISTRY.len())),
         ("channel map", if options.channel_map.is_some() { "yes" } else { "none: the files have the names of the contract" }.to_owned()),
         ("recordings with defects", if options.strict { "refused (--strict)" } else { "left out, with a word" }.to_owned()),
         ("data fingerprint (SHA-256)", campaign.fingerprint.clone()),
@@ -163,7 +163,7 @@ fn files(
         .description
         .variables
         .iter()
-        .filter_map(|v| named.get(v.name).and_then(Value::as_f64).map(|value| ssv::Parameter { name: v.name, value, unit: v.unit }))
+        .filter_map(|v| named.get(v.name).map(|&value| ssv::Parameter { name: v.name, value, unit: v.unit }))
         .collect();
     Ok(vec![
         ("diagnosis.json", format!("{:#}\n", diagnosis.json).into_bytes()),

@@ -94,21 +94,13 @@ pub fn phase(config: &Config, s: &State) -> Phase {
 }
 
 /// See [`Plant::correct_speeds`].
-pub fn correct_speeds(config: &Config, state: &mut State, omega_f: f64, omega_c: f64) {
+pub fn correct_speeds(state: &mut State, omega_f: f64, omega_c: f64) {
     let y = &mut state.y;
-    if state.stuck {
-        let d = &config.constants.driveline;
-        let common = (d.J_f * omega_f + d.J_c * omega_c) / (d.J_f + d.J_c);
-        y[index::OMEGA_F] += common;
-        y[index::OMEGA_C] += common;
-        y[index::OMEGA_V] += common;
-        return;
-    }
     y[index::OMEGA_F] += omega_f;
     y[index::OMEGA_C] += omega_c;
     y[index::OMEGA_V] += omega_c;
     let slip = y[index::OMEGA_F] - y[index::OMEGA_C];
-    if slip != 0.0 {
+    if !state.stuck && slip != 0.0 {
         state.direction = slip.signum();
     }
 }

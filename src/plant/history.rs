@@ -86,6 +86,20 @@ impl History {
         self.values[slot] = value;
     }
 
+    /// Moves the values by `by`, and by `rate` per second for what came after the last `since` seconds began: what an observer finds wrong of a moment ago
+    /// was wrong before it, and has been getting worse since.
+    pub fn correct(&mut self, by: f64, rate: f64, since: f64, now: f64) {
+        // Newest first; what is older than the longest delay is not asked for any more, but for the value that held at its beginning.
+        for k in (0..self.len).rev() {
+            let slot = self.slot(k);
+            let age = now - self.times[slot];
+            self.values[slot] += by + rate * (since - age).max(0.0);
+            if age > LONGEST {
+                return;
+            }
+        }
+    }
+
     /// Index of the last value at or before `time`.
     fn before(&self, time: f64) -> Option<usize> {
         let (mut low, mut high) = (0, self.len);
