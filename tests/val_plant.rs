@@ -41,6 +41,23 @@ fn contact_is_found_inside_a_substep() {
 }
 
 #[test]
+fn the_approach_of_a_limited_bearing_is_exact_in_long_substeps() {
+    let limited = with(&[(param::actuator_rate_limit::inverse_speed, 0.1), (param::actuator_rate_limit::approach, 0.4)]);
+    for (from, to) in [(2.0, 3.0), (3.0, 2.0)] {
+        let bench = Bench::held(100.0, 50.0, 25.0, from).moved(0.0, to);
+        let mut plant = Plant::new(&bench.vehicle, &limited, &bench.start, &bench.rest);
+        plant.set_max_substep(1.0);
+        for k in 1..=6 {
+            // At full speed for 0.06 s, from 0.4 mm away it decays within 0.04 s.
+            plant.step(&bench.then[0].1, 0.025);
+            let t = 0.025 * f64::from(k);
+            let left = if t < 0.06 { 1.0 - 10.0 * t } else { 0.4 * (-(t - 0.06) / 0.04).exp() };
+            close("bearing", plant.outputs().x_to_actual, to - left * (to - from), 1e-12);
+        }
+    }
+}
+
+#[test]
 fn a_clutch_that_opens_at_standstill_is_open() {
     let mut bench = Bench::held(0.0, 0.0, 25.0, 6.0).moved(0.0, 0.0);
     bench.vehicle.driveline.J_f = 0.2;

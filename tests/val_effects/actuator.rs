@@ -33,6 +33,18 @@ pub fn laws() -> Vec<Law> {
         law("the lag of a limited bearing", &[speed[0], (lag::time_constant, 0.05)], told(6.0), 0.3, bearing, {
             2.0 + 10.0 * (0.2 - 0.05 * (1.0 - (-4.0_f64).exp()))
         }),
+        // Behind the ramp by τ, and by what is left of having started at rest.
+        law(
+            "the lag of two equal parts of a limited bearing",
+            &[speed[0], (lag::time_constant, 0.06), (lag::curvature, 0.25)],
+            told(6.0),
+            0.17,
+            bearing,
+            {
+                let p = 2.0 / 0.06;
+                2.0 + 10.0 * (0.07 - 0.06 + (0.06 + (p * 0.06 - 1.0) * 0.07) * (-p * 0.07_f64).exp())
+            },
+        ),
         law("the play of a limited bearing", &[speed[0], play[0]], told(6.0), 0.3, bearing, 3.8),
         law("lag", &slow(0.0, 0.0), told(3.0), 0.17, bearing, 3.0 - (-0.07_f64 / 0.06).exp()),
         law("lag of two equal parts", &slow(0.25, 0.0), told(3.0), 0.17, bearing, 3.0 - left(0.06, 0.25, 0.07)),
