@@ -112,7 +112,8 @@ impl Pace {
 /// Greatest slope of the clutch torque over slip, N·m·s/rad.
 fn steepest_friction(config: &Config) -> f64 {
     const SLIPS: [f64; 5] = [0.0, 0.5, 3.0, 20.0, 150.0];
-    const TEMPERATURES: [f64; 2] = [25.0, 200.0];
+    // From end to end of the range in which the equations hold.
+    const TEMPERATURES: [f64; 4] = [-20.0, 25.0, 120.0, 250.0];
     let mut most = 0.0_f64;
     for theta in TEMPERATURES {
         let mut y: Motion = [0.0; motion::N];
