@@ -1,6 +1,6 @@
 //! Single equations against numbers worked out by hand, where no scenario of the plant singles them out.
 
-use kisspoint::effects::{self, PARAMETERS, REGISTRY, SignalDelay, param};
+use kisspoint::effects::{self, PARAMETERS, REGISTRY, SignalDelay, Subsystem, param};
 use kisspoint::physics::cushion::{self, CushionSpring};
 use kisspoint::physics::friction::{self, Friction};
 use kisspoint::physics::{driveline, map, thermal};
@@ -110,7 +110,15 @@ fn effects_of_a_vehicle_file_are_read_within_their_bounds_and_written_back() {
 fn the_registry_finds_its_effects_and_says_how_large_they_are() {
     for (place, entry) in REGISTRY.iter().enumerate() {
         assert_eq!(effects::find(entry.id), Some(place));
+        assert!(entry.is_null(&effects::null()), "{}", entry.id);
+        for &k in entry.effect.amplitudes {
+            let mut set = effects::null();
+            set[k] = if PARAMETERS[k].null < PARAMETERS[k].max { PARAMETERS[k].max } else { PARAMETERS[k].min };
+            assert!(!entry.is_null(&set), "{}", PARAMETERS[k].variable);
+        }
     }
+    let ids = ["engine", "actuator", "clutch_force", "friction", "thermal", "driveline", "sensors"];
+    assert_eq!(Subsystem::ALL.map(Subsystem::id), ids);
     assert_eq!(effects::find("no_such_effect"), None);
     let scale = |k: usize| effects::owner(k).scale(k);
     close("of the larger start", scale(param::actuator_delay::delay), 0.05);
