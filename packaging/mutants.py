@@ -51,7 +51,7 @@ def main(baseline, *folders):
             print(f"  survived: {mutant}" + (f" ({count} times)" if count > 1 else ""))
         for mutant in sorted(known.keys() & (caught + late).keys() - missed.keys()):
             print(f"  noticed now, its line can go: {mutant}")
-    sys.exit(failed)
+    sys.exit(2 if failed else 0)
 
 
 if __name__ == "__main__":
