@@ -13,7 +13,7 @@ cd "$(dirname "$0")/.."
 version=25.3.1
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 tools=$target/tools
-export PATH=$tools/bin:$PATH CARGO_PROFILE_DEV_DEBUG=0
+export PATH=$tools/bin:$PATH CARGO_PROFILE_DEV_DEBUG=0 RUST_BACKTRACE=0
 if [[ $(cargo-mutants --version 2>/dev/null) != "cargo-mutants $version" ]]; then
     CARGO_TARGET_DIR=$tools/build cargo install --quiet --locked --root "$tools" "cargo-mutants@$version"
 fi
