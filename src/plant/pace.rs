@@ -183,6 +183,10 @@ mod tests {
         let graded = pace(|_| (), &slope);
         let force = 1.2 * (26.1195 - 1304.6 + 5818.5);
         close(graded.motion[0], (0.03 + 2.0 * 0.091 * force * 0.001) / 0.2);
+        // Friction that falls at rest faster than anywhere else.
+        use param::friction_slip_gradient::{exponent, speed, stribeck};
+        let falling = pace(|_| (), &[(stribeck, 0.3), (speed, 1.0), (exponent, 1.0)]).motion[0];
+        close(falling, (0.03 + 2.0 * 0.091 * force / 1.2 * 0.3 * -(-0.01_f64).exp_m1() / 0.01) / 0.2);
         // A load that grows over speed: k (ω + s)² − k ω² over s, at 2000 rad/s; and T/ω_L at standstill.
         close(pace(|v| v.driveline.k_L = 1e-3, &[]).motion[1], (0.02 + 1e-3 * (4000.0 + 2.001)) / 0.5);
         let rolling = pace(|v| (v.driveline.T_L0, v.driveline.omega_L) = (8.0, 0.5), &[]).motion[1];
