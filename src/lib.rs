@@ -15,7 +15,6 @@ pub mod fmi2;
 pub mod fmu;
 #[cfg(feature = "cli")]
 pub mod gap;
-#[cfg(feature = "cli")]
 pub mod launch;
 pub mod physics;
 pub mod plant;

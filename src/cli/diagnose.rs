@@ -36,9 +36,9 @@ pub struct Args {
     /// Refuse the campaign if any recording has a defect
     #[arg(long)]
     strict: bool,
-    /// Threads; 0 takes all cores. The answer does not depend on it
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    threads: usize,
+    /// Threads, at most 256; 0 takes all cores. The answer does not depend on it
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=256))]
+    threads: u16,
     /// Shared library for the retuned FMU, one per platform; else $KISSPOINT_LIBRARY, or the one beside this program
     #[arg(long, value_name = "FILE")]
     library: Vec<PathBuf>,
@@ -53,7 +53,7 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
     let libraries = if args.out.is_some() { library::find(&args.library)? } else { Vec::new() };
     let channel_map = args.channel_map.as_deref().map(ChannelMap::from_file).transpose()?;
     let options = ReadOptions { channel_map, strict: args.strict };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads.into()).build()?;
     let answer = |path: &Path, out: Option<&Path>, label: &str| one(path, out, label, &options, &pool, &libraries);
     let [path] = args.campaigns.as_slice() else { return several(args, answer) };
     let diagnosis = answer(path, args.out.as_deref(), "")?;

@@ -220,7 +220,7 @@ impl Plant {
     /// momentum. What the observer saw was `since` seconds old, and torques that it found missing have been moving the speeds by `rate` rad/s² since then.
     pub fn correct_speeds(&mut self, by: [f64; 2], rate: [f64; 2], since: f64) {
         let d = &self.config.constants.driveline;
-        let common = |v: [f64; 2]| [(d.J_f * v[0] + d.J_c * v[1]) / (d.J_f + d.J_c); 2];
+        let common = |v: [f64; 2]| [events::common_speed([d.J_f, d.J_c], v); 2];
         let (by, rate) = if self.state.stuck { (common(by), common(rate)) } else { (by, rate) };
         events::correct_speeds(&mut self.state, by[0] + rate[0] * since, by[1] + rate[1] * since);
         let now = self.state.time;
