@@ -2,7 +2,7 @@
 
 use kisspoint::campaign::{self, ReadOptions};
 use kisspoint::vehicle::Vehicle;
-use realcar::{Kind, draw_car_of};
+use realcar::{Kind, Place, draw_car_of};
 use std::path::{Path, PathBuf};
 
 /// The seed of `realcar/examples/example_campaign.rs`.
@@ -26,7 +26,7 @@ fn it_is_read_whole_and_without_a_remark() {
 #[test]
 fn the_generator_writes_it_again() {
     let car = (0..1000)
-        .map(|index| draw_car_of(SEED, index, Kind::Single("kiss_point_thermal")))
+        .map(|index| draw_car_of(Place::Bench, SEED, index, Kind::Single("kiss_point_thermal")))
         .find(|car| {
             let recordings = &car.campaign.recordings;
             recordings.len() == 9 && recordings.iter().all(|r| r.bench.is_none() && r.sample_rate_hz < 500.0)

@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let unseen = PathBuf::from(format!("{}_unseen", out.display()));
     let mut answers = BTreeMap::new();
     let mut shapes = BTreeMap::new();
-    for (i, car) in realcar::draw(realcar::Settings { seed, cars }).enumerate() {
+    for (i, car) in realcar::draw(realcar::Settings { place: realcar::Place::Bench, seed, cars }).enumerate() {
         let name = format!("case_{:03}", i + 1);
         car.write(&out.join(&name))?;
         car.write_unseen(&unseen.join(&name))?;

@@ -2,7 +2,7 @@
 //!
 //! It is the first car of its seed that was recorded on the road, without bench channels, at 100 Hz, with all manoeuvres.
 
-use realcar::{Car, Kind, catalogue, draw_car_of};
+use realcar::{Car, Kind, Place, catalogue, draw_car_of};
 use std::error::Error;
 use std::path::Path;
 
@@ -14,7 +14,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let effect = args.next().unwrap_or_else(|| "kiss_point_thermal".into());
     let (id, ..) = catalogue::find(&effect).ok_or_else(|| format!("no effect is called {effect}"))?;
     let car = (0..1000)
-        .map(|index| draw_car_of(SEED, index, Kind::Single(id)))
+        .map(|index| draw_car_of(Place::Bench, SEED, index, Kind::Single(id)))
         .find(small_and_whole)
         .ok_or("none of 1000 cars is small and whole")?;
     car.write(Path::new(&dir))?;

@@ -2,7 +2,7 @@
 
 use crate::car::{Motion, Start};
 use crate::catalogue;
-use crate::channels::{Bench, Noise, Pen, Recording};
+use crate::channels::{Bench, Noise, Pen, Recording, Steps};
 use crate::draw::{Campaign, mix};
 use crate::effects::{Deviation, STEP_S};
 use crate::manoeuvre::{self, Manoeuvre};
@@ -46,7 +46,7 @@ impl Bed {
         let jobs: Vec<_> = self.plan.iter().chain(&self.unseen).copied().collect();
         let mut all: Vec<_> = jobs.into_iter().enumerate().map(|(k, (what, hot))| self.one(what, hot, deviation, k as u64)).collect();
         let unseen = all.split_off(self.plan.len());
-        let vehicle_json = crate::write::pretty(&self.file.to_json());
+        let vehicle_json = crate::write::pretty(&self.file.to_json(None));
         (Campaign { vehicle_json, recordings: all }, unseen)
     }
 
@@ -65,7 +65,7 @@ impl Bed {
         });
         let setting = Setting { what, rate: self.rate, bench: self.bench, theta: [disc, body], noted, air };
         self.pen_seed = self.pen_seed.wrapping_add(0x9e37_79b9);
-        let pen = Pen::new(&self.noise, self.pen_seed);
+        let pen = Pen::new(&self.noise, Steps::BENCH, self.pen_seed);
         let tcu = Tcu::new(&self.file, &self.tuning, what, 1.0 / self.rate, noted);
         record(&self.real, deviation, setting, tcu, pen, k, STEP_S)
     }
@@ -102,7 +102,7 @@ pub fn record(real: &Vehicle, deviation: &Deviation, s: Setting, mut tcu: Tcu, m
     };
     let (mut read_f, mut read_c) = (pen.speed(omega[0]), pen.speed(omega[1]));
     let (mut torque, mut position) = tcu.command(0.0, read_f, read_c);
-    let start = Start { omega, theta: s.theta, air: s.air, torque, position };
+    let start = Start { omega, theta: s.theta, air: s.air, torque, position, length_s: s.what.length_s() };
     let mut car = Motion::start(real, deviation, h, start, k);
     for row in 0..rows {
         let t = row as f64 * dt;

@@ -1,5 +1,7 @@
 //! Every effect that a car can carry, with its subsystem.
 
+use crate::draw::Place;
+
 /// The effects of the library: id and subsystem.
 pub const LIBRARY: [(&str, &str); 24] = [
     ("engine_torque_bias", "engine"),
@@ -59,6 +61,12 @@ pub fn find(id: &str) -> Option<(&'static str, &'static str, bool)> {
     let held = LIBRARY.iter().map(|e| (e.0, e.1, true));
     let other = OUTSIDE.iter().map(|e| (e.0, e.1, false));
     held.chain(other).find(|e| e.0 == id)
+}
+
+/// The library's effects that are drawn: on the road some hide behind what is declared there.
+pub fn drawn(place: Place) -> Vec<(&'static str, &'static str)> {
+    let hides = |id: &str| place == Place::Road && matches!(id, "engine_speed_delay" | "road_load");
+    LIBRARY.into_iter().filter(|e| !hides(e.0)).collect()
 }
 
 /// Whether launches alone, of this bench or not, can show the effect at all.

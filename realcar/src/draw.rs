@@ -4,13 +4,26 @@ use crate::bed::Bed;
 use crate::catalogue;
 use crate::channels::Recording;
 use crate::effects::{Deviation, Dice};
+use crate::street::Street;
 use rand::rngs::StdRng;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 
+/// Where a car is recorded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Place {
+    /// Short manoeuvres with temperatures known to 1 K; some with the channels of a bench.
+    #[default]
+    Bench,
+    /// Drives, as a logger on the bus of a production car gives them.
+    Road,
+}
+
 /// How many cars, and which.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
+    /// Where they are recorded.
+    pub place: Place,
     /// Seed of the whole draw.
     pub seed: u64,
     /// Number of cars.
@@ -26,6 +39,8 @@ pub enum Kind {
     Single(&'static str),
     /// Two effects of the library.
     Pair(&'static str, &'static str),
+    /// Three effects of the library.
+    Triple(&'static str, &'static str, &'static str),
     /// One effect that no library holds.
     Outside(&'static str),
 }
@@ -64,7 +79,7 @@ pub struct Campaign {
 pub struct Car {
     /// What the diagnosis is handed.
     pub campaign: Campaign,
-    /// Three further recordings of the same car: two launches of other strengths and a creep.
+    /// Further recordings of the same car: two launches of other strengths and a creep, or two drives.
     pub unseen: Vec<Recording>,
     /// What was withheld.
     pub truth: Truth,
@@ -72,17 +87,16 @@ pub struct Car {
 
 /// All cars of a draw, one after the other.
 pub fn draw(settings: Settings) -> impl Iterator<Item = Car> {
-    (0..settings.cars).map(move |index| draw_car(settings.seed, index))
+    (0..settings.cars).map(move |index| draw_car(settings.place, settings.seed, index))
 }
 
-/// The car of this index: 15 % healthy, 50 % with one effect (all in turn), 20 % with two, 15 % outside the library.
-pub fn draw_car(seed: u64, index: usize) -> Car {
-    draw_car_of(seed, index, kind(seed, index))
+/// The car of this index: of twenty, 3 healthy, 8 with one effect (all in turn), 4 with two, 2 with three, 3 outside the library.
+pub fn draw_car(place: Place, seed: u64, index: usize) -> Car {
+    draw_car_of(place, seed, index, kind(place, seed, index))
 }
 
 /// What the car of this index carries, unless told otherwise.
-pub fn kind(seed: u64, index: usize) -> Kind {
-    // Each score of cars holds 3 healthy, 10 singles, 4 pairs and 3 others, in an order of its own.
+pub fn kind(place: Place, seed: u64, index: usize) -> Kind {
     let score = index / 20;
     let mut rng = StdRng::seed_from_u64(mix(seed, 0x5c0e, score));
     let mut places: Vec<usize> = (0..20).collect();
@@ -90,10 +104,18 @@ pub fn kind(seed: u64, index: usize) -> Kind {
         places.swap(i, rng.random_range(0..=i));
     }
     let mut rng = StdRng::seed_from_u64(mix(seed, 0x1d, index));
+    let library = catalogue::drawn(place);
     match places[index % 20] {
         0..3 => Kind::Healthy,
-        p @ 3..13 => Kind::Single(turn(seed, &catalogue::LIBRARY, score * 10 + p - 3)),
-        13..17 => pair(&mut rng),
+        p @ 3..11 => Kind::Single(turn(seed, &library, score * 8 + p - 3)),
+        11..15 => {
+            let [a, b] = apart(&mut rng, &library);
+            Kind::Pair(a, b)
+        }
+        15..17 => {
+            let [a, b, c] = apart(&mut rng, &library);
+            Kind::Triple(a, b, c)
+        }
         p => Kind::Outside(turn(seed, &catalogue::OUTSIDE, score * 3 + p - 17)),
     }
 }
@@ -102,16 +124,17 @@ pub fn kind(seed: u64, index: usize) -> Kind {
 ///
 /// # Panics
 /// If an id is not in the catalogue.
-pub fn draw_car_of(seed: u64, index: usize, kind: Kind) -> Car {
-    draw_car_sized(seed, index, kind, 1.0)
+pub fn draw_car_of(place: Place, seed: u64, index: usize, kind: Kind) -> Car {
+    draw_car_sized(place, seed, index, kind, 1.0)
 }
 
 /// As [`draw_car_of`], every magnitude scaled by `size`: at 0 the car is the healthy car of that index.
-pub fn draw_car_sized(seed: u64, index: usize, kind: Kind, size: f64) -> Car {
+pub fn draw_car_sized(place: Place, seed: u64, index: usize, kind: Kind, size: f64) -> Car {
     let ids: &[&'static str] = match &kind {
         Kind::Healthy => &[],
         Kind::Single(a) | Kind::Outside(a) => std::slice::from_ref(a),
         Kind::Pair(a, b) => &[*a, *b],
+        Kind::Triple(a, b, c) => &[*a, *b, *c],
     };
     let mut deviation = Deviation::default();
     let mut effects = Vec::new();
@@ -121,24 +144,27 @@ pub fn draw_car_sized(seed: u64, index: usize, kind: Kind, size: f64) -> Car {
         let shape = deviation.set(id, &mut dice);
         effects.push(TrueEffect { id, subsystem, in_library, shape });
     }
-    let (campaign, unseen) = Bed::draw(seed, index, ids).record(&deviation);
+    let (campaign, unseen) = match place {
+        Place::Bench => Bed::draw(seed, index, ids).record(&deviation),
+        Place::Road => Street::draw(seed, index).record(&deviation),
+    };
     Car { campaign, unseen, truth: Truth { effects } }
 }
 
-/// Two effects of different subsystems, of which each can be told beside the other.
-fn pair(rng: &mut StdRng) -> Kind {
+/// Effects of different subsystems, of which each can be told beside the others.
+fn apart<const N: usize>(rng: &mut StdRng, library: &[(&'static str, &'static str)]) -> [&'static str; N] {
     loop {
-        let (a, in_a) = catalogue::LIBRARY[rng.random_range(0..24)];
-        let (b, in_b) = *catalogue::LIBRARY.choose(rng).unwrap_or(&catalogue::LIBRARY[0]);
+        let drawn: [_; N] = std::array::from_fn(|_| library.choose(rng).copied().unwrap_or(library[0]));
+        let subsystems: std::collections::BTreeSet<_> = drawn.iter().map(|e| e.1).collect();
         // Where the heat goes is the faintest of all: beside another effect nobody could tell.
-        if in_a != in_b && in_a != "thermal" && in_b != "thermal" {
-            return Kind::Pair(a, b);
+        if subsystems.len() == N && !subsystems.contains("thermal") {
+            return drawn.map(|e| e.0);
         }
     }
 }
 
 /// The list in an order of the seed, round and round.
-fn turn(seed: u64, list: &'static [(&'static str, &'static str)], n: usize) -> &'static str {
+fn turn(seed: u64, list: &[(&'static str, &'static str)], n: usize) -> &'static str {
     let round = n / list.len();
     let mut rng = StdRng::seed_from_u64(mix(seed, 0x7a4, round));
     let mut order: Vec<usize> = (0..list.len()).collect();

@@ -9,11 +9,12 @@
 //! |---|---|---|
 //! | numbers | [`vehicle`], [`map`] | the vehicle file, the real car's numbers, friction and cushion |
 //! | what is withheld | [`effects`], [`catalogue`] | one deviation per subsystem, drawn by its id |
-//! | motion | [`car`], [`tcu`], [`manoeuvre`], [`channels`] | the car, its controller, what is driven, what is recorded |
+//! | motion on a bench | [`car`], [`tcu`], [`manoeuvre`], [`channels`] | the car, its controller, what is driven, what is recorded |
+//! | motion on the road | [`drive`], [`driver`] | legs of stop and go, driver and controller |
 //! | campaigns | [`draw`](mod@draw), [`write`](mod@write) | a whole campaign with its truth, and its files |
 //!
 //! ```
-//! let car = realcar::draw_car_of(7, 0, realcar::Kind::Single("friction_level"));
+//! let car = realcar::draw_car_of(realcar::Place::Bench, 7, 0, realcar::Kind::Single("friction_level"));
 //! assert_eq!(car.truth.effects[0].subsystem, "friction");
 //! assert!(car.campaign.recordings.len() >= 5);
 //! ```
@@ -23,12 +24,18 @@ pub mod car;
 pub mod catalogue;
 pub mod channels;
 pub mod draw;
+pub mod drive;
+pub mod driver;
 pub mod effects;
 pub mod manoeuvre;
 pub mod map;
+mod street;
 pub mod tcu;
 pub mod vehicle;
 pub mod write;
 
+/// Version of what is drawn: equal versions and seeds draw equal cars. It changes only with a line and a reason in CHANGELOG.md.
+pub const VERSION: u32 = 2;
+
 pub use channels::Recording;
-pub use draw::{Campaign, Car, Kind, Settings, TrueEffect, Truth, draw, draw_car, draw_car_of, draw_car_sized, kind};
+pub use draw::{Campaign, Car, Kind, Place, Settings, TrueEffect, Truth, draw, draw_car, draw_car_of, draw_car_sized, kind};

@@ -12,13 +12,14 @@ use crate::gap::diagnosis::{Diagnosis, diagnose};
 use crate::gap::measure::evaluate;
 use crate::gap::series::Channel;
 use rayon::prelude::*;
-use realcar::{Car, Truth};
+use realcar::{Car, Place, Truth};
 use serde_json::json;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Options of `kisspoint blind`.
 #[derive(clap::Args, Debug)]
-#[command(after_help = "Examples:\n  kisspoint blind --cars 40 --seed 7\n  kisspoint blind --cars 200 --json > score.json")]
+#[command(after_help = "Examples:\n  kisspoint blind --cars 40 --seed 7\n  kisspoint blind --cars 200 --json > score.json\n  \
+    kisspoint blind --road --cars 20 --seed 3 --draw-only --keep drawn")]
 pub struct Args {
     /// Cars to draw
     #[arg(long, value_name = "N", default_value_t = 20)]
@@ -26,6 +27,15 @@ pub struct Args {
     /// Seed of the draw; without one, the clock gives it
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
+    /// Draw drives on the road in place of bench campaigns
+    #[arg(long)]
+    road: bool,
+    /// Keep the campaigns and their answers in this folder
+    #[arg(long, value_name = "DIR")]
+    keep: Option<PathBuf>,
+    /// Draw the campaigns and diagnose none; needs --keep
+    #[arg(long, requires = "keep")]
+    draw_only: bool,
     /// Print the score as JSON
     #[arg(long)]
     json: bool,
@@ -62,12 +72,19 @@ struct Outcome {
 pub fn run(args: &Args) -> Result<(), CommandError> {
     let clock = || std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).map_or(0, |d| d.as_secs());
     let seed = args.seed.unwrap_or_else(clock);
+    let place = if args.road { Place::Road } else { Place::Bench };
     let bar = Progress::new();
+    if let Some(folder) = &args.keep {
+        keep(folder, place, seed, args.cars)?;
+        if args.draw_only {
+            return Ok(());
+        }
+    }
     let folder = std::env::temp_dir().join(format!("kisspoint-blind-{}-{seed}", std::process::id()));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
     let done = std::sync::atomic::AtomicUsize::new(0);
     let one = |k: usize| {
-        let outcome = examine(&folder.join(format!("car_{k:04}")), realcar::draw_car(seed, k));
+        let outcome = examine(&folder.join(format!("car_{k:04}")), realcar::draw_car(realcar::Place::Bench, seed, k));
         let count = 1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
         bar.tell(&format!("car {count} of {}", args.cars), count as f64 / args.cars as f64);
         outcome
@@ -76,6 +93,22 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
     bar.finish();
     let _ = std::fs::remove_dir_all(&folder);
     report(&outcomes?, seed, args.json)
+}
+
+/// Writes the campaigns as `case_001` and on, and what is true of them as `answers.json`.
+fn keep(folder: &Path, place: Place, seed: u64, cars: usize) -> Result<(), CommandError> {
+    let drawn: Result<Vec<(String, Vec<&str>)>, CommandError> = (0..cars)
+        .into_par_iter()
+        .map(|k| {
+            let car = realcar::draw_car(place, seed, k);
+            let name = format!("case_{:03}", k + 1);
+            car.write(&folder.join(&name)).map_err(at(folder))?;
+            Ok((name, car.truth.effects.iter().map(|e| e.id).collect()))
+        })
+        .collect();
+    let answers: std::collections::BTreeMap<_, _> = drawn?.into_iter().collect();
+    let file = folder.join("answers.json");
+    std::fs::write(&file, format!("{:#}\n", json!(answers))).map_err(at(file))
 }
 
 /// Draws into a folder, diagnoses the folder, opens the seal.
@@ -160,7 +193,7 @@ fn report(outcomes: &[Outcome], seed: u64, as_json: bool) -> Result<(), CommandE
     let at = |o: &Outcome, place: &Option<String>| o.truth.effects.iter().any(|e| Some(e.subsystem) == place.as_deref());
     let placed = |o: &Outcome| at(o, &o.unexplained_at) || at(o, &o.primary);
     let left_open = |o: &Outcome| o.truth.effects.iter().any(|e| o.doubted.iter().any(|s| s == e.subsystem));
-    let mut closed: Vec<f64> = of_size(1).chain(of_size(2)).map(|o| o.closed).collect();
+    let mut closed: Vec<f64> = of_size(1).chain(of_size(2)).chain(of_size(3)).map(|o| o.closed).collect();
     closed.sort_by(f64::total_cmp);
     let quantile = |q: f64| (!closed.is_empty()).then(|| closed[((closed.len() - 1) as f64 * q).round() as usize]);
     let unknown = |o: &Outcome| matches!(o.verdict.as_str(), "unexplained" | "partly_explained");
@@ -171,6 +204,7 @@ fn report(outcomes: &[Outcome], seed: u64, as_json: bool) -> Result<(), CommandE
         ("single effects attributed", mean(of_size(1), credit)),
         (EXTRA, mean(outcomes.iter(), extra)),
         ("pairs attributed", mean(of_size(2), credit)),
+        ("triples attributed", mean(of_size(3), credit)),
         ("effects outside the library flagged", mean(outside(), |o| hit(unknown(o)))),
         ("effects outside the library located", mean(outside(), |o| hit(placed(o)))),
         ("effects outside the library located or left open", mean(outside(), |o| hit(placed(o) || left_open(o)))),

@@ -112,11 +112,13 @@ impl Driveline {
     }
 
     /// Before a recording.
-    pub fn rest(&mut self, omega_c: f64, recording: u64) {
+    pub fn rest(&mut self, omega_c: f64, recording: u64, length_s: f64) {
         let mut road = Road::new(self.seed, recording);
         self.towed_rad_s = omega_c;
-        let start = road.within(0.6, 2.4);
-        self.brake_s = [start, start + road.within(0.7, 1.6)];
+        // A drive is longer than a launch, and so is what rubs in it.
+        let longer = (length_s / 6.0).max(1.0);
+        let start = longer * road.within(0.6, 2.4);
+        self.brake_s = [start, start + longer * road.within(0.7, 1.6)];
         self.gust = road.normal();
         self.gust_filtered = self.gust;
         self.road = road;

@@ -84,7 +84,7 @@ impl Engine {
         }
         let mut road = Road::new(self.burst_seed, recording);
         // One decision each quarter second.
-        self.bursts = (0..40).map(|_| road.happens(self.burst_share)).collect();
+        self.bursts = (0..400).map(|_| road.happens(self.burst_share)).collect();
     }
 
     /// Torque at the crankshaft, before the tolerances of its report.

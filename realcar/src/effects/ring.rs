@@ -8,10 +8,14 @@ pub struct Ring {
 }
 
 impl Ring {
+    /// A line full of one value, for delays of at most `steps` fine steps.
+    pub fn full(value: f64, steps: usize) -> Self {
+        Self { values: vec![value; steps + 1], at: 0 }
+    }
+
     /// Fills the line with a value, for delays of at most `steps` fine steps.
     pub fn rest(&mut self, value: f64, steps: usize) {
-        self.values = vec![value; steps + 1];
-        self.at = 0;
+        *self = Self::full(value, steps);
     }
 
     /// Puts a value in and takes out the one of `steps` fine steps ago.

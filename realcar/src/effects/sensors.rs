@@ -107,9 +107,14 @@ impl Sensors {
         self.now = [self.late_f.step(h, omega_f), self.late_c.step(h, omega_c)];
     }
 
-    /// The speeds that are sampled at `t`, before noise; `turn` is the disc's angle, rad.
-    pub fn sample(&mut self, t: f64, dt: f64, turn: f64) -> [f64; 2] {
-        let [f, mut c] = self.now;
+    /// The speeds as they have passed delay and filter.
+    pub fn now(&self) -> [f64; 2] {
+        self.now
+    }
+
+    /// The speeds that are sampled at `t`, before noise; `turn` is the disc's angle, rad, `heard` the speeds as they have arrived.
+    pub fn sample(&mut self, t: f64, dt: f64, turn: f64, heard: [f64; 2]) -> [f64; 2] {
+        let [f, mut c] = heard;
         let above = (c.abs() - self.gain_above).max(0.0) * c.signum();
         c += self.gain_c * if self.gain_above > 0.0 { above * 1.25 } else { c };
         if self.runout != 0.0 {
