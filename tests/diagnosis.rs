@@ -6,7 +6,7 @@ use kisspoint::campaign::{self, Campaign, ReadOptions};
 use kisspoint::effects::REGISTRY;
 use kisspoint::fmu;
 use kisspoint::gap::diagnosis::{Diagnosis, DiagnosisError, diagnose};
-use realcar::{Car, Kind, draw_car_of};
+use realcar::{Car, Kind, Place, draw_car_of};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -47,7 +47,7 @@ fn everyday(kind: Kind) -> Car {
         let r = &car.campaign.recordings;
         r.len() == 9 && r.iter().all(|r| r.bench.is_none() && r.sample_rate_hz < 500.0)
     };
-    (0..1000).map(|index| draw_car_of(SEED, index, kind)).find(is_everyday).unwrap()
+    (0..1000).map(|index| draw_car_of(Place::Bench, SEED, index, kind)).find(is_everyday).unwrap()
 }
 
 /// The same car with only the recordings at these places.

@@ -3,7 +3,7 @@
 use crate::car::{Motion, Start};
 use crate::catalogue;
 use crate::channels::{Bench, Noise, Pen, Recording, Steps};
-use crate::draw::{Campaign, mix};
+use crate::draw::{Remains, mix};
 use crate::effects::{Deviation, STEP_S};
 use crate::manoeuvre::{self, Manoeuvre};
 use crate::tcu::{Tcu, Tuning};
@@ -42,12 +42,12 @@ impl Bed {
         Self { file, real, tuning, noise, rate, bench, plan, unseen, pen_seed: rng.random(), rng }
     }
 
-    pub(crate) fn record(mut self, deviation: &Deviation) -> (Campaign, Vec<Recording>) {
+    pub(crate) fn record(mut self, deviation: &Deviation) -> (Vec<Recording>, Remains) {
         let jobs: Vec<_> = self.plan.iter().chain(&self.unseen).copied().collect();
-        let mut all: Vec<_> = jobs.into_iter().enumerate().map(|(k, (what, hot))| self.one(what, hot, deviation, k as u64)).collect();
-        let unseen = all.split_off(self.plan.len());
+        let all: Vec<_> = jobs.into_iter().enumerate().map(|(k, (what, hot))| self.one(what, hot, deviation, k as u64)).collect();
         let vehicle_json = crate::write::pretty(&self.file.to_json(None));
-        (Campaign { vehicle_json, recordings: all }, unseen)
+        let noise_rad_s = self.noise.speed.hypot(Steps::BENCH.speed / 12f64.sqrt());
+        (all, Remains { vehicle_json, real: self.real, noise_rad_s, shown: self.plan.len() })
     }
 
     fn one(&mut self, what: Manoeuvre, hot: bool, deviation: &Deviation, k: u64) -> Recording {

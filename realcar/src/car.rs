@@ -242,6 +242,13 @@ impl Motion {
         }
     }
 
+    /// Moves the speeds of flywheel and disc by so many rad/s: a replay that follows a recording.
+    pub fn push(&mut self, [f, d]: [f64; 2]) {
+        self.omega_f += f;
+        self.omega_d += d;
+        self.omega_v += d;
+    }
+
     /// The speeds that the sensors give now, before noise.
     pub fn sensed(&mut self, dt: f64) -> [f64; 2] {
         let (t, turn, heard) = (self.t, self.turn, self.heard);

@@ -1,10 +1,12 @@
 //! Draws a car: its vehicle, its effects, its campaign, and recordings that the campaign does not hold.
 
 use crate::bed::Bed;
+use crate::car::{Motion, Start};
 use crate::catalogue;
 use crate::channels::Recording;
 use crate::effects::{Deviation, Dice};
 use crate::street::Street;
+use crate::vehicle::Vehicle;
 use rand::rngs::StdRng;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
@@ -54,6 +56,10 @@ pub struct TrueEffect {
     pub subsystem: &'static str,
     /// Whether the library holds it.
     pub in_library: bool,
+    /// Whether it was drawn up after the diagnosis that it is to try.
+    pub is_new: bool,
+    /// Name and value of the parameters of a library's effect of this id that come nearest to it, where their meaning agrees.
+    pub parameters: Vec<(&'static str, f64)>,
     /// The shape and magnitude that it took, for people.
     pub shape: String,
 }
@@ -74,8 +80,47 @@ pub struct Campaign {
     pub recordings: Vec<Recording>,
 }
 
+/// The car itself, to be driven again.
+#[derive(Clone, Debug)]
+pub struct Real {
+    pub(crate) vehicle: Vehicle,
+    pub(crate) deviation: Deviation,
+    pub(crate) noise_rad_s: f64,
+    /// Recordings of the campaign; those that it does not hold are counted on from there.
+    pub(crate) shown: u64,
+}
+
+impl Real {
+    /// Standard deviation of what the sensors add to a speed, their steps included, rad/s.
+    pub fn noise_rad_s(&self) -> f64 {
+        self.noise_rad_s
+    }
+
+    /// The car at the start of the unseen recording of this number, as far as its files tell: temperatures as they are noted, no grade, and an
+    /// engine that gives what it reports.
+    pub fn at_start_of(&self, r: &Recording, number: u64) -> Motion {
+        let start = Start {
+            omega: [r.omega_f_rad_s[0], r.omega_c_rad_s[0]],
+            theta: [r.theta_c0_deg_c, r.theta_b0_deg_c],
+            air: r.theta_h_deg_c[0],
+            torque: r.t_e_nm[0],
+            position: r.x_to_cmd_mm[0],
+            length_s: r.time_s.last().copied().unwrap_or(0.0),
+        };
+        Motion::start(&self.vehicle, &self.deviation, crate::street::STEP_S, start, self.shown + number)
+    }
+}
+
+/// What remains of a bed once all is recorded.
+pub(crate) struct Remains {
+    pub vehicle_json: String,
+    pub real: Vehicle,
+    pub noise_rad_s: f64,
+    pub shown: usize,
+}
+
 /// A car with its campaign, its truth, and what the campaign does not show.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Car {
     /// What the diagnosis is handed.
     pub campaign: Campaign,
@@ -83,6 +128,8 @@ pub struct Car {
     pub unseen: Vec<Recording>,
     /// What was withheld.
     pub truth: Truth,
+    /// The car itself.
+    pub real: Real,
 }
 
 /// All cars of a draw, one after the other.
@@ -142,13 +189,16 @@ pub fn draw_car_sized(place: Place, seed: u64, index: usize, kind: Kind, size: f
         let (id, subsystem, in_library) = catalogue::find(id).unwrap_or_else(|| panic!("`{id}` is not in the catalogue"));
         let mut dice = Dice::new(mix(seed, hash(id), index), size);
         let shape = deviation.set(id, &mut dice);
-        effects.push(TrueEffect { id, subsystem, in_library, shape });
+        effects.push(TrueEffect { id, subsystem, in_library, is_new: false, parameters: Vec::new(), shape });
     }
-    let (campaign, unseen) = match place {
+    let (mut all, bed) = match place {
         Place::Bench => Bed::draw(seed, index, ids).record(&deviation),
         Place::Road => Street::draw(seed, index).record(&deviation),
     };
-    Car { campaign, unseen, truth: Truth { effects } }
+    let unseen = all.split_off(bed.shown);
+    let campaign = Campaign { vehicle_json: bed.vehicle_json, recordings: all };
+    let real = Real { vehicle: bed.real, deviation, noise_rad_s: bed.noise_rad_s, shown: bed.shown as u64 };
+    Car { campaign, unseen, truth: Truth { effects }, real }
 }
 
 /// Effects of different subsystems, of which each can be told beside the others.

@@ -11,7 +11,7 @@
 //! | what is withheld | [`effects`], [`catalogue`] | one deviation per subsystem, drawn by its id |
 //! | motion on a bench | [`car`], [`tcu`], [`manoeuvre`], [`channels`] | the car, its controller, what is driven, what is recorded |
 //! | motion on the road | [`drive`], [`driver`] | legs of stop and go, driver and controller |
-//! | campaigns | [`draw`](mod@draw), [`write`](mod@write) | a whole campaign with its truth, and its files |
+//! | campaigns | [`draw`](mod@draw), [`altered`], [`write`](mod@write) | a whole campaign with its truth, what a worse logger makes of it, its files |
 //!
 //! ```
 //! let car = realcar::draw_car_of(realcar::Place::Bench, 7, 0, realcar::Kind::Single("friction_level"));
@@ -19,6 +19,7 @@
 //! assert!(car.campaign.recordings.len() >= 5);
 //! ```
 
+pub mod altered;
 mod bed;
 pub mod car;
 pub mod catalogue;
@@ -37,5 +38,6 @@ pub mod write;
 /// Version of what is drawn: equal versions and seeds draw equal cars. It changes only with a line and a reason in CHANGELOG.md.
 pub const VERSION: u32 = 2;
 
+pub use car::Motion;
 pub use channels::Recording;
-pub use draw::{Campaign, Car, Kind, Place, Settings, TrueEffect, Truth, draw, draw_car, draw_car_of, draw_car_sized, kind};
+pub use draw::{Campaign, Car, Kind, Place, Real, Settings, TrueEffect, Truth, draw, draw_car, draw_car_of, draw_car_sized, kind};

@@ -2,7 +2,7 @@
 
 use crate::car::{Motion, Outer, Start};
 use crate::channels::{Noise, Pen, Recording, Steps};
-use crate::draw::{Campaign, mix};
+use crate::draw::{Remains, mix};
 use crate::drive::Drive;
 use crate::driver::{Driver, Style, TICK_S};
 use crate::effects::Deviation;
@@ -64,11 +64,11 @@ impl Street {
         Self { file, declared, real, style, logger, drives, rng }
     }
 
-    pub(crate) fn record(mut self, deviation: &Deviation) -> (Campaign, Vec<Recording>) {
-        let mut all: Vec<_> = (0..self.drives + 2).map(|k| self.one(k, deviation)).collect();
-        let unseen = all.split_off(self.drives);
+    pub(crate) fn record(mut self, deviation: &Deviation) -> (Vec<Recording>, Remains) {
+        let all: Vec<_> = (0..self.drives + 2).map(|k| self.one(k, deviation)).collect();
         let vehicle_json = crate::write::pretty(&self.file.to_json(Some(&self.declared)));
-        (Campaign { vehicle_json, recordings: all }, unseen)
+        let noise_rad_s = self.logger.noise.speed.hypot(self.logger.steps.speed / 12f64.sqrt());
+        (all, Remains { vehicle_json, real: self.real, noise_rad_s, shown: self.drives })
     }
 
     fn one(&mut self, k: usize, deviation: &Deviation) -> Recording {

@@ -55,8 +55,13 @@ pub fn csv(r: &Recording) -> String {
     for i in 0..r.time_s.len() {
         let _ = write!(
             out,
-            "{:.4},{:.3},{:.3},{:.1},{:.mm$},{:.kelvin$}",
-            r.time_s[i], r.omega_f_rad_s[i], r.omega_c_rad_s[i], r.t_e_nm[i], r.x_to_cmd_mm[i], r.theta_h_deg_c[i]
+            "{:.4},{:.3},{},{:.1},{:.mm$},{:.kelvin$}",
+            r.time_s[i],
+            r.omega_f_rad_s[i],
+            cell(r.omega_c_rad_s[i]),
+            r.t_e_nm[i],
+            r.x_to_cmd_mm[i],
+            r.theta_h_deg_c[i]
         );
         if let Some(b) = &r.bench {
             let _ = write!(out, ",{:.3},{:.2},{:.1}", b.x_to_mm[i], b.t_fc_nm[i], b.theta_c_deg_c[i]);
@@ -67,6 +72,11 @@ pub fn csv(r: &Recording) -> String {
         out.push('\n');
     }
     out
+}
+
+/// A speed as text; blank where there is none.
+fn cell(omega: f64) -> String {
+    if omega.is_nan() { String::new() } else { format!("{omega:.3}") }
 }
 
 /// A value as text that people read.
