@@ -140,7 +140,7 @@ impl Motion {
         let front = self.vehicle.j_f + shaft.disc_share * jc;
         let carried = net * (1.0 - front / (self.vehicle.j_f + jc)) + self.vehicle.t_l0;
         for _ in 0..50 {
-            self.twist += (carried - shaft.torque(self.twist, 0.0)) / shaft.k;
+            self.twist += (carried - shaft.spring(self.twist)) / shaft.k;
         }
     }
 
@@ -160,13 +160,11 @@ impl Motion {
 
         let slip = self.omega_f - self.omega_d;
         let facing = d.thermal.facing(self.theta[0]);
-        let (drag, drag_viscous) = d.friction.drag(force);
-        let mut capacity = drag;
+        let mut capacity = d.friction.drag(force, slip);
         if force > 0.0 {
-            let factor = d.friction.factor(slip, facing, self.slip_angle);
+            let factor = d.friction.factor(slip, facing, self.slip_angle, force);
             capacity += 2.0 * map::friction_radius_m(v, slip, facing) * force * factor;
         }
-        let viscous = drag_viscous * slip;
 
         let load = d.driveline.load(h, self.t, v, self.omega_v, self.vehicle_turn) + self.outer.grade_nm;
         let inertia = d.driveline.inertia(v);
@@ -174,21 +172,21 @@ impl Motion {
         let (j_d, behind, lost) = match d.driveline.shaft {
             None => (inertia, load, 0.0),
             Some(s) => {
-                let torque = s.torque(self.twist, self.omega_d - self.omega_v);
                 let rate = self.omega_d - self.omega_v;
+                let torque = s.spring(self.twist) + s.damper(rate);
                 let j_v = inertia * (1.0 - s.disc_share);
                 let free = self.omega_v + h * (torque - load) / j_v;
                 let braked = (free * j_v / h).clamp(-self.outer.brake_nm, self.outer.brake_nm);
                 braked_w = braked * 0.5 * (self.omega_v + free - h * braked / j_v);
                 self.omega_v = free - h * braked / j_v;
-                (inertia * s.disc_share, torque, s.d * rate * rate)
+                (inertia * s.disc_share, torque, s.damper(rate) * rate)
             }
         };
         let friction_f = v.b_f * self.omega_f;
 
         // Speeds at the end of the step if the facings passed nothing, and the torque that would make them one.
-        let free_f = self.omega_f + h * (engine - friction_f - viscous) / v.j_f;
-        let free_d = self.omega_d + h * (viscous - behind) / j_d;
+        let free_f = self.omega_f + h * (engine - friction_f) / v.j_f;
+        let free_d = self.omega_d - h * behind / j_d;
         let stick = |free_d: f64| ((free_f - free_d) / (h * (1.0 / v.j_f + 1.0 / j_d))).clamp(-capacity, capacity);
         let mut dry = stick(free_d);
         let mut braked = 0.0;
@@ -208,7 +206,7 @@ impl Motion {
         let before = [self.omega_f, self.omega_d];
         self.omega_f = free_f - h * dry / v.j_f;
         self.omega_d = free_d + h * (dry - braked) / j_d;
-        self.t_fc = dry + viscous;
+        self.t_fc = dry;
 
         // Work by the mean speed of the step, which balances the kinetic energy exactly.
         let mean = [0.5 * (before[0] + self.omega_f), 0.5 * (before[1] + self.omega_d)];
@@ -242,6 +240,13 @@ impl Motion {
         }
     }
 
+    /// What came nearest in the library, added to what other recordings saw.
+    pub fn add_seen_to(&mut self, deviation: &mut Deviation) {
+        for ((_, sum), (_, here)) in deviation.seen().into_iter().zip(self.deviation.seen()) {
+            sum.add(here);
+        }
+    }
+
     /// Moves the speeds of flywheel and disc by so many rad/s: a replay that follows a recording.
     pub fn push(&mut self, [f, d]: [f64; 2]) {
         self.omega_f += f;
@@ -263,9 +268,7 @@ impl Motion {
             + match self.deviation.driveline.shaft {
                 None => kinetic(jc, self.omega_d),
                 Some(s) => {
-                    kinetic(jc * s.disc_share, self.omega_d)
-                        + kinetic(jc * (1.0 - s.disc_share), self.omega_v)
-                        + 0.5 * s.k * self.twist * self.twist
+                    kinetic(jc * s.disc_share, self.omega_d) + kinetic(jc * (1.0 - s.disc_share), self.omega_v) + s.stored_j(self.twist)
                 }
             }
     }

@@ -117,6 +117,7 @@ pub(crate) struct Remains {
     pub real: Vehicle,
     pub noise_rad_s: f64,
     pub shown: usize,
+    pub seen: Deviation,
 }
 
 /// A car with its campaign, its truth, and what the campaign does not show.
@@ -140,6 +141,11 @@ pub fn draw(settings: Settings) -> impl Iterator<Item = Car> {
 /// The car of this index: of twenty, 3 healthy, 8 with one effect (all in turn), 4 with two, 2 with three, 3 outside the library.
 pub fn draw_car(place: Place, seed: u64, index: usize) -> Car {
     draw_car_of(place, seed, index, kind(place, seed, index))
+}
+
+/// The car of this index with an effect that was not drawn while the diagnosis was made: each in turn.
+pub fn draw_new(place: Place, seed: u64, index: usize) -> Car {
+    draw_car_of(place, seed, index, Kind::Outside(turn(seed, &catalogue::NEW, index)))
 }
 
 /// What the car of this index carries, unless told otherwise.
@@ -183,18 +189,30 @@ pub fn draw_car_sized(place: Place, seed: u64, index: usize, kind: Kind, size: f
         Kind::Pair(a, b) => &[*a, *b],
         Kind::Triple(a, b, c) => &[*a, *b, *c],
     };
+    // Cars differ in how much of an effect they have, beyond the effect's own range.
+    let size = size * StdRng::seed_from_u64(mix(seed, 0x512e, index)).random_range(0.75..1.25);
     let mut deviation = Deviation::default();
-    let mut effects = Vec::new();
+    let mut effects: Vec<TrueEffect> = Vec::new();
     for id in ids {
         let (id, subsystem, in_library) = catalogue::find(id).unwrap_or_else(|| panic!("`{id}` is not in the catalogue"));
         let mut dice = Dice::new(mix(seed, hash(id), index), size);
         let shape = deviation.set(id, &mut dice);
-        effects.push(TrueEffect { id, subsystem, in_library, is_new: false, parameters: Vec::new(), shape });
+        effects.push(TrueEffect {
+            id,
+            subsystem,
+            in_library,
+            is_new: catalogue::NEW.iter().any(|new| new.0 == id),
+            parameters: Vec::new(),
+            shape,
+        });
     }
-    let (mut all, bed) = match place {
+    let (mut all, mut bed) = match place {
         Place::Bench => Bed::draw(seed, index, ids).record(&deviation),
         Place::Road => Street::draw(seed, index).record(&deviation),
     };
+    for (subsystem, seen) in bed.seen.seen() {
+        effects.iter_mut().filter(|e| e.in_library && e.subsystem == subsystem).for_each(|e| e.parameters = seen.parameters());
+    }
     let unseen = all.split_off(bed.shown);
     let campaign = Campaign { vehicle_json: bed.vehicle_json, recordings: all };
     let real = Real { vehicle: bed.real, deviation, noise_rad_s: bed.noise_rad_s, shown: bed.shown as u64 };

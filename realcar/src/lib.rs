@@ -1,8 +1,8 @@
 //! Cars whose effects are withheld from the diagnosis.
 //!
 //! A diagnosis that is only ever tried on its own plant finds its own formulas again. This crate draws cars of another
-//! make: it shares no code with the plant, integrates with another scheme, and gives every effect another shape than a
-//! library would (second-order lags, rounded hysteresis, fade as a step, play that is soft at its ends). Some cars carry
+//! make: it shares no code with the plant, integrates with another scheme, and gives every effect a law of its own, most of them smooth random
+//! functions of slip, position, temperature, speed or time, so that no library can hold their formulas. Some cars carry
 //! an effect that no library holds, and some none at all; every car differs from its vehicle file within the tolerances.
 //!
 //! | layer | module | what it holds |
@@ -36,8 +36,10 @@ pub mod vehicle;
 pub mod write;
 
 /// Version of what is drawn: equal versions and seeds draw equal cars. It changes only with a line and a reason in CHANGELOG.md.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 
 pub use car::Motion;
 pub use channels::Recording;
-pub use draw::{Campaign, Car, Kind, Place, Real, Settings, TrueEffect, Truth, draw, draw_car, draw_car_of, draw_car_sized, kind};
+pub use draw::{
+    Campaign, Car, Kind, Place, Real, Settings, TrueEffect, Truth, draw, draw_car, draw_car_of, draw_car_sized, draw_new, kind,
+};

@@ -45,6 +45,7 @@ pub(crate) struct Street {
     logger: Logger,
     drives: usize,
     rng: StdRng,
+    seen: Deviation,
 }
 
 impl Street {
@@ -61,17 +62,24 @@ impl Street {
         let jitter = if rng.random_bool(0.6) { Jitter::Task(part) } else { Jitter::Stamp(part) };
         let logger = Logger { noise, steps: Steps::draw_bus(&mut rng), every, jitter };
         let drives = rng.random_range(2..=5);
-        Self { file, declared, real, style, logger, drives, rng }
+        Self { file, declared, real, style, logger, drives, rng, seen: Deviation::default() }
     }
 
     pub(crate) fn record(mut self, deviation: &Deviation) -> (Vec<Recording>, Remains) {
-        let all: Vec<_> = (0..self.drives + 2).map(|k| self.one(k, deviation)).collect();
+        let mut all = Vec::new();
+        for k in 0..self.drives + 2 {
+            let (recording, mut car) = self.one(k, deviation);
+            if k < self.drives {
+                car.add_seen_to(&mut self.seen);
+            }
+            all.push(recording);
+        }
         let vehicle_json = crate::write::pretty(&self.file.to_json(Some(&self.declared)));
         let noise_rad_s = self.logger.noise.speed.hypot(self.logger.steps.speed / 12f64.sqrt());
-        (all, Remains { vehicle_json, real: self.real, noise_rad_s, shown: self.drives })
+        (all, Remains { vehicle_json, real: self.real, noise_rad_s, shown: self.drives, seen: self.seen })
     }
 
-    fn one(&mut self, k: usize, deviation: &Deviation) -> Recording {
+    fn one(&mut self, k: usize, deviation: &Deviation) -> (Recording, Motion) {
         let rng = &mut self.rng;
         let drive = Drive { length_s: rng.random_range(20.0..80.0), held: rng.random_bool(0.6), seed: rng.random() };
         // Each second drive follows another one.
@@ -119,7 +127,15 @@ struct Road {
     wander: Wander,
 }
 
-fn record(real: &Vehicle, deviation: &Deviation, mut road: Road, mut driver: Driver, mut pen: Pen, logger: &Logger, k: u64) -> Recording {
+fn record(
+    real: &Vehicle,
+    deviation: &Deviation,
+    mut road: Road,
+    mut driver: Driver,
+    mut pen: Pen,
+    logger: &Logger,
+    k: u64,
+) -> (Recording, Motion) {
     let mut r = Recording {
         manoeuvre: "drive",
         sample_rate_hz: 1.0 / (TICK_S * logger.every as f64),
@@ -172,5 +188,38 @@ fn record(real: &Vehicle, deviation: &Deviation, mut road: Road, mut driver: Dri
         car.drive(next - now, command.torque, command.position);
         now = next;
     }
-    r
+    (r, car)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::Dice;
+
+    /// Work of the engine is stored, turned to heat, or lost to road and brakes, over whole drives.
+    #[test]
+    fn a_drive_balances_its_energy() {
+        for id in ["", "driveline_compliance", "clutch_drag"] {
+            let mut deviation = Deviation::default();
+            if !id.is_empty() {
+                deviation.set(id, &mut Dice::new(9, 1.0));
+            }
+            let mut street = Street::draw(3, 1);
+            let (r, car) = street.one(0, &deviation);
+            let start = 0.5 * street.real.j_f * r.omega_f_rad_s[0].powi(2);
+            let off = car.engine_j - (car.stored_j() - start) - car.heat_j - car.road_j;
+            assert!(car.heat_j > 2000.0 && car.road_j > 2000.0, "{id}: {} J of heat", car.heat_j);
+            assert!(off.abs() < 4e-3 * car.heat_j, "{id}: {off} J of {} J", car.heat_j);
+        }
+    }
+
+    /// Disc, body and air take up the heat of the clutch.
+    #[test]
+    fn a_drive_warms_its_clutch() {
+        let mut street = Street::draw(3, 1);
+        let (r, car) = street.one(0, &Deviation::default());
+        let hottest = car.heat_j / street.real.c_1;
+        assert!(car.theta[0] > r.theta_c0_deg_c - 60.0 && car.theta[0] < r.theta_c0_deg_c + 60.0 + hottest, "{:?}", car.theta);
+        assert!(car.theta.iter().all(|t| t.is_finite() && (-20.0..320.0).contains(t)), "{:?}", car.theta);
+    }
 }

@@ -1,6 +1,6 @@
 //! What is promised about drawn cars.
 
-use realcar::catalogue::{LIBRARY, OUTSIDE};
+use realcar::catalogue::{LIBRARY, NEW, OUTSIDE};
 use realcar::{Kind, Place, Recording, draw_car, draw_car_of, draw_car_sized, kind};
 
 /// A car with all manoeuvres, slow samples and a quiet bench: the same numbers for every effect.
@@ -14,7 +14,7 @@ fn index_with_everything(seed: u64) -> usize {
 }
 
 fn kinds() -> impl Iterator<Item = Kind> {
-    LIBRARY.iter().map(|e| Kind::Single(e.0)).chain(OUTSIDE.iter().map(|e| Kind::Outside(e.0)))
+    LIBRARY.iter().map(|e| Kind::Single(e.0)).chain(OUTSIDE.iter().chain(&NEW).map(|e| Kind::Outside(e.0)))
 }
 
 /// RMS change of the two speeds over a recording, rad/s.
@@ -53,6 +53,7 @@ fn every_effect_changes_what_is_recorded() {
         let car = draw_car_of(Place::Bench, 11, i, k);
         let pairs = healthy.campaign.recordings.iter().zip(&car.campaign.recordings);
         let largest = pairs.map(|(a, b)| change(a, b)).fold(0.0, f64::max);
+        println!("{k:?}: {largest:.3} rad/s; {:?} {:?}", car.truth.effects[0].shape, car.truth.effects[0].parameters);
         // The largest noise of a car's speeds is 0.26 rad/s.
         if largest < 0.5 {
             faint.push(format!("{k:?}: {largest:.3} rad/s"));

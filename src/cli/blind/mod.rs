@@ -43,6 +43,9 @@ pub struct Args {
     /// Draw bench campaigns that a worse logger wrote: every alteration in turn
     #[arg(long)]
     altered: bool,
+    /// Draw only effects outside the library that nobody had drawn while the diagnosis was made
+    #[arg(long, conflicts_with = "altered")]
+    new_outside: bool,
     /// Keep the campaigns and their answers in this folder
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
@@ -65,7 +68,8 @@ impl Args {
             return Subject { car, alteration: Some(alteration) };
         }
         let place = if self.road { Place::Road } else { Place::Bench };
-        Subject { car: realcar::draw_car(place, seed, index), alteration: None }
+        let car = if self.new_outside { realcar::draw_new(place, seed, index) } else { realcar::draw_car(place, seed, index) };
+        Subject { car, alteration: None }
     }
 
     fn what(&self) -> &'static str {

@@ -145,6 +145,7 @@ fn drawn(outcomes: &[Outcome]) -> Vec<Score> {
         table.push(share(format!("{mark}: located"), outside(new), |o| yes(placed(o))));
         table.push(share(format!("{mark}: located or left open"), outside(new), |o| yes(placed(o) || left_open(o))));
     }
+    table.retain(|s| s.count > 0);
     let count = outcomes.len();
     let mean = outcomes.iter().map(extra).sum::<usize>() as f64 / count as f64;
     let variance = outcomes.iter().map(|o| (extra(o) as f64 - mean).powi(2)).sum::<f64>() / count as f64;
