@@ -13,7 +13,7 @@ use realcar::effects::{Deviation, Dice};
 use realcar::{Motion, car, vehicle};
 
 /// Least share of an effect that the library may not be able to imitate.
-const LEAST_LEFT: f64 = 0.02;
+const LEAST_LEFT: f64 = 0.015;
 
 /// What the two simulators and the fit may leave of a law that is shared.
 const MOST_LEFT_OF_SHARED: f64 = 0.002;
@@ -137,14 +137,32 @@ fn left(change: &DVector<f64>, id: &str, file: &Vehicle, path: &Path) -> f64 {
     let null = library(file, &effects::null(), path);
     let of = |p: &Parameters| minus(&library(file, p, path), &null);
     let mut best = f64::INFINITY;
+    let mut starts: Vec<Parameters> = Vec::new();
     for start in entry.effect.starts {
         for part in [0.5, 1.0] {
             let mut p = effects::null();
             for (k, value) in start.iter() {
                 p[*k] = PARAMETERS[*k].null + part * (value - PARAMETERS[*k].null);
             }
-            best = best.min(fit(change, entry, p, of));
+            starts.push(p);
         }
+    }
+    // An order is found from nearby alone: the orders that are drawn, each from four sides.
+    if let Some(order) = entry.parameters.clone().find(|&k| PARAMETERS[k].name == "order") {
+        let turned: Vec<Parameters> = [0.5, 1.0, 2.0]
+            .into_iter()
+            .flat_map(|n| [[0.2, 0.0], [-0.2, 0.0], [0.0, 0.2], [0.0, -0.2]].map(|sides| (n, sides)))
+            .map(|(n, sides)| {
+                let mut p = effects::null();
+                entry.effect.amplitudes.iter().zip(sides).for_each(|(&k, value)| p[k] = value);
+                p[order] = n;
+                p
+            })
+            .collect();
+        starts.extend(turned);
+    }
+    for p in starts {
+        best = best.min(fit(change, entry, p, of));
     }
     (best / change.norm_squared()).sqrt()
 }

@@ -53,13 +53,13 @@ impl Engine {
         let shape = match id {
             "engine_torque_gain" => {
                 self.gain = dice.either(0.06, 0.16);
-                self.rough = dice.within(0.2, 0.4);
+                self.rough = dice.within(0.15, 0.3);
                 self.gain_map = Surface::draw(dice, TORQUES, SPEEDS, 0.4);
                 self.seen = Seen::of(&["gain"]);
                 format!("factor {:.3}, uneven by {:.2} of it", 1.0 + self.gain, self.rough)
             }
             "engine_torque_bias" => {
-                self.rough = dice.within(0.2, 0.4);
+                self.rough = dice.within(0.15, 0.3);
                 if dice.shape(2) == 0 {
                     self.bias_nm = dice.either(2.3, 5.5);
                     self.bias_map = Curve::draw(dice, SPEEDS[0], SPEEDS[1], 0.2);

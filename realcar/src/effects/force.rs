@@ -109,7 +109,7 @@ impl Force {
             "kiss_point_offset" => {
                 self.kiss_mm = dice.either(0.10, 0.25);
                 self.closed_mm = dice.within(0.0, 1.0) * self.kiss_mm;
-                self.rough *= 0.7;
+                self.rough *= 0.5;
                 self.seen = Seen::of(&["offset", "closed_offset"]);
                 format!("first contact {:+.3} mm, closed {:+.3} mm, uneven by {:.2}", self.kiss_mm, self.closed_mm, self.rough)
             }

@@ -59,7 +59,7 @@ impl Friction {
             "friction_level" => {
                 self.level = dice.either(0.08, 0.19);
                 self.level_wanders = [0.0, 0.05][dice.shape(2)];
-                self.rough = dice.within(0.1, 0.25);
+                self.rough = dice.within(0.08, 0.2);
                 self.level_map = Surface::draw(dice, SLIPS, [15.0, 160.0], 0.5);
                 self.seed = dice.seed();
                 self.seen = Seen::of(&["factor"]);

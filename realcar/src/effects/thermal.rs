@@ -49,7 +49,7 @@ impl Thermal {
         let shape = match id {
             "heat_partition" => {
                 self.share = dice.either(0.15, 0.33);
-                self.rough = dice.within(0.25, 0.5);
+                self.rough = dice.within(0.2, 0.4);
                 self.uneven = Curve::draw(dice, 0.0, 130.0, 0.3);
                 self.seen = Seen::of(&["share_change"]);
                 format!("share {:.3}, uneven by {:.2} along slip", 0.5 + self.share, self.rough)

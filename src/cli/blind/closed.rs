@@ -39,10 +39,10 @@ pub struct Closed {
 }
 
 impl Closed {
-    /// Share of the gap above the floor that is gone; none where the gap hardly stands out of the floor.
+    /// Share of the gap above the floor that is gone; none where the gap does not stand out of the floor by a fifth of it.
     pub fn fraction(&self) -> Option<f64> {
         let above = self.before - self.floor;
-        (above > 0.1 * self.floor).then(|| ((self.before - self.after) / above).min(1.0))
+        (above > 0.2 * self.floor).then(|| ((self.before - self.after) / above).min(1.0))
     }
 }
 
@@ -185,4 +185,41 @@ fn free_replay<T: Replayed>(r: &Recording, (first, last): (usize, usize), mut ca
         }
     }
     sums.map(|s| (s / (last + 1 - first) as f64).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use realcar::{Car, Kind, Place, draw_car_of};
+    use serde_json::json;
+
+    fn gap(car: &Car, parameters: &Value) -> Closed {
+        on(&car.unseen, &car.campaign.vehicle_json, parameters, &car.real).unwrap()
+    }
+
+    #[test]
+    fn an_answer_that_changes_nothing_closes_nothing() {
+        for place in [Place::Bench, Place::Road] {
+            let c = gap(&draw_car_of(place, 4, 1, Kind::Single("vehicle_mass")), &json!({}));
+            assert_eq!(c.before, c.after);
+            assert!(c.before > 1.5 * c.floor && c.fraction() == Some(0.0), "{place:?}: {c:?}");
+        }
+        assert_eq!(on(&[], "{}", &Value::Null, &draw_car_of(Place::Bench, 4, 2, Kind::Healthy).real), None);
+    }
+
+    /// With the true mass nearly nothing is left above the floor.
+    #[test]
+    fn the_true_size_of_an_effect_closes_the_gap() {
+        for place in [Place::Bench, Place::Road] {
+            let closed: Vec<f64> = (0..3)
+                .filter_map(|index| {
+                    let car = draw_car_of(place, 4, index, Kind::Single("vehicle_mass"));
+                    let (_, factor) = *car.truth.effects[0].parameters.first()?;
+                    gap(&car, &json!({"effect.vehicle_mass.factor": factor})).fraction()
+                })
+                .collect();
+            let mean = closed.iter().sum::<f64>() / closed.len() as f64;
+            assert!(closed.len() > 1 && mean > 0.5, "{place:?}: {closed:?}");
+        }
+    }
 }
