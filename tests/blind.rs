@@ -1,5 +1,6 @@
 //! `kisspoint blind` as a command: what it refuses, what it keeps, and what it leaves behind.
 
+use kisspoint::campaign::{self, ReadOptions};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -60,6 +61,23 @@ fn campaigns_are_kept_with_their_answers_and_drawn_again_alike() {
         assert_eq!(answers.as_object().unwrap().keys().collect::<Vec<_>>(), ["case_001", "case_002", "case_003"]);
         for file in ["answers.json", "case_002/vehicle.json", "case_002/recordings.json", "case_002/r01.csv"] {
             assert_eq!(read(&once.0, file), read(&again.0, file), "{kind} {file}");
+        }
+    }
+}
+
+/// What is drawn is what the reader takes: drives as they are, and what a worse logger wrote with a word at most.
+#[test]
+fn drawn_campaigns_are_read_whole() {
+    let (road, altered) = (Folder::new("road"), Folder::new("altered"));
+    assert!(draw(&["--road", "--cars", "2", "--seed", "8"], &road.0).status.success());
+    assert!(draw(&["--altered", "--cars", "14", "--seed", "8"], &altered.0).status.success());
+    for (folder, cars, strict) in [(&road, 2, true), (&altered, 14, false)] {
+        for k in 1..=cars {
+            let path = folder.0.join(format!("case_{k:03}"));
+            let options = ReadOptions { strict, ..ReadOptions::default() };
+            let read = campaign::read(&path, &options).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+            let index: serde_json::Value = serde_json::from_str(&self::read(&path, "recordings.json")).unwrap();
+            assert_eq!((read.recordings.len(), read.left_out.len()), (index.as_object().unwrap().len(), 0), "{}", path.display());
         }
     }
 }

@@ -74,7 +74,7 @@ pub fn draw_altered(seed: u64, index: usize) -> (Car, Alteration) {
     let mut car = (index * 1000..)
         .filter(|&i| wants(kind(Place::Bench, seed, i)))
         .map(|i| draw_car_sized(Place::Bench, seed, i, kind(Place::Bench, seed, i), size))
-        .find(|car| car.campaign.recordings[0].sample_rate_hz < 500.0)
+        .find(|car| car.campaign.recordings[0].sample_rate_hz == 100.0)
         .expect("most cars are logged at 100 Hz");
     let mut rng = StdRng::seed_from_u64(mix(seed, 0xa17e, index));
     let count = car.campaign.recordings.len();

@@ -62,6 +62,25 @@ fn every_effect_changes_what_is_recorded() {
     assert!(faint.is_empty(), "{faint:?}");
 }
 
+/// All that could tell a car's answer but its behaviour: names, order, sizes and noise.
+#[test]
+fn the_answer_is_not_in_the_files() {
+    for i in 0..3 {
+        let plain = draw_car_of(Place::Bench, 31, i, Kind::Healthy);
+        for id in ["friction_level", "actuator_backlash", "engine_speed_delay"] {
+            let car = draw_car_of(Place::Bench, 31, i, Kind::Single(id));
+            assert_eq!(car.campaign.vehicle_json, plain.campaign.vehicle_json);
+            assert_eq!(car.campaign.recordings.len(), plain.campaign.recordings.len());
+            for (a, b) in car.campaign.recordings.iter().zip(&plain.campaign.recordings) {
+                assert_eq!((a.manoeuvre, a.sample_rate_hz, a.bench.is_some()), (b.manoeuvre, b.sample_rate_hz, b.bench.is_some()));
+                assert_eq!((a.theta_c0_deg_c, a.theta_b0_deg_c, &a.time_s), (b.theta_c0_deg_c, b.theta_b0_deg_c, &b.time_s));
+                // Nothing has acted yet: the same noise on the same speeds.
+                assert_eq!((a.omega_f_rad_s[0], a.omega_c_rad_s[0]), (b.omega_f_rad_s[0], b.omega_c_rad_s[0]));
+            }
+        }
+    }
+}
+
 #[test]
 fn columns_are_whole_and_finite() {
     for i in 0..12 {
