@@ -82,8 +82,12 @@ impl Street {
     fn one(&mut self, k: usize, deviation: &Deviation) -> (Recording, Motion) {
         let rng = &mut self.rng;
         let drive = Drive { length_s: rng.random_range(20.0..80.0), held: rng.random_bool(0.6), seed: rng.random() };
-        // Each second drive follows another one.
-        let disc: f64 = if k % 2 == 1 { rng.random_range(65.0..125.0) } else { rng.random_range(12.0..48.0) };
+        // Each second drive follows another one, and the first of them a hard one: what fades only when hot has its chance.
+        let disc: f64 = match k {
+            1 => rng.random_range(100.0..140.0),
+            k if k % 2 == 1 => rng.random_range(65.0..130.0),
+            _ => rng.random_range(12.0..48.0),
+        };
         let body = 22.0 + 0.6 * (disc - 22.0) + rng.random_range(-6.0..6.0);
         let noted = [disc, body].map(|theta| {
             let z: f64 = StandardNormal.sample(rng);

@@ -1,7 +1,10 @@
 //! What is promised about drawn cars.
 
+use realcar::car::Start;
 use realcar::catalogue::{LIBRARY, NEW, OUTSIDE};
-use realcar::{Kind, Place, Recording, draw_car, draw_car_of, draw_car_sized, kind};
+use realcar::effects::{Deviation, Dice};
+use realcar::vehicle::Vehicle;
+use realcar::{Kind, Motion, Place, Recording, draw_car, draw_car_of, draw_car_sized, kind};
 
 /// A car with all manoeuvres, slow samples and a quiet bench: the same numbers for every effect.
 fn index_with_everything(seed: u64) -> usize {
@@ -33,15 +36,34 @@ fn a_car_is_drawn_again_bit_for_bit() {
     assert_ne!(draw_car(Place::Bench, 5, 3).campaign, draw_car(Place::Bench, 6, 3).campaign);
 }
 
+/// A launch, a shift of load and an opening, step by step, as bits.
+fn ride(deviation: &Deviation) -> Vec<u64> {
+    let vehicle = Vehicle::reference();
+    let start = Start { omega: [130.0, 0.0], theta: [95.0, 60.0], air: 25.0, torque: 20.0, position: 3.6, length_s: 2.4 };
+    let mut car = Motion::start(&vehicle, deviation, 1e-4, start, 3);
+    let mut bits = Vec::new();
+    for k in 0..240 {
+        let t = 0.01 * f64::from(k);
+        let position = if t < 2.0 { 3.6 + 2.6 * t.min(1.1) + 0.2 * (7.0 * t).sin() } else { 3.4 };
+        car.drive(0.01, 35.0 + 15.0 * (3.0 * t).sin(), position);
+        let [f, c] = car.sensed(0.01);
+        bits.extend([f, c, car.x, car.t_fc, car.theta[0], car.theta[1]].map(f64::to_bits));
+    }
+    bits
+}
+
 #[test]
 fn an_effect_of_no_size_leaves_the_healthy_car() {
-    let i = index_with_everything(11);
-    let healthy = draw_car_of(Place::Bench, 11, i, Kind::Healthy);
-    for k in kinds() {
-        let null = draw_car_sized(Place::Bench, 11, i, k, 0.0);
-        assert_eq!(null.campaign, healthy.campaign, "{k:?}");
-        assert_eq!(null.unseen, healthy.unseen, "{k:?}");
+    let healthy = ride(&Deviation::default());
+    for (id, _) in LIBRARY.iter().chain(&OUTSIDE).chain(&NEW) {
+        for seed in 0..4 {
+            let mut null = Deviation::default();
+            null.set(id, &mut Dice::new(seed, 0.0));
+            assert!(ride(&null) == healthy, "{id}");
+        }
     }
+    let null = draw_car_sized(Place::Road, 11, 1, Kind::Single("vehicle_mass"), 0.0);
+    assert_eq!(null.campaign, draw_car_of(Place::Road, 11, 1, Kind::Healthy).campaign);
 }
 
 #[test]

@@ -12,7 +12,7 @@ fn drives(cars: usize) -> impl Iterator<Item = (usize, Recording)> {
 
 #[test]
 fn a_campaign_holds_drives_as_a_logger_gives_them() {
-    for i in 0..8 {
+    for i in 0..4 {
         let car = healthy(i);
         assert!((2..=5).contains(&car.campaign.recordings.len()));
         let file: serde_json::Value = serde_json::from_str(&car.campaign.vehicle_json).unwrap();
@@ -38,7 +38,7 @@ fn a_campaign_holds_drives_as_a_logger_gives_them() {
 #[test]
 fn drives_stop_and_go() {
     let (mut engagements, mut count) = (0, 0);
-    for (i, r) in drives(8) {
+    for (i, r) in drives(4) {
         let brake = r.brake.as_ref().unwrap();
         let closed = r.x_to_cmd_mm.iter().copied().fold(0.0, f64::max);
         let locked = |k: usize| r.x_to_cmd_mm[k] > closed - 0.05 && (r.omega_f_rad_s[k] - r.omega_c_rad_s[k]).abs() < 6.0;
@@ -63,9 +63,9 @@ fn drives_stop_and_go() {
 /// All that could tell a car's answer but its behaviour: names, order, sizes and noise.
 #[test]
 fn the_answer_is_not_in_the_files() {
-    for i in 0..3 {
+    for i in 0..2 {
         let plain = healthy(i);
-        for id in ["friction_level", "engine_torque_bias", "actuator_delay", "clutch_speed_delay"] {
+        for id in ["friction_level", "clutch_speed_delay"] {
             let car = draw_car_of(Place::Road, 21, i, Kind::Single(id));
             assert_eq!(car.campaign.vehicle_json, plain.campaign.vehicle_json);
             assert_eq!(car.campaign.recordings.len(), plain.campaign.recordings.len());

@@ -110,7 +110,8 @@ impl Actuator {
             }
             "actuator_leak" => {
                 self.leak_mm_s = dice.magnitude(0.06, 0.16);
-                self.leak_tau_s = if dice.shape(2) == 0 { 100.0 } else { dice.within(0.8, 1.5) };
+                // What leaks is refilled in the end: a clutch that is held for a minute does not open by itself.
+                self.leak_tau_s = if dice.shape(2) == 0 { 4.0 } else { dice.within(0.8, 1.5) };
                 format!("{:.3} mm/s, refilled in {:.1} s", self.leak_mm_s, self.leak_tau_s)
             }
             "stepped_bearing" => {

@@ -85,7 +85,7 @@ impl Thermal {
             }
             "moisture_plateau" => {
                 self.moisture = dice.magnitude(3.5, 8.0);
-                self.boils_c = dice.within(62.0, 88.0);
+                self.boils_c = dice.within(50.0, 68.0);
                 format!("{:.1} times the heat capacity about {:.0} °C", 1.0 + self.moisture, self.boils_c)
             }
             _ => return None,
@@ -122,7 +122,7 @@ impl Thermal {
             factor = (1.0 + more).max(0.05);
         }
         // What boils takes heat within a few kelvin, on the way up and on the way down.
-        let near = (disc - self.boils_c) / 7.0;
+        let near = (disc - self.boils_c) / 10.0;
         let c_1 = v.c_1 * (1.0 + self.moisture * (-near * near).exp());
         if touching {
             let more = self.share * (1.0 + self.rough * self.uneven.at(slip));

@@ -18,8 +18,8 @@ use serde_json::Value;
 /// Longest free replay of an engagement, s.
 const LONGEST_S: f64 = 5.0;
 
-/// Memory with which a replay follows a drive between engagements, s.
-const MEMORY_S: f64 = 0.1;
+/// Memory with which a replay follows a drive between engagements, s: longer than any speed is late, or the pull would swing.
+const MEMORY_S: f64 = 0.3;
 
 /// Disc speed below which a car is at rest, rad/s.
 const AT_REST_RAD_S: f64 = 2.0;
