@@ -21,17 +21,6 @@ pub enum Place {
     Road,
 }
 
-/// How many cars, and which.
-#[derive(Clone, Copy, Debug)]
-pub struct Settings {
-    /// Where they are recorded.
-    pub place: Place,
-    /// Seed of the whole draw.
-    pub seed: u64,
-    /// Number of cars.
-    pub cars: usize,
-}
-
 /// What a car carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -131,11 +120,6 @@ pub struct Car {
     pub truth: Truth,
     /// The car itself.
     pub real: Real,
-}
-
-/// All cars of a draw, one after the other.
-pub fn draw(settings: Settings) -> impl Iterator<Item = Car> {
-    (0..settings.cars).map(move |index| draw_car(settings.place, settings.seed, index))
 }
 
 /// The car of this index: of twenty, 3 healthy, 8 with one effect (all in turn), 4 with two, 2 with three, 3 outside the library.
