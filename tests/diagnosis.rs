@@ -6,7 +6,7 @@ use kisspoint::campaign::{self, Campaign, ReadOptions};
 use kisspoint::effects::REGISTRY;
 use kisspoint::fmu;
 use kisspoint::gap::diagnosis::{Diagnosis, DiagnosisError, diagnose};
-use realcar::{Car, Kind, draw_car_of};
+use realcar::{Car, Kind, Place, draw_car_of};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -45,9 +45,9 @@ impl Drop for Folder {
 fn everyday(kind: Kind) -> Car {
     let is_everyday = |car: &Car| {
         let r = &car.campaign.recordings;
-        r.len() == 9 && r.iter().all(|r| r.bench.is_none() && r.sample_rate_hz < 500.0)
+        r.len() == 9 && r.iter().all(|r| r.bench.is_none() && r.sample_rate_hz == 100.0)
     };
-    (0..1000).map(|index| draw_car_of(SEED, index, kind)).find(is_everyday).unwrap()
+    (0..1000).map(|index| draw_car_of(Place::Bench, SEED, index, kind)).find(is_everyday).unwrap()
 }
 
 /// The same car with only the recordings at these places.

@@ -115,15 +115,15 @@ fn corrections_move_both_sides_apart_or_together() {
     let mut bench = Bench::held(100.0, 50.0, 25.0, 5.0);
     (bench.vehicle.driveline.J_f, bench.vehicle.driveline.J_c) = (0.2, 0.6);
     let mut slipping = bench.run(&effects::null(), 0.0);
-    slipping.correct_speeds(2.0, -3.0);
+    slipping.correct_speeds([2.0, -3.0], [0.0; 2], 0.0);
     assert_eq!((slipping.outputs().omega_f, slipping.outputs().omega_c, slipping.state().y[index::OMEGA_V]), (102.0, 47.0, 47.0));
     // Once the disc is the faster one, the clutch pulls the other way.
-    slipping.correct_speeds(-60.0, 0.0);
+    slipping.correct_speeds([-60.0, 0.0], [0.0; 2], 0.0);
     close("torque", slipping.outputs().t_fc, -torque(5.0, MU), 1e-9);
     bench.start.omega_c = 100.0;
     let mut stuck = bench.run(&effects::null(), 0.0);
     assert_eq!(stuck.outputs().phase, Phase::Locked);
-    stuck.correct_speeds(4.0, 1.0);
+    stuck.correct_speeds([4.0, 1.0], [0.0; 2], 0.0);
     // The momentum that both corrections carry: 0.2 · 4 + 0.6 · 1 = 0.8 · 1.75.
     for speed in [stuck.outputs().omega_f, stuck.outputs().omega_c, stuck.state().y[index::OMEGA_V]] {
         close("common speed", speed, 101.75, 1e-12);
