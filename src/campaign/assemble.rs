@@ -5,6 +5,7 @@ use super::channel_map::ChannelMap;
 use super::channels::{Channel, Lasting};
 use super::checks;
 use super::clock::{Gap, middle};
+use super::doubt;
 use super::error::RecordingError;
 use super::manifest::Entry;
 use super::pick::{Signal, pick};
@@ -25,13 +26,16 @@ pub(crate) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry) -> R
     notes.extend(picked.notes);
     let mut signals = picked.signals;
     set_aside(&mut signals, &mut notes);
-    let tracks = tracks(&m, signals, &mut notes)?;
+    notes.extend(signals.iter_mut().filter_map(|s| doubt::faults(&m, s)));
+    let mut tracks = tracks(&m, signals, &mut notes)?;
     check_rate(&m, &tracks, entry, &mut notes)?;
     let (start, end) = span(&m, &tracks, &mut notes)?;
     // After the clock: three samples are too short to be called a wrong unit.
     for track in &tracks {
         checks::plausible(&m, &track.signal, entry)?;
     }
+    // A sensor's dead band bounds nothing: the speed is not known there, and the recording goes on.
+    notes.extend(tracks.iter_mut().filter_map(|t| below_threshold(&mut t.signal)));
     let mut time = rows(tracks.iter().map(|t| &t.signal).filter(|s| s.channel != Channel::ThetaH), start, end);
     note_gaps(&m, &tracks, end, &mut notes);
     let labels: Vec<(Channel, String)> = tracks.iter().map(|t| (t.signal.channel, t.signal.label.clone())).collect();
@@ -63,6 +67,15 @@ fn set_aside(signals: &mut Vec<Signal>, notes: &mut Vec<String>) {
     if most > 0 {
         notes.push(format!("{}: {} marked as not to be believed and left out", mark.label, plural(most, "sample")));
     }
+}
+
+/// Takes out the zeros of a speed sensor that reads nothing below its threshold.
+fn below_threshold(signal: &mut Signal) -> Option<String> {
+    let speed = matches!(signal.channel, Channel::OmegaF | Channel::OmegaC);
+    let (threshold, zeros) = doubt::dead_band(&signal.time, &signal.values).filter(|_| speed)?;
+    zeros.iter().for_each(|&i| signal.values[i] = f64::NAN);
+    let (label, count) = (&signal.label, plural(zeros.len(), "zero"));
+    Some(format!("{label}: the sensor reads 0 below {threshold:.3} rad/s; what it does there is not known ({count} left out)"))
 }
 
 /// Reports the gaps in which sensors say nothing and inputs hold their value; channels with the same gaps in one note.

@@ -14,6 +14,7 @@ mod channels;
 mod checks;
 mod clock;
 mod csv;
+mod doubt;
 mod error;
 mod folder;
 mod guess;

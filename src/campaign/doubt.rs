@@ -1,0 +1,276 @@
+//! Samples that are not to be believed: codes for "not available", spikes, and zeros below a speed sensor's threshold.
+//!
+//! | kind | what it is | how it is found |
+//! |---|---|---|
+//! | beyond | a value that no car reaches | rare, and outside the bounds of its quantity; common ones are a wrong unit, see [`super::checks`] |
+//! | code | one value, again and again, that stands for "not available" (0xFF… in the frame) | the channel's greatest or least value, further from the next one than all others are from each other |
+//! | spike | a sample of a speed that both sides contradict | see [`spikes`] |
+//! | dead band | zeros of a speed that passes through the values next to zero | see [`dead_band`] |
+//!
+//! The first three are faults and reported as such. A dead band is how the sensor works: below it the speed is not known.
+
+use super::channels::Channel;
+use super::pick::Signal;
+use super::table::Measurement;
+
+/// Faults may be at most this part of a channel's samples; more is no fault but another unit or channel.
+const RARE: f64 = 0.05;
+
+/// Different values that a channel must have beside a code: two or three say nothing about how far values lie apart.
+const SEVERAL: usize = 8;
+
+/// A spike is this many times larger than what the samples around it do.
+const FAR: f64 = 10.0;
+
+/// Longest spike, samples.
+const LONGEST_SPIKE: usize = 3;
+
+/// Samples on either side of a spike that say how rough the signal is there.
+const AROUND: usize = 6;
+
+/// Sets faults to NaN; the note says how many, where the first is, and what it reads.
+pub(crate) fn faults(m: &Measurement, signal: &mut Signal) -> Option<String> {
+    let found = if quantum(&signal.values) > 0.0 { all(signal) } else { Vec::new() };
+    let &(first, _) = found.first()?;
+    let value = signal.values[first];
+    let mut kinds: Vec<&str> = found.iter().map(|(_, kind)| *kind).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    let (count, at, unit) = (found.len(), m.row_text(first), signal.channel.spec().unit);
+    let samples = if count == 1 { "1 sample is" } else { &format!("{count} samples are") };
+    for (i, _) in &found {
+        signal.values[*i] = f64::NAN;
+    }
+    Some(format!("{}: {samples} not believed and left out ({}), the first at {at}: {value} {unit}", signal.label, kinds.join(", ")))
+}
+
+/// Samples that are not to be believed with the reason, in order.
+fn all(signal: &Signal) -> Vec<(usize, &'static str)> {
+    let mut values = signal.values.clone();
+    let mut found = Vec::new();
+    let mut take = |values: &mut [f64], at: Vec<usize>, why| {
+        at.iter().for_each(|&i| values[i] = f64::NAN);
+        found.extend(at.into_iter().map(|i| (i, why)));
+    };
+    let at = beyond(signal.channel, &values);
+    take(&mut values, at, "no car reaches that value");
+    let at = code(&values);
+    take(&mut values, at, "a code for \"not available\"");
+    if matches!(signal.channel, Channel::OmegaF | Channel::OmegaC) {
+        let at = spikes(&signal.time, &values);
+        take(&mut values, at, "contradicted by the samples around");
+    }
+    found.sort_unstable();
+    found
+}
+
+/// Rare samples outside what the quantity can be.
+fn beyond(channel: Channel, values: &[f64]) -> Vec<usize> {
+    let (low, high) = match channel {
+        Channel::OmegaF | Channel::OmegaC => (-1500.0, 1500.0),
+        Channel::TE | Channel::TFc => (-3000.0, 3000.0),
+        Channel::XToCmd | Channel::XTo => (-100.0, 100.0),
+        Channel::ThetaH => (-60.0, 200.0),
+        Channel::ThetaC => (-60.0, 1000.0),
+        Channel::Time | Channel::Brake | Channel::Valid => return Vec::new(),
+    };
+    let at: Vec<usize> = (0..values.len()).filter(|&i| values[i] < low || values[i] > high).collect();
+    if is_rare(at.len(), values) { at } else { Vec::new() }
+}
+
+fn is_rare(count: usize, values: &[f64]) -> bool {
+    count as f64 <= RARE * values.iter().filter(|v| !v.is_nan()).count() as f64
+}
+
+/// Rare samples at one extreme value that stands apart from all others.
+fn code(values: &[f64]) -> Vec<usize> {
+    let there = || values.iter().copied().filter(|v| !v.is_nan());
+    let extreme = |pick: fn(f64, f64) -> f64| {
+        let outer = there().reduce(pick)?;
+        let rest = || there().filter(|v| *v != outer);
+        let (low, high) = (rest().reduce(f64::min)?, rest().reduce(f64::max)?);
+        let distance = (outer - low).abs().min((outer - high).abs());
+        let at: Vec<usize> = (0..values.len()).filter(|&i| values[i] == outer).collect();
+        (distance > high - low && is_rare(at.len(), values) && has_several(rest())).then_some(at)
+    };
+    extreme(f64::max).or_else(|| extreme(f64::min)).unwrap_or_default()
+}
+
+/// Whether a series has [`SEVERAL`] different values.
+fn has_several(values: impl Iterator<Item = f64>) -> bool {
+    let mut seen: Vec<f64> = Vec::new();
+    for value in values {
+        if !seen.contains(&value) {
+            seen.push(value);
+        }
+        if seen.len() >= SEVERAL {
+            return true;
+        }
+    }
+    false
+}
+
+/// Samples of a speed, up to three in a row, that lie off both the line through the two samples before and the line through the two
+/// after, to the same side, by [`FAR`] times what the samples around lie off such lines.
+///
+/// A torque can't do that: to leave a line and come back within a few samples takes two torques of opposite sign, each far larger than any
+/// that acts before or after. A kink, as where a clutch locks, leaves one of the lines alone.
+pub(crate) fn spikes(time: &[f64], values: &[f64]) -> Vec<usize> {
+    let there: Vec<usize> = (0..values.len()).filter(|&i| !values[i].is_nan()).collect();
+    let points: Vec<(f64, f64)> = there.iter().map(|&i| (time[i], values[i])).collect();
+    let n = points.len();
+    if n < 2 * AROUND {
+        return Vec::new();
+    }
+    let off: Vec<f64> = (1..n - 1).map(|k| (points[k].1 - line(points[k - 1], points[k + 1], points[k].0)).abs()).collect();
+    let floor = quantum(values).max(typical(&off));
+    let (mut found, mut k) = (Vec::new(), 2);
+    while k + 2 < n {
+        let length = (1..=LONGEST_SPIKE).find(|&length| k + length + 1 < n && is_spike(&points, &off, k, length, floor));
+        found.extend(there[k..k + length.unwrap_or(0)].iter().copied());
+        k += length.unwrap_or(1);
+    }
+    found
+}
+
+/// Whether the `length` points from `k` on are off both sides' lines.
+fn is_spike(points: &[(f64, f64)], off: &[f64], k: usize, length: usize, floor: f64) -> bool {
+    let end = k + length;
+    let before = |i: usize| points[i].1 - line(points[k - 2], points[k - 1], points[i].0);
+    let after = |i: usize| points[i].1 - line(points[end], points[end + 1], points[i].0);
+    let least = (k..end).map(|i| before(i).signum() * after(i).signum() * before(i).abs().min(after(i).abs()));
+    let least = least.fold(f64::INFINITY, f64::min);
+    if least <= FAR * floor {
+        return false;
+    }
+    // `off[j]` is about point `j + 1`; those next to the spike are about the spike itself.
+    let near = (k.saturating_sub(2 + AROUND)..k.saturating_sub(2)).chain(end..(end + AROUND).min(off.len()));
+    least > FAR * near.map(|j| off[j]).fold(floor, f64::max)
+}
+
+/// The line through two points, at `t`.
+fn line(a: (f64, f64), b: (f64, f64), t: f64) -> f64 {
+    a.1 + (b.1 - a.1) * (t - a.0) / (b.0 - a.0)
+}
+
+/// The median of magnitudes, as the standard deviation of normal noise that it belongs to.
+fn typical(off: &[f64]) -> f64 {
+    let mut some: Vec<f64> = off.iter().copied().step_by(off.len().div_ceil(100_000)).collect();
+    super::clock::middle(&mut some) / 0.6745
+}
+
+/// The step of quantisation: the least difference of neighbours that is beyond rounding; 0 for a series that never changes.
+pub(crate) fn quantum(values: &[f64]) -> f64 {
+    let mut there = values.iter().copied().filter(|v| !v.is_nan());
+    let Some(mut before) = there.next() else { return 0.0 };
+    let mut least = f64::INFINITY;
+    for v in there.take(200_000) {
+        let step = (v - before).abs();
+        if step > 1e-9 * (1.0 + v.abs()) {
+            least = least.min(step);
+        }
+        before = v;
+    }
+    if least.is_finite() { least } else { 0.0 }
+}
+
+/// The threshold below which a speed sensor reads zero, and the samples that are such zeros; `None` without a dead band.
+///
+/// The threshold is the least value next to zero that occurs. It is a dead band if the speed, going on as it does there, should have been
+/// seen between zero and that value: it takes three samples or more to cross it, at more than half of the places where zero is left or
+/// reached.
+pub(crate) fn dead_band(time: &[f64], values: &[f64]) -> Option<(f64, Vec<usize>)> {
+    let there: Vec<usize> = (0..values.len()).filter(|&i| !values[i].is_nan()).collect();
+    let zeros: Vec<usize> = there.iter().copied().filter(|&i| values[i] == 0.0).collect();
+    let threshold = there.iter().map(|&i| values[i].abs()).filter(|v| *v > 0.0).reduce(f64::min)?;
+    if zeros.len() < 3 || threshold < 2.5 * quantum(values) {
+        return None;
+    }
+    let at = |k: usize| (time[there[k]], values[there[k]]);
+    let (mut slow, mut edges) = (0, 0);
+    for k in 0..there.len().saturating_sub(4) {
+        let rising = at(k).1 == 0.0 && (k + 1..k + 5).all(|i| at(i).1 != 0.0);
+        let falling = at(k + 4).1 == 0.0 && (k..k + 4).all(|i| at(i).1 != 0.0);
+        let ends = if rising { (at(k + 1), at(k + 4)) } else { (at(k + 3), at(k)) };
+        if rising || falling {
+            let step = (at(k + 4).0 - at(k).0) / 4.0;
+            let slope = ((ends.1.1 - ends.0.1) / (ends.1.0 - ends.0.0)).abs();
+            edges += 1;
+            slow += usize::from(ends.0.1.abs() > 3.0 * slope * step);
+        }
+    }
+    (2 * slow > edges).then_some((threshold, zeros))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A launch at 100 Hz: still, kink, ramp of 40 rad/s², kink, steady with a ring of 6 Hz; noise of a quarter revolution.
+    fn launch() -> (Vec<f64>, Vec<f64>) {
+        let time: Vec<f64> = (0..400).map(|i| f64::from(i) * 0.01).collect();
+        let noise = |i: usize| f64::from((i as u32).wrapping_mul(2_654_435_761) >> 20) / 4096.0 - 0.5;
+        let clean = |t: f64| {
+            let ring = if t > 3.0 { 4.0 * (-(t - 3.0) / 0.2).exp() * (37.7 * (t - 3.0)).sin() } else { 0.0 };
+            (40.0 * (t - 1.0)).clamp(0.0, 80.0) + ring
+        };
+        let values = time.iter().enumerate().map(|(i, t)| ((clean(*t) + 0.2 * noise(i)) / 0.026).round() * 0.026).collect();
+        (time, values)
+    }
+
+    #[test]
+    fn a_launch_with_kinks_and_ringing_has_no_fault() {
+        let (time, values) = launch();
+        assert_eq!(spikes(&time, &values), [0; 0]);
+        assert_eq!(code(&values), [0; 0]);
+        assert_eq!(dead_band(&time, &values), None);
+    }
+
+    #[test]
+    fn spikes_of_one_to_three_samples_are_found_wherever_they_are() {
+        for length in 1..=3 {
+            for k in [20, 99, 150, 250, 299, 305, 380] {
+                let (time, mut values) = launch();
+                values[k..k + length].iter_mut().for_each(|v| *v -= 30.0);
+                assert_eq!(spikes(&time, &values), (k..k + length).collect::<Vec<_>>(), "{length} from {k}");
+            }
+        }
+        let (time, mut values) = launch();
+        values[310] = f64::NAN;
+        values[150] += 6.0;
+        assert_eq!(spikes(&time, &values), [150]);
+    }
+
+    #[test]
+    fn a_code_stands_apart_and_a_last_step_does_not() {
+        let (_, mut values) = launch();
+        values[40] = 983.025;
+        values[300..310].fill(983.025);
+        assert_eq!(code(&values), std::iter::once(40).chain(300..310).collect::<Vec<_>>());
+        // A command of three steps, the last one far away.
+        let command: Vec<f64> = (0..300)
+            .map(|i| {
+                if i < 100 {
+                    3.3
+                } else if i < 290 {
+                    3.4
+                } else {
+                    8.0
+                }
+            })
+            .collect();
+        assert_eq!(code(&command), [0; 0]);
+    }
+
+    #[test]
+    fn a_dead_band_is_found_with_its_threshold() {
+        let (time, values) = launch();
+        let sensed: Vec<f64> = values.iter().map(|v| if v.abs() < 3.0 { 0.0 } else { *v }).collect();
+        let (threshold, zeros) = dead_band(&time, &sensed).unwrap();
+        assert!((3.0..3.3).contains(&threshold), "{threshold}");
+        assert!(zeros.len() > 100 && zeros.iter().all(|&i| i < 110));
+        // A coarse sensor has no values below its step.
+        let coarse: Vec<f64> = values.iter().map(|v| (v / 0.5).round() * 0.5).collect();
+        assert_eq!(dead_band(&time, &coarse), None);
+    }
+}
