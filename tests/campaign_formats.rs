@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use kisspoint::campaign::{self, ChannelMap, Defect, Note, Recording};
+use kisspoint::campaign::{self, ChannelMap, Note, Recording};
 
 fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/campaign").join(name)
@@ -62,7 +62,7 @@ fn sums_are_those_of_asammdf() {
     let expected: serde_json::Value = serde_json::from_str(&text).unwrap();
     let seed = seed();
     for (file, channels) in expected.as_object().unwrap() {
-        let inspection = campaign::inspect(&data("measurements").join(file)).unwrap();
+        let inspection = campaign::inspect(&data("measurements").join(file), None).unwrap();
         for (name, about) in channels.as_object().unwrap() {
             let channel = inspection.channels.iter().find(|c| &c.name == name).unwrap();
             assert_eq!(channel.unit.as_deref(), about["unit"].as_str(), "{file} {name}");
@@ -138,13 +138,10 @@ fn parquet_equals_the_seed() {
 }
 
 #[test]
-fn unfinalised_and_unsorted_files_are_refused() {
-    let defect = |name: &str| match campaign::read_one(&data(name), &about(), &ChannelMap::default()).unwrap_err() {
-        campaign::CampaignError::Recording(e) => *e.defect,
-        other => panic!("{other}"),
-    };
-    assert_eq!(defect("measurements/unfinalised.mf4"), Defect::Unfinalised);
-    assert_eq!(defect("measurements/unsorted.mf4"), Defect::Unsorted);
+fn an_unfinalised_file_is_read_to_its_end_and_said_so() {
+    let (recording, notes) = read("measurements/unfinalised.mf4", "");
+    assert_eq!(recording, seed());
+    assert!(notes.iter().any(|n| n.text.contains("did not finalise")), "{notes:?}");
 }
 
 #[test]
@@ -168,13 +165,13 @@ fn a_file_cut_anywhere_is_refused_or_whole_and_never_wrong() {
 #[test]
 fn a_drafted_map_reads_the_file_that_it_was_drafted_for() {
     for name in ["measurements/rates.mf4", "measurements/logger.parquet"] {
-        let map = campaign::draft_channel_map(&campaign::inspect(&data(name)).unwrap());
+        let map = campaign::draft_channel_map(&campaign::inspect(&data(name), None).unwrap());
         let (drafted, _) = read(name, &map);
         assert_eq!(format!("{drafted:?}"), format!("{:?}", read(name, LOGGER).0), "{map}");
     }
     // With our names, and with or without units in the file.
     for name in ["measurements/plain.mf4", "measurements/invalid.mf4", "measurements/plain.parquet", "seed/r01.csv"] {
-        let map = campaign::draft_channel_map(&campaign::inspect(&data(name)).unwrap());
+        let map = campaign::draft_channel_map(&campaign::inspect(&data(name), None).unwrap());
         // As texts: an invalid sample is NaN, which equals nothing.
         assert_eq!(format!("{:?}", read(name, &map)), format!("{:?}", read(name, "")), "{map}");
     }

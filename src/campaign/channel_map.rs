@@ -12,10 +12,10 @@
 //! group = "CAN1"        # only where an MDF file has the name in several groups: its name or number
 //! ```
 //!
-//! `T_e_Nm = "TqEng"` is short for a name alone. JSON of the same shape is read too.
+//! `dbc = "car.dbc"`, beside the map, names the database of a CAN bus whose frames a file holds. `T_e_Nm = "TqEng"` is short for a name alone. JSON of the same shape is read too.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
@@ -27,6 +27,8 @@ use super::units;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ChannelMap {
     entries: BTreeMap<Channel, Mapped>,
+    /// The database of a CAN bus whose frames the files hold.
+    dbc: Option<PathBuf>,
     /// The map's text, which is part of a campaign's fingerprint.
     pub(crate) text: String,
 }
@@ -75,6 +77,11 @@ impl ChannelMap {
         self.entries.get(&channel)
     }
 
+    /// The database (DBC) that turns frames into signals.
+    pub fn dbc(&self) -> Option<&Path> {
+        self.dbc.as_deref()
+    }
+
     /// Adds or replaces an entry.
     pub fn insert(&mut self, channel: Channel, mapped: Mapped) {
         self.text.push_str(&format!("{channel:?} {mapped:?}\n"));
@@ -87,7 +94,14 @@ impl ChannelMap {
             return Err(fail("is not a table of channels".into(), "Write one entry per channel, e.g. T_e_Nm = \"TqEng\"".into()));
         };
         let mut entries = BTreeMap::new();
+        let mut dbc = None;
         for (column, entry) in object {
+            if column == "dbc" {
+                let name = entry.as_str().ok_or_else(|| fail("`dbc` is not a text".into(), "Give the name of a DBC file".into()))?;
+                // Beside the map, unless it says otherwise.
+                dbc = Some(Path::new(file).parent().unwrap_or(Path::new("")).join(name));
+                continue;
+            }
             let Some(channel) = Channel::from_column(column) else {
                 let known: Vec<&str> = CHANNELS.iter().map(|s| s.column).collect();
                 return Err(fail(format!("`{column}` is none of our channels"), format!("Use one of {}", known.join(", "))));
@@ -95,7 +109,7 @@ impl ChannelMap {
             let mapped = mapped(entry).and_then(|m| check(channel, m));
             entries.insert(channel, mapped.map_err(|(what, remedy)| fail(format!("entry {column}: {what}"), remedy))?);
         }
-        Ok(ChannelMap { entries, text: text.to_string() })
+        Ok(ChannelMap { entries, dbc, text: text.to_string() })
     }
 }
 

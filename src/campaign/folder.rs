@@ -1,6 +1,7 @@
 //! The folder of a campaign: which file is which recording, what is left out, the fingerprint.
 
 use std::collections::BTreeMap;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
@@ -9,7 +10,7 @@ use super::assemble::assemble;
 use super::error::{CampaignError, Defect, RecordingError};
 use super::manifest::{self, Entry};
 use super::pick;
-use super::table::{self, Format};
+use super::table::{self, Format, file_name};
 use super::{Campaign, ChannelMap, LeftOut, Note, ReadOptions, Recording};
 
 /// Reads a campaign's folder.
@@ -39,7 +40,9 @@ pub fn read(dir: &Path, options: &ReadOptions) -> Result<Campaign, CampaignError
         let stem = files.get(&entry.name).map_or(&[][..], Vec::as_slice);
         reading.recording(entry, stem)?;
     }
-    for path in files.iter().filter(|(stem, _)| entries.iter().all(|e| &e.name != *stem)).flat_map(|(_, paths)| paths) {
+    let unlisted = files.iter().filter(|(stem, _)| entries.iter().all(|e| &e.name != *stem)).flat_map(|(_, paths)| paths);
+    // A text file need not be a measurement.
+    for path in unlisted.filter(|p| !p.extension().is_some_and(|e| e.eq_ignore_ascii_case("txt"))) {
         let name = file_name(path);
         reading.left_out.push(LeftOut { reason: Defect::NotListed.in_file(&name).to_string(), recording: name });
     }
@@ -66,17 +69,13 @@ pub fn read_one(path: &Path, like: &Recording, map: &ChannelMap) -> Result<(Reco
         theta_0: Some([like.theta_c0, like.theta_b0]),
         theta_0_sigma: like.theta_0_sigma,
     };
-    let bytes = std::fs::read(path).map_err(|source| CampaignError::Io { file: path.to_path_buf(), source })?;
-    let (recording, notes) = from_bytes(path, bytes, &entry, map)?;
+    let (recording, notes) = from_file(path, &entry, map)?;
     let notes = notes.into_iter().map(|text| Note { recording: entry.name.clone(), text }).collect();
     Ok((recording, notes))
 }
 
-fn from_bytes(path: &Path, bytes: Vec<u8>, entry: &Entry, map: &ChannelMap) -> Result<(Recording, Vec<String>), RecordingError> {
-    let format = path.extension().and_then(|e| Format::from_ending(&e.to_string_lossy()));
-    let format = format.unwrap_or_else(|| Format::from_bytes(&bytes));
-    let measurement = table::read(&file_name(path), bytes, format, &|name| pick::wanted(map, name))?;
-    assemble(measurement, map, entry)
+fn from_file(path: &Path, entry: &Entry, map: &ChannelMap) -> Result<(Recording, Vec<String>), RecordingError> {
+    assemble(table::read(path, map.dbc(), &|name| pick::wanted(map, name))?, map, entry)
 }
 
 /// What has been read so far.
@@ -123,13 +122,14 @@ impl<'a> Reading<'a> {
             return Err(defect.in_file(&entry.name));
         };
         let name = file_name(path);
-        let bytes = std::fs::read(path).map_err(|e| Defect::Unreadable(e.to_string()).in_file(&name))?;
-        self.hash(&name, &bytes);
-        let same = self.digests.iter().find(|(other, digest)| **other != name && **digest == self.digests[&name]);
-        if let Some((other, _)) = same.filter(|_| !bytes.is_empty()) {
+        let unreadable = |e: std::io::Error| Defect::Unreadable(e.to_string()).in_file(&name);
+        let digest = digest(path).map_err(unreadable)?;
+        let same = self.digests.iter().find(|(_, other)| **other == digest);
+        if let Some((other, _)) = same.filter(|_| path.metadata().is_ok_and(|m| m.len() > 0)) {
             return Err(Defect::SameAs(other.clone()).in_file(&name));
         }
-        from_bytes(path, bytes, entry, &self.map)
+        self.digests.insert(name.clone(), digest);
+        from_file(path, entry, &self.map)
     }
 
     /// One digest over all.
@@ -167,8 +167,16 @@ fn files(dir: &Path) -> Result<BTreeMap<String, Vec<PathBuf>>, CampaignError> {
     Ok(files)
 }
 
-pub(super) fn file_name(path: &Path) -> String {
-    path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned())
+/// SHA-256 of a file, in a stream.
+fn digest(path: &Path) -> std::io::Result<[u8; 32]> {
+    let (mut hasher, mut file) = (Sha256::new(), std::fs::File::open(path)?);
+    let mut block = vec![0; 1 << 20];
+    loop {
+        match file.read(&mut block)? {
+            0 => return Ok(hasher.finalize().into()),
+            n => hasher.update(&block[..n]),
+        }
+    }
 }
 
 fn text(path: &Path, remedy: &'static str) -> Result<String, CampaignError> {

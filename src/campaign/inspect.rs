@@ -8,7 +8,6 @@ use serde_json::{Value, json};
 use super::CampaignError;
 use super::channels::{CHANNELS, Channel, Presence};
 use super::clock;
-use super::folder::file_name;
 use super::guess;
 use super::table::{self, Format, Group, Series};
 use super::units;
@@ -18,7 +17,7 @@ use super::units;
 pub struct Inspection {
     /// File name.
     pub file: String,
-    /// "CSV", "MDF4" or "Parquet".
+    /// "text", "MDF4" or "Parquet".
     pub format: &'static str,
     /// Every channel, in the order of the file.
     pub channels: Vec<ChannelInfo>,
@@ -51,18 +50,17 @@ pub struct ChannelInfo {
     pub guess: Option<Channel>,
 }
 
-/// Looks into a measurement file.
-pub fn inspect(path: &Path) -> Result<Inspection, CampaignError> {
+/// Looks into a measurement file; a database (DBC) decodes the frames of a CAN bus.
+pub fn inspect(path: &Path, dbc: Option<&Path>) -> Result<Inspection, CampaignError> {
     if path.is_dir() {
         let remedy = "Name one file in it; `kisspoint replay` and `kisspoint diagnose` take a folder".to_string();
         return Err(CampaignError::Shape { file: path.to_path_buf(), what: "is a folder".to_string(), remedy });
     }
-    let bytes = std::fs::read(path).map_err(|source| CampaignError::Io { file: path.to_path_buf(), source })?;
-    let ending = path.extension().and_then(|e| Format::from_ending(&e.to_string_lossy()));
-    let format = ending.unwrap_or_else(|| Format::from_bytes(&bytes));
-    let measurement = table::read(&file_name(path), bytes, format, &|_| true)?;
-    let format = match format {
-        Format::Csv => "CSV",
+    // A file that is not there is no defect of a recording.
+    std::fs::metadata(path).map_err(|source| CampaignError::Io { file: path.to_path_buf(), source })?;
+    let measurement = table::read(path, dbc, &|_| true)?;
+    let format = match table::format(path)? {
+        Format::Text => "text",
         Format::Mdf => "MDF4",
         Format::Parquet => "Parquet",
     };
