@@ -72,7 +72,7 @@ fn set_aside(signals: &mut Vec<Signal>, notes: &mut Vec<String>) {
 /// Takes out the zeros of a speed sensor that reads nothing below its threshold.
 fn below_threshold(signal: &mut Signal) -> Option<String> {
     let speed = matches!(signal.channel, Channel::OmegaF | Channel::OmegaC);
-    let (threshold, zeros) = doubt::dead_band(&signal.time, &signal.values).filter(|_| speed)?;
+    let (threshold, zeros) = doubt::dead_band(&signal.time, &signal.values, doubt::SURE).filter(|_| speed)?;
     zeros.iter().for_each(|&i| signal.values[i] = f64::NAN);
     let (label, count) = (&signal.label, plural(zeros.len(), "zero"));
     Some(format!("{label}: the sensor reads 0 below {threshold:.3} rad/s; what it does there is not known ({count} left out)"))

@@ -174,12 +174,17 @@ pub(crate) fn quantum(values: &[f64]) -> f64 {
     if least.is_finite() { least } else { 0.0 }
 }
 
+/// Samples that have to be missing for zeros to be left out.
+pub(crate) const SURE: f64 = 3.0;
+
+/// Samples that have to be missing for a dead band to be mentioned.
+pub(crate) const LIKELY: f64 = 1.5;
+
 /// The threshold below which a speed sensor reads zero, and the samples that are such zeros; `None` without a dead band.
 ///
 /// The threshold is the least value next to zero that occurs. It is a dead band if the speed, going on as it does there, should have been
-/// seen between zero and that value: it takes three samples or more to cross it, at more than half of the places where zero is left or
-/// reached.
-pub(crate) fn dead_band(time: &[f64], values: &[f64]) -> Option<(f64, Vec<usize>)> {
+/// seen between zero and that value: it takes `samples` or more to cross it, at more than half of the places where zero is left or reached.
+pub(crate) fn dead_band(time: &[f64], values: &[f64], samples: f64) -> Option<(f64, Vec<usize>)> {
     let there: Vec<usize> = (0..values.len()).filter(|&i| !values[i].is_nan()).collect();
     let zeros: Vec<usize> = there.iter().copied().filter(|&i| values[i] == 0.0).collect();
     let threshold = there.iter().map(|&i| values[i].abs()).filter(|v| *v > 0.0).reduce(f64::min)?;
@@ -196,7 +201,7 @@ pub(crate) fn dead_band(time: &[f64], values: &[f64]) -> Option<(f64, Vec<usize>
             let step = (at(k + 4).0 - at(k).0) / 4.0;
             let slope = ((ends.1.1 - ends.0.1) / (ends.1.0 - ends.0.0)).abs();
             edges += 1;
-            slow += usize::from(ends.0.1.abs() > 3.0 * slope * step);
+            slow += usize::from(ends.0.1.abs() > samples * slope * step);
         }
     }
     (2 * slow > edges).then_some((threshold, zeros))
@@ -223,7 +228,7 @@ mod tests {
         let (time, values) = launch();
         assert_eq!(spikes(&time, &values), [0; 0]);
         assert_eq!(code(&values), [0; 0]);
-        assert_eq!(dead_band(&time, &values), None);
+        assert_eq!(dead_band(&time, &values, SURE), None);
     }
 
     #[test]
@@ -266,11 +271,11 @@ mod tests {
     fn a_dead_band_is_found_with_its_threshold() {
         let (time, values) = launch();
         let sensed: Vec<f64> = values.iter().map(|v| if v.abs() < 3.0 { 0.0 } else { *v }).collect();
-        let (threshold, zeros) = dead_band(&time, &sensed).unwrap();
+        let (threshold, zeros) = dead_band(&time, &sensed, SURE).unwrap();
         assert!((3.0..3.3).contains(&threshold), "{threshold}");
         assert!(zeros.len() > 100 && zeros.iter().all(|&i| i < 110));
         // A coarse sensor has no values below its step.
         let coarse: Vec<f64> = values.iter().map(|v| (v / 0.5).round() * 0.5).collect();
-        assert_eq!(dead_band(&time, &coarse), None);
+        assert_eq!(dead_band(&time, &coarse, SURE), None);
     }
 }

@@ -104,6 +104,8 @@ fn one(
     libraries: &[library::Library],
 ) -> Result<Diagnosis, CommandError> {
     let campaign = campaign::read(path, options)?;
+    // Standard output may be a machine's.
+    eprint!("{}", campaign.remarks());
     let bar = Progress::new();
     let found = pool.install(|| diagnose(&campaign, &|what, share| bar.tell(&format!("{label}{what}"), share)));
     bar.finish();

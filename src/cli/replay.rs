@@ -47,8 +47,7 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
         let (channel, unit) = (gap.channel.column(), unit(gap.channel));
         text += &format!("{:<12} {:<14} {channel:<15} {:>10.4} {:>10.4}  {unit}\n", r.name, r.manoeuvre, gap.before, gap.noise);
     }
-    text.extend(campaign.left_out.iter().map(|left| format!("left out: {}: {}\n", left.recording, left.reason)));
-    print(&text)
+    print(&(text + &campaign.remarks()))
 }
 
 fn as_json(gaps: &[(&Recording, HeldOut)], campaign: &Campaign) -> Value {
