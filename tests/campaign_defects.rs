@@ -328,7 +328,7 @@ fn the_folder() {
     std::fs::create_dir(&within).unwrap();
     std::fs::write(within.join("vehicle.json"), "{}").unwrap();
     assert!(folder.fault().contains("is no campaign but holds some. Give one of them, e.g. "), "{}", folder.fault());
-    assert!(campaign::inspect(&within, None).unwrap_err().to_string().contains("is a folder. Name one file in it"));
+    assert!(campaign::inspect(&within, None, &|_| {}).unwrap_err().to_string().contains("is a folder. Name one file in it"));
     let missing = campaign::read(&folder.0.join("nowhere"), &ReadOptions::default()).unwrap_err();
     assert!(missing.to_string().contains("nowhere: no such folder"));
 }

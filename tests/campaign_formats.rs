@@ -62,7 +62,7 @@ fn sums_are_those_of_asammdf() {
     let expected: serde_json::Value = serde_json::from_str(&text).unwrap();
     let seed = seed();
     for (file, channels) in expected.as_object().unwrap() {
-        let inspection = campaign::inspect(&data("measurements").join(file), None).unwrap();
+        let inspection = campaign::inspect(&data("measurements").join(file), None, &|_| {}).unwrap();
         for (name, about) in channels.as_object().unwrap() {
             let channel = inspection.channels.iter().find(|c| &c.name == name).unwrap();
             assert_eq!(channel.unit.as_deref(), about["unit"].as_str(), "{file} {name}");
@@ -165,13 +165,13 @@ fn a_file_cut_anywhere_is_refused_or_whole_and_never_wrong() {
 #[test]
 fn a_drafted_map_reads_the_file_that_it_was_drafted_for() {
     for name in ["measurements/rates.mf4", "measurements/logger.parquet"] {
-        let map = campaign::draft_channel_map(&campaign::inspect(&data(name), None).unwrap());
+        let map = campaign::draft_channel_map(&campaign::inspect(&data(name), None, &|_| {}).unwrap());
         let (drafted, _) = read(name, &map);
         assert_eq!(format!("{drafted:?}"), format!("{:?}", read(name, LOGGER).0), "{map}");
     }
     // With our names, and with or without units in the file.
     for name in ["measurements/plain.mf4", "measurements/invalid.mf4", "measurements/plain.parquet", "seed/r01.csv"] {
-        let map = campaign::draft_channel_map(&campaign::inspect(&data(name), None).unwrap());
+        let map = campaign::draft_channel_map(&campaign::inspect(&data(name), None, &|_| {}).unwrap());
         // As texts: an invalid sample is NaN, which equals nothing.
         assert_eq!(format!("{:?}", read(name, &map)), format!("{:?}", read(name, "")), "{map}");
     }

@@ -54,7 +54,7 @@ fn log(folder: &Path) -> PathBuf {
 }
 
 fn of(path: &Path, known: &Known) -> Survey {
-    survey(campaign::open(path, None).unwrap_or_else(|e| panic!("{e}")), known)
+    survey(campaign::open(path, None, &|_| {}).unwrap_or_else(|e| panic!("{e}")), known)
 }
 
 fn near(got: f64, expected: f64, within: f64, what: &str) {

@@ -41,8 +41,9 @@ pub(crate) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry) -> R
     let labels: Vec<(Channel, String)> = tracks.iter().map(|t| (t.signal.channel, t.signal.label.clone())).collect();
     let mut recording = Recording { name: entry.name.clone(), manoeuvre: entry.manoeuvre.clone(), ..Recording::default() };
     for Track { signal, .. } in tracks {
-        let values = if signal.channel.spec().lasting == Lasting::Sensed { sensed(&signal, &time) } else { held(&signal, &time) };
-        put(&mut recording, signal.channel, values);
+        let channel = signal.channel;
+        let values = if channel.spec().lasting == Lasting::Sensed { sensed(signal, &time) } else { held(&signal, &time) };
+        put(&mut recording, channel, values);
     }
     time.iter_mut().for_each(|t| *t = (*t - start).max(0.0));
     let mut steps: Vec<f64> = time.windows(2).map(|w| w[1] - w[0]).collect();

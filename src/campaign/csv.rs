@@ -11,7 +11,7 @@ use std::path::Path;
 use encoding_rs_io::DecodeReaderBytesBuilder;
 
 use super::error::{Defect, RecordingError};
-use super::table::{Group, Measurement, Rows, Series, Wanted};
+use super::table::{Group, Measurement, Rows, Series, Tell, Wanted};
 use super::text_cells::{Cells, is_comment, number, stamp, text};
 use super::text_long;
 use super::text_shape::{Shape, shape};
@@ -20,9 +20,31 @@ use super::text_shape::{Shape, shape};
 const HEAD: u64 = 256 << 10;
 
 /// Reads a text file; `file` is what messages call it.
-pub(crate) fn read(file: &str, path: &Path, wanted: Wanted<'_>) -> Result<Measurement, RecordingError> {
+pub(crate) fn read(file: &str, path: &Path, wanted: Wanted<'_>, tell: Tell<'_>) -> Result<Measurement, RecordingError> {
     let input = File::open(path).map_err(|e| Defect::Unreadable(e.to_string()).in_file(file))?;
-    read_from(file, input, wanted)
+    let size = input.metadata().map_or(0, |m| m.len());
+    read_from(file, Counted { input, size, read: 0, tell }, wanted)
+}
+
+/// A file that tells how much of it has been read.
+struct Counted<'a> {
+    input: File,
+    size: u64,
+    read: u64,
+    tell: Tell<'a>,
+}
+
+impl Read for Counted<'_> {
+    fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
+        let n = self.input.read(into)?;
+        let before = self.read;
+        self.read += n as u64;
+        // Every few megabytes is often enough.
+        if self.read >> 22 != before >> 22 {
+            (self.tell)(self.read as f64 / self.size.max(1) as f64);
+        }
+        Ok(n)
+    }
 }
 
 fn read_from(file: &str, input: impl Read, wanted: Wanted<'_>) -> Result<Measurement, RecordingError> {

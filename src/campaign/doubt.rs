@@ -30,37 +30,35 @@ const AROUND: usize = 6;
 
 /// Sets faults to NaN; the note says how many, where the first is, and what it reads.
 pub(crate) fn faults(m: &Measurement, signal: &mut Signal) -> Option<String> {
-    let found = if quantum(&signal.values) > 0.0 { all(signal) } else { Vec::new() };
-    let &(first, _) = found.first()?;
-    let value = signal.values[first];
-    let mut kinds: Vec<&str> = found.iter().map(|(_, kind)| *kind).collect();
+    let found = take_out(signal);
+    let &(first, value, _) = found.first()?;
+    let mut kinds: Vec<&str> = found.iter().map(|(_, _, kind)| *kind).collect();
     kinds.sort_unstable();
     kinds.dedup();
     let (count, at, unit) = (found.len(), m.row_text(first), signal.channel.spec().unit);
     let samples = if count == 1 { "1 sample is" } else { &format!("{count} samples are") };
-    for (i, _) in &found {
-        signal.values[*i] = f64::NAN;
-    }
     Some(format!("{}: {samples} not believed and left out ({}), the first at {at}: {value} {unit}", signal.label, kinds.join(", ")))
 }
 
-/// Samples that are not to be believed with the reason, in order.
-fn all(signal: &Signal) -> Vec<(usize, &'static str)> {
-    let mut values = signal.values.clone();
+/// Sets faults to NaN; gives sample, value and reason, in order.
+fn take_out(signal: &mut Signal) -> Vec<(usize, f64, &'static str)> {
+    let values = &mut signal.values;
     let mut found = Vec::new();
-    let mut take = |values: &mut [f64], at: Vec<usize>, why| {
-        at.iter().for_each(|&i| values[i] = f64::NAN);
-        found.extend(at.into_iter().map(|i| (i, why)));
-    };
-    let at = beyond(signal.channel, &values);
-    take(&mut values, at, "no car reaches that value");
-    let at = code(&values);
-    take(&mut values, at, "a code for \"not available\"");
-    if matches!(signal.channel, Channel::OmegaF | Channel::OmegaC) {
-        let at = spikes(&signal.time, &values);
-        take(&mut values, at, "contradicted by the samples around");
+    if quantum(values) == 0.0 {
+        return found;
     }
-    found.sort_unstable();
+    let mut take = |values: &mut [f64], at: Vec<usize>, why| {
+        found.extend(at.into_iter().map(|i| (i, std::mem::replace(&mut values[i], f64::NAN), why)));
+    };
+    let at = beyond(signal.channel, values);
+    take(values, at, "no car reaches that value");
+    let at = code(values);
+    take(values, at, "a code for \"not available\"");
+    if matches!(signal.channel, Channel::OmegaF | Channel::OmegaC) {
+        let at = spikes(&signal.time, values);
+        take(values, at, "contradicted by the samples around");
+    }
+    found.sort_unstable_by_key(|(i, _, _)| *i);
     found
 }
 
@@ -116,47 +114,84 @@ fn has_several(values: impl Iterator<Item = f64>) -> bool {
 /// A torque can't do that: to leave a line and come back within a few samples takes two torques of opposite sign, each far larger than any
 /// that acts before or after. A kink, as where a clutch locks, leaves one of the lines alone.
 pub(crate) fn spikes(time: &[f64], values: &[f64]) -> Vec<usize> {
-    let there: Vec<usize> = (0..values.len()).filter(|&i| !values[i].is_nan()).collect();
-    let points: Vec<(f64, f64)> = there.iter().map(|&i| (time[i], values[i])).collect();
+    let points = Points::of(time, values);
     let n = points.len();
     if n < 2 * AROUND {
         return Vec::new();
     }
-    let off: Vec<f64> = (1..n - 1).map(|k| (points[k].1 - line(points[k - 1], points[k + 1], points[k].0)).abs()).collect();
-    let floor = quantum(values).max(typical(&off));
+    let mut some: Vec<f64> = (1..n - 1).step_by(n.div_ceil(100_000)).map(|k| points.off(k)).collect();
+    // The median of magnitudes, as the standard deviation of normal noise that it belongs to.
+    let floor = quantum(values).max(super::clock::middle(&mut some) / 0.6745);
     let (mut found, mut k) = (Vec::new(), 2);
     while k + 2 < n {
-        let length = (1..=LONGEST_SPIKE).find(|&length| k + length + 1 < n && is_spike(&points, &off, k, length, floor));
-        found.extend(there[k..k + length.unwrap_or(0)].iter().copied());
+        // Nearly all samples go on as those before them did.
+        let (t, v) = points.at(k);
+        if (v - line(points.at(k - 2), points.at(k - 1), t)).abs() <= FAR * floor {
+            k += 1;
+            continue;
+        }
+        let length = (1..=LONGEST_SPIKE).find(|&length| k + length + 1 < n && points.is_spike(k, length, floor));
+        found.extend((k..k + length.unwrap_or(0)).map(|k| points.index(k)));
         k += length.unwrap_or(1);
     }
     found
 }
 
-/// Whether the `length` points from `k` on are off both sides' lines.
-fn is_spike(points: &[(f64, f64)], off: &[f64], k: usize, length: usize, floor: f64) -> bool {
-    let end = k + length;
-    let before = |i: usize| points[i].1 - line(points[k - 2], points[k - 1], points[i].0);
-    let after = |i: usize| points[i].1 - line(points[end], points[end + 1], points[i].0);
-    let least = (k..end).map(|i| before(i).signum() * after(i).signum() * before(i).abs().min(after(i).abs()));
-    let least = least.fold(f64::INFINITY, f64::min);
-    if least <= FAR * floor {
-        return false;
+/// The valid samples of a series.
+struct Points<'a> {
+    time: &'a [f64],
+    values: &'a [f64],
+    /// Where they are, if some are missing.
+    there: Option<Vec<usize>>,
+}
+
+impl<'a> Points<'a> {
+    fn of(time: &'a [f64], values: &'a [f64]) -> Points<'a> {
+        let some_missing = values.iter().any(|v| v.is_nan());
+        let there = some_missing.then(|| (0..values.len()).filter(|&i| !values[i].is_nan()).collect());
+        Points { time, values, there }
     }
-    // `off[j]` is about point `j + 1`; those next to the spike are about the spike itself.
-    let near = (k.saturating_sub(2 + AROUND)..k.saturating_sub(2)).chain(end..(end + AROUND).min(off.len()));
-    least > FAR * near.map(|j| off[j]).fold(floor, f64::max)
+
+    fn len(&self) -> usize {
+        self.there.as_ref().map_or(self.values.len(), Vec::len)
+    }
+
+    fn index(&self, k: usize) -> usize {
+        self.there.as_ref().map_or(k, |there| there[k])
+    }
+
+    fn at(&self, k: usize) -> (f64, f64) {
+        let i = self.index(k);
+        (self.time[i], self.values[i])
+    }
+
+    /// How far a point is off the line between its neighbours.
+    fn off(&self, k: usize) -> f64 {
+        let (t, v) = self.at(k);
+        (v - line(self.at(k - 1), self.at(k + 1), t)).abs()
+    }
+
+    /// Whether the `length` points from `k` on are off both sides' lines.
+    fn is_spike(&self, k: usize, length: usize, floor: f64) -> bool {
+        let end = k + length;
+        let [b2, b1, a1, a2] = [k - 2, k - 1, end, end + 1].map(|i| self.at(i));
+        let mut least = f64::INFINITY;
+        for (t, v) in (k..end).map(|i| self.at(i)) {
+            let (before, after) = (v - line(b2, b1, t), v - line(a1, a2, t));
+            least = least.min(before.signum() * after.signum() * before.abs().min(after.abs()));
+            if least <= FAR * floor {
+                return false;
+            }
+        }
+        // Without the points whose neighbours belong to the spike.
+        let near = (k.saturating_sub(1 + AROUND).max(1)..k - 1).chain(end + 1..(end + 1 + AROUND).min(self.len() - 1));
+        least > FAR * near.map(|i| self.off(i)).fold(floor, f64::max)
+    }
 }
 
 /// The line through two points, at `t`.
 fn line(a: (f64, f64), b: (f64, f64), t: f64) -> f64 {
     a.1 + (b.1 - a.1) * (t - a.0) / (b.0 - a.0)
-}
-
-/// The median of magnitudes, as the standard deviation of normal noise that it belongs to.
-fn typical(off: &[f64]) -> f64 {
-    let mut some: Vec<f64> = off.iter().copied().step_by(off.len().div_ceil(100_000)).collect();
-    super::clock::middle(&mut some) / 0.6745
 }
 
 /// The step of quantisation: the least difference of neighbours that is beyond rounding; 0 for a series that never changes.
@@ -185,15 +220,15 @@ pub(crate) const LIKELY: f64 = 1.5;
 /// The threshold is the least value next to zero that occurs. It is a dead band if the speed, going on as it does there, should have been
 /// seen between zero and that value: it takes `samples` or more to cross it, at more than half of the places where zero is left or reached.
 pub(crate) fn dead_band(time: &[f64], values: &[f64], samples: f64) -> Option<(f64, Vec<usize>)> {
-    let there: Vec<usize> = (0..values.len()).filter(|&i| !values[i].is_nan()).collect();
-    let zeros: Vec<usize> = there.iter().copied().filter(|&i| values[i] == 0.0).collect();
-    let threshold = there.iter().map(|&i| values[i].abs()).filter(|v| *v > 0.0).reduce(f64::min)?;
+    let threshold = values.iter().map(|v| v.abs()).filter(|v| *v > 0.0).reduce(f64::min)?;
+    let zeros: Vec<usize> = (0..values.len()).filter(|&i| values[i] == 0.0).collect();
     if zeros.len() < 3 || threshold < 2.5 * quantum(values) {
         return None;
     }
-    let at = |k: usize| (time[there[k]], values[there[k]]);
+    let points = Points::of(time, values);
+    let at = |k: usize| points.at(k);
     let (mut slow, mut edges) = (0, 0);
-    for k in 0..there.len().saturating_sub(4) {
+    for k in 0..points.len().saturating_sub(4) {
         let rising = at(k).1 == 0.0 && (k + 1..k + 5).all(|i| at(i).1 != 0.0);
         let falling = at(k + 4).1 == 0.0 && (k..k + 4).all(|i| at(i).1 != 0.0);
         let ends = if rising { (at(k + 1), at(k + 4)) } else { (at(k + 3), at(k)) };

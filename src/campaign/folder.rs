@@ -15,6 +15,11 @@ use super::{Campaign, ChannelMap, LeftOut, Note, ReadOptions, Recording};
 
 /// Reads a campaign's folder.
 pub fn read(dir: &Path, options: &ReadOptions) -> Result<Campaign, CampaignError> {
+    read_telling(dir, options, &|_, _| {})
+}
+
+/// The same; `tell` is told which file is being read, and the share of it that is.
+pub fn read_telling(dir: &Path, options: &ReadOptions, tell: &dyn Fn(&str, f64)) -> Result<Campaign, CampaignError> {
     if !dir.is_dir() {
         return Err(CampaignError::NoFolder(dir.to_path_buf()));
     }
@@ -33,7 +38,7 @@ pub fn read(dir: &Path, options: &ReadOptions) -> Result<Campaign, CampaignError
     }
     let entries = manifest::entries(&manifest_path, &manifest_text)?;
     let files = files(dir)?;
-    let mut reading = Reading::new(options);
+    let mut reading = Reading::new(options, tell);
     reading.hash("vehicle.json", vehicle_text.as_bytes());
     reading.hash("recordings.json", manifest_text.as_bytes());
     for entry in &entries {
@@ -69,17 +74,18 @@ pub fn read_one(path: &Path, like: &Recording, map: &ChannelMap) -> Result<(Reco
         theta_0: Some([like.theta_c0, like.theta_b0]),
         theta_0_sigma: like.theta_0_sigma,
     };
-    let (recording, notes) = from_file(path, &entry, map)?;
+    let (recording, notes) = from_file(path, &entry, map, &|_| {})?;
     let notes = notes.into_iter().map(|text| Note { recording: entry.name.clone(), text }).collect();
     Ok((recording, notes))
 }
 
-fn from_file(path: &Path, entry: &Entry, map: &ChannelMap) -> Result<(Recording, Vec<String>), RecordingError> {
-    assemble(table::read(path, map.dbc(), &|name| pick::wanted(map, name))?, map, entry)
+fn from_file(path: &Path, entry: &Entry, map: &ChannelMap, tell: table::Tell<'_>) -> Result<(Recording, Vec<String>), RecordingError> {
+    assemble(table::read(path, map.dbc(), &|name| pick::wanted(map, name), tell)?, map, entry)
 }
 
 /// What has been read so far.
 struct Reading<'a> {
+    tell: &'a dyn Fn(&str, f64),
     strict: bool,
     map: std::borrow::Cow<'a, ChannelMap>,
     recordings: Vec<Recording>,
@@ -90,9 +96,17 @@ struct Reading<'a> {
 }
 
 impl<'a> Reading<'a> {
-    fn new(options: &'a ReadOptions) -> Self {
+    fn new(options: &'a ReadOptions, tell: &'a dyn Fn(&str, f64)) -> Self {
         let map = options.channel_map.as_ref().map(std::borrow::Cow::Borrowed).unwrap_or_default();
-        Reading { strict: options.strict, map, recordings: Vec::new(), left_out: Vec::new(), notes: Vec::new(), digests: BTreeMap::new() }
+        Reading {
+            tell,
+            strict: options.strict,
+            map,
+            recordings: Vec::new(),
+            left_out: Vec::new(),
+            notes: Vec::new(),
+            digests: BTreeMap::new(),
+        }
     }
 
     fn hash(&mut self, name: &str, bytes: &[u8]) {
@@ -129,7 +143,7 @@ impl<'a> Reading<'a> {
             return Err(Defect::SameAs(other.clone()).in_file(&name));
         }
         self.digests.insert(name.clone(), digest);
-        from_file(path, entry, &self.map)
+        from_file(path, entry, &self.map, &|share| (self.tell)(&name, share))
     }
 
     /// One digest over all.

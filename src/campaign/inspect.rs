@@ -50,15 +50,15 @@ pub struct ChannelInfo {
     pub guess: Option<Channel>,
 }
 
-/// Looks into a measurement file; a database (DBC) decodes the frames of a CAN bus.
-pub fn inspect(path: &Path, dbc: Option<&Path>) -> Result<Inspection, CampaignError> {
+/// Looks into a measurement file; a database (DBC) decodes the frames of a CAN bus. `tell` is told the share that is read.
+pub fn inspect(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<Inspection, CampaignError> {
     if path.is_dir() {
         let remedy = "Name one file in it; `kisspoint replay` and `kisspoint diagnose` take a folder".to_string();
         return Err(CampaignError::Shape { file: path.to_path_buf(), what: "is a folder".to_string(), remedy });
     }
     // A file that is not there is no defect of a recording.
     std::fs::metadata(path).map_err(|source| CampaignError::Io { file: path.to_path_buf(), source })?;
-    let measurement = table::read(path, dbc, &|_| true)?;
+    let measurement = table::read(path, dbc, &|_| true, tell)?;
     let format = match table::format(path)? {
         Format::Text => "text",
         Format::Mdf => "MDF4",

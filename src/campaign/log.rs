@@ -46,13 +46,13 @@ pub struct LogChannel {
     pub dead_band: Option<f64>,
 }
 
-/// Opens a file of any of the formats; a database (DBC) decodes the frames of a CAN bus.
+/// Opens a file of any of the formats; a database (DBC) decodes the frames of a CAN bus. `tell` is told the share that is read.
 ///
 /// # Errors
 /// The file can't be read, is damaged, or has a clock that does not run forward.
-pub fn open(path: &Path, dbc: Option<&Path>) -> Result<Log, CampaignError> {
+pub fn open(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<Log, CampaignError> {
     std::fs::metadata(path).map_err(|source| CampaignError::Io { file: path.to_path_buf(), source })?;
-    let m = table::read(path, dbc, &|_| true)?;
+    let m = table::read(path, dbc, &|_| true, tell)?;
     let mut log = Log { file: m.file.clone(), channels: Vec::new(), notes: m.notes.clone() };
     for group in &m.groups {
         let is_clock = |s: &table::Series| guess::is_time(&s.name, s.unit.as_deref());

@@ -10,12 +10,12 @@ use std::path::Path;
 use falcon_mdf::{CanDatabase, Channel, ChannelGroup, Conversion, Mf4Error, Mf4File, Signal, SignalValues};
 
 use super::error::{Defect, RecordingError};
-use super::table::{Group, Measurement, Rows, Series, Wanted};
+use super::table::{Group, Measurement, Rows, Series, Tell, Wanted};
 
 /// Reads an MDF4 file; `file` is what messages call it.
-pub(crate) fn read(file: &str, path: &Path, dbc: Option<&Path>, wanted: Wanted<'_>) -> Result<Measurement, RecordingError> {
+pub(crate) fn read(file: &str, path: &Path, dbc: Option<&Path>, wanted: Wanted<'_>, tell: Tell<'_>) -> Result<Measurement, RecordingError> {
     // The library promises errors and no panics on a damaged file; a panic would be a damaged file and nothing else.
-    let mut m = catch_unwind(AssertUnwindSafe(|| decode(path, dbc, wanted)))
+    let mut m = catch_unwind(AssertUnwindSafe(|| decode(path, dbc, wanted, tell)))
         .unwrap_or_else(|_| Err((None, Defect::Damaged("its blocks do not fit together".to_string()))))
         .map_err(|(channel, defect)| match channel {
             Some(channel) => defect.at(file, channel, None),
@@ -28,14 +28,16 @@ pub(crate) fn read(file: &str, path: &Path, dbc: Option<&Path>, wanted: Wanted<'
 /// A result whose error may be at a channel.
 type Decoded<T> = Result<T, (Option<String>, Defect)>;
 
-fn decode(path: &Path, dbc: Option<&Path>, wanted: Wanted<'_>) -> Decoded<Measurement> {
+fn decode(path: &Path, dbc: Option<&Path>, wanted: Wanted<'_>, tell: Tell<'_>) -> Decoded<Measurement> {
     let file = open(path).map_err(|e| (None, defect(e)))?;
     let mut m = Measurement { rows: Rows::Records, ..Measurement::default() };
     if file.unfinalized().is_some() {
         m.notes.push("the recorder did not finalise the file: it is read up to the last whole record".to_string());
     }
     let groups = file.data_groups().iter().flat_map(|d| &d.channel_groups).filter(|g| !g.is_vlsd());
+    let all = groups.clone().count();
     for (index, group) in groups.enumerate() {
+        tell(index as f64 / all as f64);
         if let Some(group) = decode_group(&file, index, group, wanted, &mut m.names, &mut m.notes)? {
             m.groups.push(group);
         }

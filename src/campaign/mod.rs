@@ -39,7 +39,7 @@ use std::path::PathBuf;
 pub use channel_map::{ChannelMap, Mapped};
 pub use channels::{CHANNELS, Channel, Lasting, Presence, Spec};
 pub use error::{CampaignError, Defect, Place, RecordingError, lines};
-pub use folder::{read, read_one};
+pub use folder::{read, read_one, read_telling};
 pub use inspect::{ChannelInfo, Inspection, draft_channel_map, inspect};
 pub use log::{Log, LogChannel, open};
 pub use units::{Quantity, Unit, parse as parse_unit};

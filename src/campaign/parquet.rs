@@ -21,7 +21,7 @@ use ::parquet::schema::types::ColumnDescriptor;
 use half::f16;
 
 use super::error::{Defect, RecordingError};
-use super::table::{Group, Measurement, Rows, Series, Wanted};
+use super::table::{Group, Measurement, Rows, Series, Tell, Wanted};
 use super::{thrift, units};
 
 /// Rows of a file, at most: a day at a kilohertz. A count above it is damage, for a few bytes may claim any number of equal values.
@@ -30,13 +30,13 @@ const MOST_ROWS: usize = 1 << 27;
 const ENDLESS: &str = "a count in it is larger than the file";
 
 /// Reads a Parquet file; `file` is what messages call it.
-pub(crate) fn read(file: &str, path: &Path, wanted: Wanted<'_>) -> Result<Measurement, RecordingError> {
+pub(crate) fn read(file: &str, path: &Path, wanted: Wanted<'_>, tell: Tell<'_>) -> Result<Measurement, RecordingError> {
     // The library beneath takes some promises of a damaged file for granted; a panic there is a damaged file and nothing else.
-    catch_unwind(AssertUnwindSafe(|| decode(file, path, wanted)))
+    catch_unwind(AssertUnwindSafe(|| decode(file, path, wanted, tell)))
         .unwrap_or_else(|_| Err(Defect::Damaged("its pages do not fit together".into()).in_file(file)))
 }
 
-fn decode(file: &str, path: &Path, wanted: Wanted<'_>) -> Result<Measurement, RecordingError> {
+fn decode(file: &str, path: &Path, wanted: Wanted<'_>, tell: Tell<'_>) -> Result<Measurement, RecordingError> {
     let damaged = |e: ParquetError| Defect::Damaged(e.to_string()).in_file(file);
     let unreadable = |e: std::io::Error| Defect::Unreadable(e.to_string()).in_file(file);
     let mut pages = File::open(path).map_err(unreadable)?;
@@ -70,6 +70,7 @@ fn decode(file: &str, path: &Path, wanted: Wanted<'_>) -> Result<Measurement, Re
             return Err(Defect::Damaged(what).in_file(file));
         }
         series.push(one);
+        tell((index + 1) as f64 / schema.num_columns() as f64);
     }
     let group = Group { series, ..Group::default() };
     Ok(Measurement { file: file.to_string(), groups: vec![group], names, rows: Rows::Table, notes: Vec::new() })

@@ -191,12 +191,15 @@ pub(crate) fn format(path: &Path) -> Result<Format, RecordingError> {
     }
 }
 
+/// What is told of the progress, as a share.
+pub(crate) type Tell<'a> = &'a dyn Fn(f64);
+
 /// Reads a file with the reader for its format; a database (DBC) turns frames of a CAN bus into signals.
-pub(crate) fn read(path: &Path, dbc: Option<&Path>, wanted: Wanted<'_>) -> Result<Measurement, RecordingError> {
+pub(crate) fn read(path: &Path, dbc: Option<&Path>, wanted: Wanted<'_>, tell: Tell<'_>) -> Result<Measurement, RecordingError> {
     let file = file_name(path);
     match format(path)? {
-        Format::Text => super::csv::read(&file, path, wanted),
-        Format::Mdf => super::mdf::read(&file, path, dbc, wanted),
-        Format::Parquet => super::parquet::read(&file, path, wanted),
+        Format::Text => super::csv::read(&file, path, wanted, tell),
+        Format::Mdf => super::mdf::read(&file, path, dbc, wanted, tell),
+        Format::Parquet => super::parquet::read(&file, path, wanted, tell),
     }
 }

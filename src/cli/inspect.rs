@@ -7,6 +7,7 @@ use clap::Args;
 use super::error::CommandError;
 use super::files::write_new;
 use super::output::{print, print_json};
+use super::progress::Progress;
 use crate::campaign::{self, ChannelInfo, Inspection};
 
 /// Show what a measurement file holds (text, MDF4, Parquet), and draft a channel map.
@@ -34,7 +35,12 @@ pub struct InspectArgs {
 
 /// Runs the command.
 pub fn run(args: &InspectArgs) -> Result<(), CommandError> {
-    let inspection = campaign::inspect(&args.file, args.dbc.as_deref())?;
+    let inspection = {
+        let bar = Progress::new();
+        let found = campaign::inspect(&args.file, args.dbc.as_deref(), &|share| bar.tell("reading", share));
+        bar.finish();
+        found?
+    };
     match &args.draft_map {
         Some(target) if target.as_os_str() == "-" => print(&campaign::draft_channel_map(&inspection)),
         Some(target) => {

@@ -3,6 +3,7 @@
 use super::error::CommandError;
 use super::files::write_all;
 use super::output::{print, print_json};
+use super::progress::Progress;
 use crate::campaign;
 use crate::survey::{self, Known, Survey, export, picture};
 use crate::vehicle::Vehicle;
@@ -66,7 +67,12 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
         return Err(CommandError::Refused(format!("{wrong} is no ratio or radius. Give positive numbers")));
     }
     for path in &args.logs {
-        let log = campaign::open(path, args.dbc.as_deref())?;
+        let log = {
+            let bar = Progress::new();
+            let log = campaign::open(path, args.dbc.as_deref(), &|share| bar.tell(&format!("reading {}", path.display()), share));
+            bar.finish();
+            log?
+        };
         for name in args.engine.iter().chain(&args.road).filter(|n| log.channels.iter().all(|c| &c.name != *n)) {
             let there: Vec<&str> = log.channels.iter().map(|c| c.name.as_str()).collect();
             return Err(CommandError::Refused(format!("{}: no channel is called `{name}`; there are {}", log.file, there.join(", "))));
