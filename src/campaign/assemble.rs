@@ -6,7 +6,7 @@ use super::channels::{Channel, Lasting};
 use super::checks;
 use super::clock::{Gap, middle};
 use super::doubt;
-use super::error::RecordingError;
+use super::error::{Defect, RecordingError};
 use super::manifest::Entry;
 use super::pick::{Signal, pick};
 use super::rows::{SAME_S, held, rows, sensed};
@@ -25,6 +25,7 @@ pub(crate) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry) -> R
     let picked = pick(&mut m, map)?;
     notes.extend(picked.notes);
     let mut signals = picked.signals;
+    within_window(&m, &mut signals, entry)?;
     set_aside(&mut signals, &mut notes);
     notes.extend(signals.iter_mut().filter_map(|s| doubt::faults(&m, s)));
     let mut tracks = tracks(&m, signals, &mut notes)?;
@@ -53,6 +54,21 @@ pub(crate) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry) -> R
     let label = |channel| labels.iter().find(|(c, _)| *c == channel).map_or_else(String::new, |(_, l)| l.clone());
     checks::says_something(&m.file, label, &mut recording, &mut notes)?;
     Ok((recording, notes))
+}
+
+/// Takes out the samples outside the recording's window.
+fn within_window(m: &Measurement, signals: &mut [Signal], entry: &Entry) -> Result<(), RecordingError> {
+    let Some([from, to]) = entry.window else { return Ok(()) };
+    let ends = signals.iter().filter_map(|s| Some((*s.time.first()?, *s.time.last()?)));
+    let (first, last) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), (f, l)| (a.min(f), b.max(l)));
+    if from > last || to < first {
+        return Err(m.defect(Defect::EmptyWindow { from, to, first, last }));
+    }
+    for signal in signals.iter_mut().filter(|s| s.channel.spec().lasting != Lasting::Slow) {
+        let outside = signal.time.iter().zip(&mut signal.values).filter(|(t, _)| **t < from - SAME_S || **t > to + SAME_S);
+        outside.for_each(|(_, v)| *v = f64::NAN);
+    }
+    Ok(())
 }
 
 /// Takes out the samples that the channel `valid` marks as not to be believed, and that channel itself.

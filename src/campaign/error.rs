@@ -223,6 +223,18 @@ pub enum Defect {
     )]
     WrongQuantity { unit: String, quantity: &'static str, known: &'static str },
     #[error(
+        "\"{0}\" is a road speed. Give `tyre_radius_m` and `ratio`, gear times final drive, in a channel map or, gear by gear, in recordings.json; `kisspoint survey` finds both"
+    )]
+    RoadSpeed(String),
+    #[error("the torque is a percentage. Give `reference_Nm`, what 100 % are, and `kind`, \"brake\" or \"indicated\", in a channel map")]
+    Percentage,
+    #[error("the window of {from} to {to} s holds no sample; the file has {first:.3} to {last:.3} s. Correct window_s in recordings.json")]
+    EmptyWindow { from: f64, to: f64, first: f64, last: f64 },
+    #[error(
+        "{0} is taken from the same file; counting one measurement twice would make the intervals too narrow. Give both a window_s, apart from each other"
+    )]
+    SharedWindow(String),
+    #[error(
         "{first} says the unit is {first_unit}, {second} says {second_unit}. Correct the one that is wrong; a channel map can state the unit together with `scale = 1` to overrule the file"
     )]
     UnitContradiction { first: &'static str, first_unit: String, second: &'static str, second_unit: String },

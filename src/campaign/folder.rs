@@ -42,10 +42,10 @@ pub fn read_telling(dir: &Path, options: &ReadOptions, tell: &dyn Fn(&str, f64))
     reading.hash("vehicle.json", vehicle_text.as_bytes());
     reading.hash("recordings.json", manifest_text.as_bytes());
     for entry in &entries {
-        let stem = files.get(&entry.name).map_or(&[][..], Vec::as_slice);
+        let stem = files.get(stem(entry)).map_or(&[][..], Vec::as_slice);
         reading.recording(entry, stem)?;
     }
-    let unlisted = files.iter().filter(|(stem, _)| entries.iter().all(|e| &e.name != *stem)).flat_map(|(_, paths)| paths);
+    let unlisted = files.iter().filter(|(stem, _)| entries.iter().all(|e| self::stem(e) != *stem)).flat_map(|(_, paths)| paths);
     // A text file need not be a measurement.
     for path in unlisted.filter(|p| !p.extension().is_some_and(|e| e.eq_ignore_ascii_case("txt"))) {
         let name = file_name(path);
@@ -65,6 +65,13 @@ pub fn read_telling(dir: &Path, options: &ReadOptions, tell: &dyn Fn(&str, f64))
     })
 }
 
+/// The name of a recording's file without its ending.
+fn stem(entry: &Entry) -> &str {
+    let file = entry.file.as_deref().unwrap_or(&entry.name);
+    let ending = file.rsplit_once('.').filter(|(_, e)| Format::from_ending(e).is_some());
+    ending.map_or(file, |(stem, _)| stem)
+}
+
 /// Reads one recording from a file of any of the formats; `like` gives name, manoeuvre, stated rate and temperatures at the start.
 pub fn read_one(path: &Path, like: &Recording, map: &ChannelMap) -> Result<(Recording, Vec<Note>), CampaignError> {
     let entry = Entry {
@@ -73,6 +80,7 @@ pub fn read_one(path: &Path, like: &Recording, map: &ChannelMap) -> Result<(Reco
         sample_rate_hz: Some(like.sample_rate_hz).filter(|rate| *rate > 0.0),
         theta_0: Some([like.theta_c0, like.theta_b0]),
         theta_0_sigma: like.theta_0_sigma,
+        ..Entry::default()
     };
     let (recording, notes) = from_file(path, &entry, map, &|_| {})?;
     let notes = notes.into_iter().map(|text| Note { recording: entry.name.clone(), text }).collect();
@@ -80,7 +88,14 @@ pub fn read_one(path: &Path, like: &Recording, map: &ChannelMap) -> Result<(Reco
 }
 
 fn from_file(path: &Path, entry: &Entry, map: &ChannelMap, tell: table::Tell<'_>) -> Result<(Recording, Vec<String>), RecordingError> {
-    assemble(table::read(path, map.dbc(), &|name| pick::wanted(map, name), tell)?, map, entry)
+    let mut map = std::borrow::Cow::Borrowed(map);
+    if let Some(over) = &entry.map {
+        map = std::borrow::Cow::Owned(map.overlaid(over));
+    }
+    if let Some(ratio) = entry.ratio {
+        map = std::borrow::Cow::Owned(map.with_ratio(ratio));
+    }
+    assemble(table::read(path, map.dbc(), &|name| pick::wanted(&map, name), tell)?, &map, entry)
 }
 
 /// What has been read so far.
@@ -91,6 +106,8 @@ struct Reading<'a> {
     recordings: Vec<Recording>,
     left_out: Vec<LeftOut>,
     notes: Vec<Note>,
+    /// File, recording and window of each.
+    used: Vec<(String, String, Option<[f64; 2]>)>,
     /// Digest by file name; a map, so that the order of the directory does not count.
     digests: BTreeMap<String, [u8; 32]>,
 }
@@ -105,6 +122,7 @@ impl<'a> Reading<'a> {
             recordings: Vec::new(),
             left_out: Vec::new(),
             notes: Vec::new(),
+            used: Vec::new(),
             digests: BTreeMap::new(),
         }
     }
@@ -138,7 +156,14 @@ impl<'a> Reading<'a> {
         let name = file_name(path);
         let unreadable = |e: std::io::Error| Defect::Unreadable(e.to_string()).in_file(&name);
         let digest = digest(path).map_err(unreadable)?;
-        let same = self.digests.iter().find(|(_, other)| **other == digest);
+        // One file may hold several recordings, in windows apart from each other.
+        let apart = |other: &[f64; 2]| entry.window.is_some_and(|w| w[0] >= other[1] || w[1] <= other[0]);
+        let shared = self.used.iter().find(|(file, _, window)| *file == name && !window.as_ref().is_some_and(apart));
+        if let Some((_, recording, _)) = shared {
+            return Err(Defect::SharedWindow(recording.clone()).in_file(&name));
+        }
+        self.used.push((name.clone(), entry.name.clone(), entry.window));
+        let same = self.digests.iter().find(|(other, d)| **other != name && **d == digest);
         if let Some((other, _)) = same.filter(|_| path.metadata().is_ok_and(|m| m.len() > 0)) {
             return Err(Defect::SameAs(other.clone()).in_file(&name));
         }

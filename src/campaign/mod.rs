@@ -36,7 +36,7 @@ mod write;
 
 use std::path::PathBuf;
 
-pub use channel_map::{ChannelMap, Mapped};
+pub use channel_map::{ChannelMap, Mapped, TorqueKind};
 pub use channels::{CHANNELS, Channel, Lasting, Presence, Spec};
 pub use error::{CampaignError, Defect, Place, RecordingError, lines};
 pub use folder::{read, read_one, read_telling};
