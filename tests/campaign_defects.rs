@@ -198,6 +198,7 @@ fn without_position_or_housing_air() {
     let text = seed().replace("x_to_cmd_mm", "pedal").replace("theta_h_degC", "oil");
     let campaign = noted(&text, &["theta_h_degC: not recorded; 30 °C is taken throughout: as warm as the body at the start"]);
     assert!(campaign.recordings[1].x_to_cmd.is_empty());
+    assert!(campaign.notes.iter().any(|n| n.text.starts_with("x_to_cmd_mm: not recorded: actuator, clutch force")));
     assert!(campaign.recordings[1].theta_h.iter().all(|t| *t == 30.0));
 }
 

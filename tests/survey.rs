@@ -89,14 +89,17 @@ fn a_made_up_log_gives_back_what_was_put_in() {
     }
     let s = of(&path, &Known { ratios: RATIOS.to_vec(), final_drive: Some(FINAL_DRIVE), ..Known::default() });
     near(s.tyre_radius.unwrap(), RADIUS, 0.005, "tyre radius");
+    let inertia = kisspoint::survey::export::inertia(&s, 1400.0, 1).unwrap();
+    near(inertia, 1400.0 * (RADIUS / (RATIOS[1] * FINAL_DRIVE)).powi(2), 0.03 * inertia, "J_c");
+    assert_eq!(kisspoint::survey::export::recordings(&s, "TqShaft", Some(1)).unwrap().len(), 1);
 }
 
 #[test]
 fn the_campaign_of_a_survey_is_read_back() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("survey_campaign");
     let s = of(&log(&folder), &Known::default());
-    let recordings = kisspoint::survey::export::recordings(&s, "TqShaft").unwrap();
-    assert!(kisspoint::survey::export::recordings(&s, "Tq").unwrap_err().contains("TqShaft"));
+    let recordings = kisspoint::survey::export::recordings(&s, "TqShaft", None).unwrap();
+    assert!(kisspoint::survey::export::recordings(&s, "Tq", None).unwrap_err().contains("TqShaft"));
     campaign::write_recordings_json(&recordings, &folder.join("recordings.json")).unwrap();
     std::fs::write(folder.join("vehicle.json"), "{}").unwrap();
     for r in &recordings {

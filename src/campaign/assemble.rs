@@ -51,6 +51,10 @@ pub(crate) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry) -> R
     recording.sample_rate_hz = if steps.is_empty() { 0.0 } else { round(1.0 / middle(&mut steps)) };
     recording.time = time;
     temperatures(&mut recording, entry, &mut notes);
+    if recording.x_to_cmd.is_empty() {
+        let what = "actuator, clutch force and thermal parts can't be assessed; record the position that the TCU commands";
+        notes.push(format!("x_to_cmd_mm: not recorded: {what}"));
+    }
     let label = |channel| labels.iter().find(|(c, _)| *c == channel).map_or_else(String::new, |(_, l)| l.clone());
     checks::says_something(&m.file, label, &mut recording, &mut notes)?;
     Ok((recording, notes))

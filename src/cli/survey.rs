@@ -43,6 +43,12 @@ pub struct Args {
     /// Channel that is the engine's torque: a campaign for `kisspoint diagnose` is written into DIR/campaign, too
     #[arg(long, value_name = "NAME", requires = "out")]
     torque: Option<String>,
+    /// Gear of that campaign, from 1; J_c differs from gear to gear
+    #[arg(long, value_name = "N", requires = "torque", value_parser = clap::value_parser!(u8).range(1..))]
+    gear: Option<u8>,
+    /// Mass of the car, kg: gives that campaign's J_c
+    #[arg(long, value_name = "KG", requires = "gear")]
+    mass: Option<f64>,
     /// Vehicle file for that campaign; else the paper's numbers, to be replaced
     #[arg(long, value_name = "FILE", requires = "torque")]
     vehicle: Option<PathBuf>,
@@ -97,14 +103,24 @@ fn write(out: &Path, found: &Survey, args: &Args) -> Result<String, CommandError
     write_all(out, &files)?;
     let mut text: String = files.iter().map(|(name, _)| format!("wrote {}\n", out.join(name).display())).collect();
     let Some(torque) = &args.torque else { return Ok(text) };
-    let recordings = export::recordings(found, torque).map_err(CommandError::Refused)?;
+    let gear = args.gear.map(|g| usize::from(g) - 1);
+    let recordings = export::recordings(found, torque, gear).map_err(CommandError::Refused)?;
+    let mut vehicle = vehicle(args.vehicle.as_deref())?;
+    if let (Some(mass), Some(gear)) = (args.mass, gear) {
+        vehicle["driveline"]["J_c"] = export::inertia(found, mass, gear).map_err(CommandError::Refused)?.into();
+    }
     let folder = out.join("campaign");
-    write_all(&folder, &[("vehicle.json", format!("{:#}\n", vehicle(args.vehicle.as_deref())?).into_bytes())])?;
+    write_all(&folder, &[("vehicle.json", format!("{vehicle:#}\n").into_bytes())])?;
     campaign::write_recordings_json(&recordings, &folder.join("recordings.json"))?;
     for recording in &recordings {
         campaign::write_csv(recording, &folder.join(format!("{}.csv", recording.name)))?;
     }
     let whose = if args.vehicle.is_some() { "" } else { "; its vehicle.json has the paper's numbers: put in the car's" };
+    let mut gears: Vec<usize> = found.engagements.iter().map(|e| e.gear).collect();
+    gears.dedup();
+    if gear.is_none() && gears.len() > 1 {
+        text += "the campaign holds several gears, each with a J_c of its own: choose one with --gear, and give --mass\n";
+    }
     text += &format!("wrote {} with {} recordings{whose}\n", folder.display(), recordings.len());
     Ok(text)
 }

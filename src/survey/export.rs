@@ -5,29 +5,32 @@
 //! them. Start temperatures are unknown, and said to be.
 
 use super::Survey;
-use crate::campaign::{Channel, LogChannel, Recording};
+use super::engagements::Engagement;
+use crate::campaign::{Channel, LogChannel, Quantity, Recording};
 
 /// What is taken in front of the slip, s.
 const LEAD_S: f64 = 0.5;
 /// Temperature that is written where none is known, °C, and how well, K.
 const UNKNOWN: (f64, f64) = (20.0, 40.0);
 
-/// One recording per engagement; `torque` names the channel of the engine's torque.
+/// One recording per engagement, in one gear if that is given, from 0; `torque` names the channel of the engine's torque.
 ///
 /// # Errors
 /// The log has no such channel, or no engagement.
-pub fn recordings(s: &Survey, torque: &str) -> Result<Vec<Recording>, String> {
+pub fn recordings(s: &Survey, torque: &str, gear: Option<usize>) -> Result<Vec<Recording>, String> {
     let Some(t_e) = s.log.channels.iter().find(|c| c.name == torque) else {
         let there: Vec<&str> = s.torques.iter().map(|t| s.log.channels[t.channel].name.as_str()).collect();
         return Err(format!("no channel is called `{torque}`; of torques there are {}", there.join(", ")));
     };
     let (Some(engine), Some(road)) = (s.engine, s.road) else { return Err(s.remarks.join("; ")) };
-    if s.engagements.is_empty() {
-        return Err("no engagement was found: there is nothing for a campaign".to_string());
+    let engagements: Vec<&Engagement> = s.engagements.iter().filter(|e| gear.is_none_or(|g| g == e.gear)).collect();
+    if engagements.is_empty() {
+        let which = gear.map_or_else(String::new, |g| format!(" in gear {}", g + 1));
+        return Err(format!("no engagement{which} was found: there is nothing for a campaign"));
     }
     let [engine, road] = [engine, road].map(|k| &s.log.channels[k]);
     let is = |channel: Channel| s.log.channels.iter().find(|c| c.guess == Some(channel));
-    let one = |(k, e): (usize, &super::engagements::Engagement)| {
+    let one = |(k, e): (usize, &Engagement)| {
         let (from, to) = (e.from - LEAD_S, e.until);
         let mut time: Vec<f64> = [engine, road, t_e].iter().flat_map(|c| c.trace().within(from, to).map(|i| c.time[i])).collect();
         time.sort_by(f64::total_cmp);
@@ -52,7 +55,20 @@ pub fn recordings(s: &Survey, torque: &str) -> Result<Vec<Recording>, String> {
             ..Recording::default()
         }
     };
-    Ok(s.engagements.iter().enumerate().map(one).collect())
+    Ok(engagements.into_iter().enumerate().map(one).collect())
+}
+
+/// Inertia of a car of `mass` kg at the disc in a gear, from 0, kg·m²: m (r/i)², without the driveline's own.
+///
+/// # Errors
+/// A shaft's speed without the tyre's radius says nothing of the car.
+pub fn inertia(s: &Survey, mass: f64, gear: usize) -> Result<f64, String> {
+    let road = s.road.map(|k| &s.log.channels[k]).filter(|_| gear < s.gears.levels.len());
+    let Some(road) = road else { return Err(format!("there is no gear {}: {} were found", gear + 1, s.gears.levels.len())) };
+    // Metres of road per radian of a shaft whose speed is measured.
+    let travel = if road.quantity == Some(Quantity::Velocity) { Some(1.0) } else { s.tyre_radius };
+    let travel = travel.ok_or("the mass needs --tyre-radius where the speed is that of a shaft")?;
+    Ok(mass * (travel / s.gears.factor(gear)).powi(2))
 }
 
 /// The samples at their own stamps, NaN elsewhere.
