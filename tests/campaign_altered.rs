@@ -109,6 +109,18 @@ fn one_code_for_not_available() {
 }
 
 #[test]
+fn every_command_says_what_is_not_believed() {
+    _ = altered("said", |_, rows| rows[100][OMEGA_F] = "983.025".into());
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("altered/said");
+    let file = folder.join("r01.csv");
+    for (command, path) in [("inspect", &file), ("survey", &file), ("replay", &folder)] {
+        let out = std::process::Command::new(env!("CARGO_BIN_EXE_kisspoint")).arg(command).arg(path).output().unwrap();
+        let text = String::from_utf8(out.stdout).unwrap();
+        assert!(text.contains("1 sample is not believed and left out"), "{command}: {text}");
+    }
+}
+
+#[test]
 fn a_dead_band_of_the_disc_speed() {
     let c = altered("dead", |_, rows| {
         rows.iter_mut().filter(|r| number(&r[OMEGA_C]).abs() < 3.0).for_each(|r| r[OMEGA_C] = "0".into());

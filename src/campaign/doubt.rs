@@ -28,21 +28,37 @@ const LONGEST_SPIKE: usize = 3;
 /// Samples on either side of a spike that say how rough the signal is there.
 const AROUND: usize = 6;
 
-/// Sets faults to NaN; the note says how many, where the first is, and what it reads.
+/// Sets faults of a recording's channel to NaN; the note says how many, where the first is, and what it reads.
 pub(crate) fn faults(m: &Measurement, signal: &mut Signal) -> Option<String> {
-    let found = take_out(signal);
-    let &(first, value, _) = found.first()?;
+    let moves = matches!(signal.channel, Channel::OmegaF | Channel::OmegaC);
+    let found = take_out(&signal.time, &mut signal.values, bounds(signal.channel), moves);
+    let (first, said) = said(&found)?;
+    let (at, unit) = (m.row_text(first), signal.channel.spec().unit);
+    Some(format!("{}: {said}, the first at {at}: {} {unit}", signal.label, found[0].1))
+}
+
+/// The same for any series; `moves` if it is a speed.
+pub(crate) fn faults_of(name: &str, time: &[f64], values: &mut [f64], moves: bool) -> Option<String> {
+    let found = take_out(time, values, None, moves);
+    let (first, said) = said(&found)?;
+    Some(format!("{name}: {said}, the first at {:.3} s: {}", time[first], found[0].1))
+}
+
+/// Sample, value and reason.
+type Fault = (usize, f64, &'static str);
+
+/// The first fault, and how many there are of which kinds.
+fn said(found: &[Fault]) -> Option<(usize, String)> {
     let mut kinds: Vec<&str> = found.iter().map(|(_, _, kind)| *kind).collect();
     kinds.sort_unstable();
     kinds.dedup();
-    let (count, at, unit) = (found.len(), m.row_text(first), signal.channel.spec().unit);
+    let count = found.len();
     let samples = if count == 1 { "1 sample is" } else { &format!("{count} samples are") };
-    Some(format!("{}: {samples} not believed and left out ({}), the first at {at}: {value} {unit}", signal.label, kinds.join(", ")))
+    Some((found.first()?.0, format!("{samples} not believed and left out ({})", kinds.join(", "))))
 }
 
-/// Sets faults to NaN; gives sample, value and reason, in order.
-fn take_out(signal: &mut Signal) -> Vec<(usize, f64, &'static str)> {
-    let values = &mut signal.values;
+/// Sets faults to NaN; gives them in order.
+fn take_out(time: &[f64], values: &mut [f64], bounds: Option<(f64, f64)>, moves: bool) -> Vec<Fault> {
     let mut found = Vec::new();
     if quantum(values) == 0.0 {
         return found;
@@ -50,28 +66,32 @@ fn take_out(signal: &mut Signal) -> Vec<(usize, f64, &'static str)> {
     let mut take = |values: &mut [f64], at: Vec<usize>, why| {
         found.extend(at.into_iter().map(|i| (i, std::mem::replace(&mut values[i], f64::NAN), why)));
     };
-    let at = beyond(signal.channel, values);
+    let at = bounds.map_or_else(Vec::new, |bounds| beyond(bounds, values));
     take(values, at, "no car reaches that value");
     let at = code(values);
     take(values, at, "a code for \"not available\"");
-    if matches!(signal.channel, Channel::OmegaF | Channel::OmegaC) {
-        let at = spikes(&signal.time, values);
+    if moves {
+        let at = spikes(time, values);
         take(values, at, "contradicted by the samples around");
     }
     found.sort_unstable_by_key(|(i, _, _)| *i);
     found
 }
 
+/// What a channel can be, in our units.
+fn bounds(channel: Channel) -> Option<(f64, f64)> {
+    match channel {
+        Channel::OmegaF | Channel::OmegaC => Some((-1500.0, 1500.0)),
+        Channel::TE | Channel::TFc => Some((-3000.0, 3000.0)),
+        Channel::XToCmd | Channel::XTo => Some((-100.0, 100.0)),
+        Channel::ThetaH => Some((-60.0, 200.0)),
+        Channel::ThetaC => Some((-60.0, 1000.0)),
+        Channel::Time | Channel::Brake | Channel::Valid => None,
+    }
+}
+
 /// Rare samples outside what the quantity can be.
-fn beyond(channel: Channel, values: &[f64]) -> Vec<usize> {
-    let (low, high) = match channel {
-        Channel::OmegaF | Channel::OmegaC => (-1500.0, 1500.0),
-        Channel::TE | Channel::TFc => (-3000.0, 3000.0),
-        Channel::XToCmd | Channel::XTo => (-100.0, 100.0),
-        Channel::ThetaH => (-60.0, 200.0),
-        Channel::ThetaC => (-60.0, 1000.0),
-        Channel::Time | Channel::Brake | Channel::Valid => return Vec::new(),
-    };
+fn beyond((low, high): (f64, f64), values: &[f64]) -> Vec<usize> {
     let at: Vec<usize> = (0..values.len()).filter(|&i| values[i] < low || values[i] > high).collect();
     if is_rare(at.len(), values) { at } else { Vec::new() }
 }

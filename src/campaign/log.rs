@@ -64,7 +64,9 @@ pub fn open(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<Log, 
         let time: Vec<f64> = clock.values.iter().map(|t| t * factor).collect();
         clock::check(&time).map_err(|(defect, sample)| m.defect_at(defect, &clock.name, Some(sample)))?;
         let others = (0..group.series.len()).filter(|k| *k != at);
-        log.channels.extend(others.filter_map(|k| channel(group, k, &time)));
+        for k in others {
+            log.channels.extend(channel(group, k, &time, &mut log.notes));
+        }
     }
     count_from_start(&mut log);
     let named: Vec<(&str, Option<&str>)> = log.channels.iter().map(|c| (c.name.as_str(), None)).collect();
@@ -89,14 +91,21 @@ fn count_from_start(log: &mut Log) {
 }
 
 /// A channel of numbers, its missing samples left out.
-fn channel(group: &Group, at: usize, time: &[f64]) -> Option<LogChannel> {
+fn channel(group: &Group, at: usize, time: &[f64], notes: &mut Vec<String>) -> Option<LogChannel> {
     let series = &group.series[at];
     let unit = series.unit.as_deref().and_then(units::parse).or_else(|| from_name(&series.name));
     let (scale, offset) = unit.map_or((1.0, 0.0), |u| (u.factor, u.offset));
-    let there = clock::valid(time, &series.values).map(|(_, t, v)| (t, v * scale + offset));
-    let (time, values): (Vec<f64>, Vec<f64>) = there.unzip();
-    let spacing = clock::spacing(&time, &values).filter(|_| series.text.is_none())?;
     let speed = unit.is_some_and(|u| matches!(u.quantity, Quantity::Speed | Quantity::Velocity));
+    let there = |time: &[f64], values: &[f64]| -> (Vec<f64>, Vec<f64>) { clock::valid(time, values).map(|(_, t, v)| (t, v)).unzip() };
+    let (mut time, mut values) = there(time, &series.values);
+    values.iter_mut().for_each(|v| *v = *v * scale + offset);
+    // What has no unit may be a counter or a state, whose jumps are no faults.
+    let fault = unit.and_then(|_| doubt::faults_of(&series.name, &time, &mut values, speed));
+    if let Some(fault) = fault {
+        notes.push(fault);
+        (time, values) = there(&time, &values);
+    }
+    let spacing = clock::spacing(&time, &values).filter(|_| series.text.is_none())?;
     let dead_band = doubt::dead_band(&time, &values, doubt::LIKELY).filter(|_| speed).map(|(threshold, _)| threshold);
     Some(LogChannel {
         name: series.name.clone(),
@@ -112,8 +121,11 @@ fn channel(group: &Group, at: usize, time: &[f64]) -> Option<LogChannel> {
     })
 }
 
-/// The unit that the end of a name says: `engine_speed_rpm`.
+/// The unit that a column of the contract has, or that the end of a name says: `engine_speed_rpm`.
 fn from_name(name: &str) -> Option<units::Unit> {
+    if let Some(channel) = Channel::from_column(name) {
+        return units::parse(channel.spec().unit);
+    }
     let (_, end) = name.rsplit_once('_')?;
     (end.len() > 1).then(|| units::parse(end)).flatten()
 }
