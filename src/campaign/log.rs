@@ -61,7 +61,7 @@ pub fn open(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<Log, 
         };
         let clock = &group.series[at];
         let factor = clock.unit.as_deref().and_then(units::parse).map_or(1.0, |u| u.factor);
-        let time: Vec<f64> = clock.values.iter().map(|t| t * factor).collect();
+        let time: Rc<Vec<f64>> = Rc::new(clock.values.iter().map(|t| t * factor).collect());
         clock::check(&time).map_err(|(defect, sample)| m.defect_at(defect, &clock.name, Some(sample)))?;
         let others = (0..group.series.len()).filter(|k| *k != at);
         for k in others {
@@ -91,20 +91,18 @@ fn count_from_start(log: &mut Log) {
 }
 
 /// A channel of numbers, its missing samples left out.
-fn channel(group: &Group, at: usize, time: &[f64], notes: &mut Vec<String>) -> Option<LogChannel> {
+fn channel(group: &Group, at: usize, clock: &Rc<Vec<f64>>, notes: &mut Vec<String>) -> Option<LogChannel> {
     let series = &group.series[at];
     let unit = series.unit.as_deref().and_then(units::parse).or_else(|| from_name(&series.name));
     let (scale, offset) = unit.map_or((1.0, 0.0), |u| (u.factor, u.offset));
     let speed = unit.is_some_and(|u| matches!(u.quantity, Quantity::Speed | Quantity::Velocity));
-    let there = |time: &[f64], values: &[f64]| -> (Vec<f64>, Vec<f64>) { clock::valid(time, values).map(|(_, t, v)| (t, v)).unzip() };
-    let (mut time, mut values) = there(time, &series.values);
-    values.iter_mut().for_each(|v| *v = *v * scale + offset);
+    let mut values: Vec<f64> = series.values.iter().map(|v| v * scale + offset).collect();
+    let mut time = clock.clone();
+    thin(&mut time, &mut values);
     // What has no unit may be a counter or a state, whose jumps are no faults.
     let fault = unit.and_then(|_| doubt::faults_of(&series.name, &time, &mut values, speed));
-    if let Some(fault) = fault {
-        notes.push(fault);
-        (time, values) = there(&time, &values);
-    }
+    notes.extend(fault);
+    thin(&mut time, &mut values);
     let spacing = clock::spacing(&time, &values).filter(|_| series.text.is_none())?;
     let dead_band = doubt::dead_band(&time, &values, doubt::LIKELY).filter(|_| speed).map(|(threshold, _)| threshold);
     Some(LogChannel {
@@ -116,9 +114,17 @@ fn channel(group: &Group, at: usize, time: &[f64], notes: &mut Vec<String>) -> O
         step: spacing.step,
         jitter: spacing.jitter,
         gaps: spacing.gaps.iter().map(|g| (g.from, g.to)).collect(),
-        time: Rc::new(time),
+        time,
         values,
     })
+}
+
+/// Leaves out missing samples; a channel without any shares its group's clock.
+fn thin(time: &mut Rc<Vec<f64>>, values: &mut Vec<f64>) {
+    if values.iter().any(|v| v.is_nan()) {
+        *time = Rc::new(clock::valid(time, values).map(|(_, t, _)| t).collect());
+        values.retain(|v| !v.is_nan());
+    }
 }
 
 /// The unit that a column of the contract has, or that the end of a name says: `engine_speed_rpm`.

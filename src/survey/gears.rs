@@ -89,7 +89,10 @@ pub fn find(engine: Trace<'_>, road: Trace<'_>, known: &Known, shaft: bool, rema
 /// Stamps and running medians of x where engine and car move.
 fn levels_over_time(engine: Trace<'_>, road: Trace<'_>) -> (Vec<f64>, Vec<f64>) {
     let standing = road.standing();
-    let moving = (0..road.time.len()).filter(|&k| road.values[k] > standing && engine.at(road.time[k]) > RUNNING);
+    // A hundred points a second follow a ratio well enough.
+    let span = road.time[road.time.len() - 1] - road.time[0];
+    let stride = (0.01 * road.time.len() as f64 / span.max(0.01)).floor().max(1.0) as usize;
+    let moving = (0..road.time.len()).step_by(stride).filter(|&k| road.values[k] > standing && engine.at(road.time[k]) > RUNNING);
     let points: Vec<(f64, f64)> = moving.map(|k| (road.time[k], (engine.at(road.time[k]) / road.values[k]).ln())).collect();
     let time: Vec<f64> = points.iter().map(|p| p.0).collect();
     let smooth = |&t: &f64| {

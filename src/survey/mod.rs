@@ -132,27 +132,24 @@ pub fn survey(log: Log, known: &Known) -> Survey {
         s.remarks.push(format!("no channel is {missing}: no gears, launches or shifts can be found"));
         return s;
     };
-    let (omega, v) = (s.log.channels[engine].clone(), s.log.channels[road].clone());
-    let shaft = v.quantity != Some(Quantity::Velocity);
+    let (omega, road) = (&s.log.channels[engine], &s.log.channels[road]);
+    let shaft = road.quantity != Some(Quantity::Velocity);
     // The gearbox input turns as the disc does: no gear lies between.
     let direct = Known { ratios: vec![1.0], tyre_radius: None, ..Known::default() };
-    let known = if v.guess == Some(Channel::OmegaC) && known.ratios.is_empty() { &direct } else { known };
-    s.gears = gears::find(omega.trace(), v.trace(), known, shaft, &mut s.remarks);
+    let known = if road.guess == Some(Channel::OmegaC) && known.ratios.is_empty() { &direct } else { known };
+    let (omega, v) = (omega.trace(), road.trace());
+    s.gears = gears::find(omega, v, known, shaft, &mut s.remarks);
     let drive = known.final_drive.filter(|_| !shaft);
     s.tyre_radius = s.tyre_radius.or_else(|| Some(drive? / s.gears.common?));
-    s.engagements = engagements::find(omega.trace(), v.trace(), &s.gears);
-    for engagement in &mut s.engagements {
-        engagement.ringing = ringing::after(omega.trace(), v.trace(), s.gears.factor(engagement.gear), engagement.met, engagement.until);
-    }
-    s.latency = latency::between(omega.trace(), v.trace(), &s.gears, &s.engagements);
-    s.torques = torque::readings(&s.log, omega.trace(), v.trace());
+    s.engagements = engagements::find(omega, v, &s.gears);
+    s.torques = torque::readings(&s.log, omega, v);
+    let clutch = s.torques.first().map(|reading| s.log.channels[reading.channel].trace());
     for engagement in &mut s.engagements {
         let factor = s.gears.factor(engagement.gear);
-        engagement.heat = s.torques.first().map(|reading| {
-            let torque = s.log.channels[reading.channel].trace();
-            engagements::heat(omega.trace(), v.trace(), torque, factor, engagement)
-        });
+        engagement.ringing = ringing::after(omega, v, factor, engagement.met, engagement.until);
+        engagement.heat = clutch.map(|torque| engagements::heat(omega, v, torque, factor, engagement));
     }
+    s.latency = latency::between(omega, v, &s.gears, &s.engagements);
     s
 }
 
