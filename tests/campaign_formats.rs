@@ -49,7 +49,7 @@ fn assert_near(got: &[f64], expected: &[f64], tolerance: f64, what: &str) {
 fn mdf_of_every_packing_equals_the_seed() {
     let seed = seed();
     assert_eq!(seed.omega_f.len(), 151);
-    for name in ["plain", "deflate", "transposed", "fragments", "v430"] {
+    for name in ["plain", "deflate", "transposed", "fragments", "value_blocks", "v430"] {
         let (recording, notes) = read(&format!("measurements/{name}.mf4"), "");
         assert_eq!(recording, seed, "{name}");
         assert_eq!(notes, [], "{name}");

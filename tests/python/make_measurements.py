@@ -165,7 +165,7 @@ def expected():
     """Sums and counts per channel, as asammdf reads them back; invalid samples left out."""
     out = {}
     for path in sorted(OUT.glob("*.mf4")):
-        if path.stem in ("unfinalised", "unsorted", "named", "frames"):
+        if path.stem in ("unfinalised", "unsorted", "named", "frames", "value_blocks"):
             continue
         with MDF(path) as mdf:
             signals = [mdf.get(name, group=g, index=i, ignore_invalidation_bits=False)
@@ -193,6 +193,7 @@ def main():
     (OUT / "unfinalised.mf4").write_bytes(unfinalised)
     two.unlink()
     unsorted(columns)
+    value_blocks(plain)
     save("named", groups=[(named_values(columns), "")])
     frames(columns)
     tables(columns)
@@ -230,6 +231,30 @@ def unsorted(columns):
     data += b"##DT\0\0\0\0" + (24 + len(mixed)).to_bytes(8, "little") + bytes(8) + mixed
     data[group + 24 + 4 * 8] = 1  # bytes of a record's number
     path.write_bytes(data)
+
+
+def value_blocks(plain):
+    """The plain file with its records in two ##DV blocks under an ##LD, as MDF 4.20 allows."""
+    data = bytearray(plain.read_bytes())
+    word = lambda at: int.from_bytes(data[at : at + 8], "little")  # noqa: E731
+    group = word(64 + 24)
+    channels, block = word(group + 32), word(group + 40)
+    numbers = channels + 24 + 6 * 8
+    count, size = word(numbers + 8), int.from_bytes(data[numbers + 24 : numbers + 28], "little")
+    records = bytes(data[block + 24 : block + 24 + count * size])
+    half = (count + 1) // 2
+    places = []
+    for part in (records[: half * size], records[half * size :]):
+        data += bytes(-len(data) % 8)
+        places.append(len(data))
+        data += b"##DV\0\0\0\0" + (24 + len(part)).to_bytes(8, "little") + bytes(8) + part
+    data += bytes(-len(data) % 8)
+    data[group + 40 : group + 48] = len(data).to_bytes(8, "little")
+    links = b"".join(at.to_bytes(8, "little") for at in (0, *places))
+    body = links + struct.pack("<IIQ", 1, len(places), half)
+    data += b"##LD\0\0\0\0" + (24 + len(body)).to_bytes(8, "little") + (len(links) // 8).to_bytes(8, "little") + body
+    data[8:12], data[28:30] = b"4.20", (420).to_bytes(2, "little")
+    (OUT / "value_blocks.mf4").write_bytes(data)
 
 
 DBC = """VERSION ""
