@@ -22,4 +22,6 @@ pub mod plant;
 pub mod plots;
 #[cfg(feature = "cli")]
 pub mod report;
+#[cfg(feature = "cli")]
+pub mod survey;
 pub mod vehicle;

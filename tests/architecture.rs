@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::{fs, iter};
 
 /// Which modules each module may import; the one list of import directions.
-const IMPORTS: [(&str, &[&str]); 14] = [
+const IMPORTS: [(&str, &[&str]); 15] = [
     ("physics", &[]),
     ("vehicle", &["physics"]),
     ("effects", &["physics", "vehicle"]),
@@ -15,11 +15,13 @@ const IMPORTS: [(&str, &[&str]); 14] = [
     ("launch", &["physics", "vehicle", "effects", "plant", "control"]),
     ("plots", &["physics", "vehicle", "effects", "plant", "control", "launch"]),
     ("campaign", &[]),
+    // Of the plots, only the chart.
+    ("survey", &["campaign", "plots"]),
     ("gap", &["physics", "vehicle", "effects", "plant", "campaign"]),
     // Of the diagnosis, only the form in which curves are handed over.
     ("report", &["vehicle", "effects", "gap"]),
     ("fmu", &["physics", "vehicle", "effects", "control", "fmi2", "launch"]),
-    ("cli", &["physics", "vehicle", "effects", "plant", "control", "launch", "plots", "campaign", "report", "gap", "fmu"]),
+    ("cli", &["physics", "vehicle", "effects", "plant", "control", "launch", "plots", "campaign", "survey", "report", "gap", "fmu"]),
     ("main", &[]),
 ];
 

@@ -103,7 +103,12 @@ fn one(
     pool: &rayon::ThreadPool,
     libraries: &[library::Library],
 ) -> Result<Diagnosis, CommandError> {
-    let campaign = campaign::read(path, options)?;
+    let bar = Progress::new();
+    let read = campaign::read_telling(path, options, &|file, share| bar.tell(&format!("{label}reading {file}"), share));
+    bar.finish();
+    let campaign = read?;
+    // Standard output may be a machine's.
+    eprint!("{}", campaign.remarks());
     let bar = Progress::new();
     let found = pool.install(|| diagnose(&campaign, &|what, share| bar.tell(&format!("{label}{what}"), share)));
     bar.finish();

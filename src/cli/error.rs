@@ -22,6 +22,9 @@ pub enum CommandError {
         /// Recordings that could not be used.
         left_out: Vec<LeftOut>,
     },
+    /// Options that do not fit the file or each other; the message says how.
+    #[error("{0}")]
+    Refused(String),
     /// Some of several campaigns; each has had its own message.
     #[error("{failed} of {all} campaigns could not be diagnosed; the messages above say why")]
     Some {

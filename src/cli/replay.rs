@@ -3,6 +3,7 @@
 use super::error::CommandError;
 use super::files::read_vehicle;
 use super::output::{print, print_json};
+use super::progress::Progress;
 use crate::campaign::{self, Campaign, ChannelMap, LeftOut, Note, ReadOptions, Recording};
 use crate::gap::measure::{HeldOut, evaluate};
 use serde_json::{Value, json};
@@ -34,7 +35,14 @@ pub struct Args {
 /// A campaign or vehicle file that cannot be read.
 pub fn run(args: &Args) -> Result<(), CommandError> {
     let channel_map = args.channel_map.as_deref().map(ChannelMap::from_file).transpose()?;
-    let campaign = campaign::read(&args.campaign, &ReadOptions { channel_map, strict: false })?;
+    let campaign = {
+        let bar = Progress::new();
+        let read = campaign::read_telling(&args.campaign, &ReadOptions { channel_map, strict: false }, &|file, share| {
+            bar.tell(&format!("reading {file}"), share);
+        });
+        bar.finish();
+        read?
+    };
     let file = read_vehicle(args.vehicle.as_deref().unwrap_or(&campaign.vehicle_path))?;
     let car = (&file.vehicle, &file.effects);
     let gaps: Vec<(&Recording, HeldOut)> =
@@ -47,8 +55,7 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
         let (channel, unit) = (gap.channel.column(), gap.channel.unit());
         text += &format!("{:<12} {:<14} {channel:<15} {:>10.4} {:>10.4}  {unit}\n", r.name, r.manoeuvre, gap.before, gap.noise);
     }
-    text.extend(campaign.left_out.iter().map(|left| format!("left out: {}: {}\n", left.recording, left.reason)));
-    print(&text)
+    print(&(text + &campaign.remarks()))
 }
 
 fn as_json(gaps: &[(&Recording, HeldOut)], campaign: &Campaign) -> Value {
