@@ -2,29 +2,33 @@
 
 use super::call::CallState;
 use super::log::{Category, Log};
-use super::model::{Model, Registered, put_vehicle};
+use super::model::{Model, Registered};
 use super::refusal::Refusal;
-use super::resource;
 use super::types::Status;
 use super::variables::{Causality, Description, Kind, Variability, Variable};
 use super::words::{Reader, Words, Writer};
-use crate::effects::{self, Parameters};
-use crate::vehicle::{Vehicle, VehicleError};
-use std::fs;
 use std::ops::Range;
 
 /// Longest communication step, s: it bounds the work of a call.
 pub const LONGEST_STEP: f64 = 1000.0;
 
-/// Rounding allowed between the importer's clock and ours: relative to the time, and to the step.
-const CLOCK_TOLERANCE: f64 = 1e-9;
-const CLOCK_SHARE_OF_STEP: f64 = 1e-6;
+/// Rounding allowed between the importer's clock and ours: a few last places of the time, and a share of the step.
+const CLOCK_ROUNDING: f64 = 8.0 * f64::EPSILON;
+const CLOCK_SHARE_OF_STEP: f64 = 1e-4;
 
-/// File with the vehicle's numbers in the resources.
-const VEHICLE_FILE: &str = "vehicle.json";
+/// Longest piece of a step over which an input with a derivative is held, at its value in the middle, s.
+const PIECE: f64 = 1e-3;
 
-/// Variables whose refused values are remembered: the inputs stand among the first.
-const DOUBTABLE: usize = 64;
+/// Room for the inputs of any model.
+const MOST_INPUTS: usize = 8;
+
+/// What an instance is made of.
+pub struct Parts {
+    /// The model.
+    pub registered: &'static Registered,
+    /// Its start values.
+    pub fresh: Box<[f64]>,
+}
 
 /// An instance.
 pub struct Instance {
@@ -38,9 +42,12 @@ pub struct Instance {
     /// Values after instantiation and reset.
     fresh: Box<[f64]>,
     values: Box<[f64]>,
-    /// Values before the last step, to tell events.
+    /// Outputs before the last step, to tell events.
     before: Box<[f64]>,
-    /// Where the outputs stand among the values.
+    /// Derivatives of the inputs in the next step, per second.
+    slopes: Box<[f64]>,
+    /// Where inputs and outputs stand among the values.
+    inputs: Range<usize>,
     outputs: Range<usize>,
     moving: Moving,
 }
@@ -51,45 +58,29 @@ struct Moving {
     /// End of the last step, s.
     time: f64,
     stop: f64,
-    /// Bit k: the last value offered for variable k was refused.
-    doubts: u64,
+    /// An input has a derivative.
+    sloped: bool,
     /// The model has not yet started from the values that stand.
     stale: bool,
     /// Tunable parameters were set since the last step.
     tuned: bool,
 }
 
-const AT_REST: Moving = Moving { time: 0.0, stop: f64::MAX, doubts: 0, stale: false, tuned: false };
+const AT_REST: Moving = Moving { time: 0.0, stop: f64::MAX, sloped: false, stale: false, tuned: false };
 
 impl Instance {
-    /// A new instance, with the vehicle of the resources; none if its file is there but wrong, which has then been logged.
-    pub fn new(registered: &'static Registered, resource_location: Option<&str>, log: Log) -> Option<Self> {
-        let description = registered.description;
-        let mut fresh: Box<[f64]> = description.variables.iter().map(|v| v.start).collect();
-        match vehicle_of_resources(resource_location) {
-            Ok((vehicle, effects)) => put_vehicle(description, &vehicle, &effects, &mut fresh),
-            Err(Missing::Absent(why)) => log.send(
-                Status::Warning,
-                Category::Warning,
-                format_args!("{why}; the start values of the paper's car are used, unless others are set"),
-            ),
-            Err(Missing::Wrong(why)) => {
-                log.send(Status::Error, Category::Error, format_args!("fmi2Instantiate: {why}"));
-                return None;
-            }
-        }
-        Some(Self::with_values(registered, fresh, log))
-    }
-
-    /// An instance that starts from these values.
-    fn with_values(registered: &'static Registered, fresh: Box<[f64]>, log: Log) -> Self {
+    /// A new instance.
+    pub fn from_parts(Parts { registered, fresh }: Parts, log: Log) -> Self {
         let variables = registered.description.variables;
-        let is_output = |v: &Variable| v.causality == Causality::Output;
-        let first = variables.iter().position(is_output).unwrap_or(0);
-        let last = variables.iter().rposition(is_output).map_or(0, |k| k + 1);
-        let (values, before, call_state) = (fresh.clone(), fresh.clone(), CallState::Instantiated);
-        let (description, model, outputs) = (registered.description, (registered.make)(), first..last);
-        let mut made = Self { description, call_state, log, model, fresh, values, before, outputs, moving: AT_REST };
+        let range = |wanted: Causality| {
+            let first = variables.iter().position(|v| v.causality == wanted).unwrap_or(0);
+            first..variables.iter().rposition(|v| v.causality == wanted).map_or(0, |k| k + 1)
+        };
+        let (inputs, outputs) = (range(Causality::Input), range(Causality::Output));
+        let (slopes, before) = (vec![0.0; inputs.len()].into(), vec![0.0; outputs.len()].into());
+        let (description, model, values) = (registered.description, (registered.make)(), fresh.clone());
+        let call_state = CallState::Instantiated;
+        let mut made = Self { description, call_state, log, model, fresh, values, before, slopes, inputs, outputs, moving: AT_REST };
         made.reset();
         made
     }
@@ -128,6 +119,7 @@ impl Instance {
         self.values.copy_from_slice(&self.fresh);
         // The start values agree with each other: those of the XML do, and a vehicle file is checked when it is read.
         self.moving = Moving { stale: self.model.start(&mut self.values).is_err(), ..AT_REST };
+        self.slopes.fill(0.0);
         self.call_state = CallState::Instantiated;
     }
 
@@ -165,21 +157,13 @@ impl Instance {
     /// The first variable or value that is refused.
     pub fn set(&mut self, kinds: &[Kind], pairs: impl Iterator<Item = (u32, f64)> + Clone) -> Result<Status, Refusal> {
         for (reference, value) in pairs.clone() {
-            let (index, variable) = self.find(reference, kinds)?;
-            if let Err(refusal) = self.check(variable, value) {
-                if index < DOUBTABLE && variable.causality == Causality::Input {
-                    self.moving.doubts |= 1 << index;
-                }
-                return Err(refusal);
-            }
+            let (_, variable) = self.find(reference, kinds)?;
+            self.check(variable, value)?;
         }
         let running = self.call_state == CallState::StepComplete;
         for (reference, value) in pairs {
             let (index, variable) = self.find(reference, kinds)?;
             self.values[index] = value;
-            if index < DOUBTABLE {
-                self.moving.doubts &= !(1 << index);
-            }
             self.moving.tuned |= running && variable.causality == Causality::Parameter;
         }
         self.moving.stale |= !running;
@@ -196,6 +180,9 @@ impl Instance {
         if !settable {
             return Err(Refusal::NotSettable(variable));
         }
+        if variable.is_measurement() {
+            return Ok(());
+        }
         if !value.is_finite() {
             return Err(Refusal::NotFinite(variable, value));
         }
@@ -206,6 +193,29 @@ impl Instance {
             Some(why) => Err(Refusal::Inadmissible(variable, value, why)),
             None => Ok(()),
         }
+    }
+
+    /// Sets derivatives of inputs that hold over the next step, all or none.
+    ///
+    /// # Errors
+    /// A variable that is no continuous input, an order that is not 1, or a derivative that is no number.
+    pub fn set_slopes(&mut self, triples: impl Iterator<Item = (u32, i32, f64)> + Clone) -> Result<Status, Refusal> {
+        for (reference, order, value) in triples.clone() {
+            let (_, variable) = self.find(reference, &[Kind::Real])?;
+            if variable.causality != Causality::Input {
+                return Err(Refusal::NotSettable(variable));
+            }
+            check_order(order)?;
+            if !value.is_finite() {
+                return Err(Refusal::NotFinite(variable, value));
+            }
+        }
+        for (reference, _, value) in triples {
+            let (index, _) = self.find(reference, &[Kind::Real])?;
+            self.slopes[index - self.inputs.start] = value;
+        }
+        self.moving.sloped = self.slopes.iter().any(|slope| *slope != 0.0);
+        Ok(Status::Ok)
     }
 
     /// `fmi2DoStep`.
@@ -220,10 +230,13 @@ impl Instance {
         }
         let logs_events = self.log.wants(Category::Events) || self.log.wants(Category::Warning);
         if logs_events {
-            let outputs = self.outputs.clone();
-            self.before[outputs.clone()].copy_from_slice(&self.values[outputs]);
+            self.before.copy_from_slice(&self.values[self.outputs.clone()]);
         }
-        self.model.step(&mut self.values, self.moving.doubts, h);
+        if self.moving.sloped {
+            self.step_along_slopes(h)
+        } else {
+            self.model.step(&mut self.values, h)
+        }
         // The importer's clock leads: ours would drift from it by the sum of all roundings.
         self.moving.time = end;
         if let Some(place) = self.values[self.outputs.clone()].iter().position(|v| !v.is_finite()) {
@@ -231,11 +244,37 @@ impl Instance {
             self.call_state = CallState::Failed;
             return Err(Refusal::Diverged(&self.description.variables[index], self.values[index]));
         }
-        if logs_events && let Some(event) = self.model.event(&self.before, &self.values) {
-            let (status, category) = if event.warning { (Status::Warning, Category::Warning) } else { (Status::Ok, Category::Events) };
-            self.log.send(status, category, format_args!("step to {end} s: {}", event.what));
+        if logs_events {
+            self.log_event(end);
         }
         Ok(Status::Ok)
+    }
+
+    fn log_event(&mut self, end: f64) {
+        let was = |index: usize| self.before[index - self.outputs.start];
+        if let Some(event) = self.model.event(&was, &self.values) {
+            let (status, category) = if event.warning { (Status::Warning, Category::Warning) } else { (Status::Ok, Category::Events) };
+            self.log.write(status, category, format_args!("step to {end:?} s: {}", event.what));
+        }
+    }
+
+    /// Steps in pieces, each with the inputs that stand in its middle: second order in the piece.
+    fn step_along_slopes(&mut self, h: f64) {
+        let pieces = (h / PIECE * (1.0 - 1e-9)).ceil().max(1.0);
+        let piece = h / pieces;
+        let range = self.inputs.clone();
+        let begin: [f64; MOST_INPUTS] = std::array::from_fn(|k| if k < range.len() { self.values[range.start + k] } else { 0.0 });
+        for k in 0..pieces as u64 {
+            for (input, index) in range.clone().enumerate() {
+                let variable = &self.description.variables[index];
+                let along = begin[input] + self.slopes[input] * (k as f64 + 0.5) * piece;
+                self.values[index] = if variable.is_measurement() { along } else { along.clamp(variable.min, variable.max) };
+            }
+            self.model.step(&mut self.values, piece);
+        }
+        self.values[range.clone()].copy_from_slice(&begin[..range.len()]);
+        self.slopes.fill(0.0);
+        self.moving.sloped = false;
     }
 
     /// End of the step, if it can be made.
@@ -253,7 +292,7 @@ impl Instance {
             return Err(Refusal::StepSize(h, reason));
         }
         let time = self.moving.time;
-        let tolerance = CLOCK_TOLERANCE * (1.0 + time.abs()) + CLOCK_SHARE_OF_STEP * h;
+        let tolerance = CLOCK_ROUNDING * time.abs().max(point.abs()) + CLOCK_SHARE_OF_STEP * h;
         if (point - time).abs() > tolerance {
             return Err(Refusal::CommunicationPoint(point, time));
         }
@@ -274,7 +313,7 @@ impl Instance {
 
     /// Room that a saved state may need, in words.
     pub fn most_words(&self) -> usize {
-        self.values.len() + 8 + self.model.most_words()
+        self.values.len() + self.slopes.len() + 8 + self.model.most_words()
     }
 
     /// Appends everything that determines what follows.
@@ -282,7 +321,8 @@ impl Instance {
         let mut writer = Writer(payload);
         writer.choice(&mut self.call_state.clone(), |s| s as u64, &[]);
         walk_moving(&mut self.moving.clone(), &mut writer);
-        self.values.iter().for_each(|v| writer.real(&mut v.clone()));
+        self.values.iter().for_each(|v| writer.any_real(&mut v.clone()));
+        self.slopes.iter().for_each(|v| writer.real(&mut v.clone()));
         self.model.save(&mut writer);
     }
 
@@ -295,7 +335,10 @@ impl Instance {
         let mut number = 0;
         reader.word(&mut number, |n| CallState::from_number(n).is_some());
         walk_moving(&mut self.moving, &mut reader);
-        self.values.iter_mut().for_each(|v| reader.real(v));
+        for (variable, value) in self.description.variables.iter().zip(&mut self.values) {
+            if variable.is_measurement() { reader.any_real(value) } else { reader.real(value) }
+        }
+        self.slopes.iter_mut().for_each(|v| reader.real(v));
         let variables = self.description.variables.iter();
         let out_of_bounds = variables.zip(&self.values).any(|(v, x)| v.causality != Causality::Output && (*x < v.min || *x > v.max));
         self.model.load(&self.values, &mut reader);
@@ -314,33 +357,19 @@ impl Instance {
     pub fn check_state(&self, payload: &[u64]) -> Result<Status, Refusal> {
         let registered = super::model::find(self.description.guid).ok_or(Refusal::Panic)?;
         let silent = Log::new(None, std::ptr::null_mut(), std::ffi::CString::default(), false);
-        Self::with_values(registered, self.fresh.clone(), silent).load(payload)
+        Self::from_parts(Parts { registered, fresh: self.fresh.clone() }, silent).load(payload)
     }
 }
 
+fn check_order(order: i32) -> Result<(), Refusal> {
+    if order == 1 { Ok(()) } else { Err(Refusal::Argument("order", f64::from(order), "not 1, the only order that is offered")) }
+}
+
 fn walk_moving(moving: &mut Moving, words: &mut impl Words) {
-    let Moving { time, stop, doubts, stale, tuned } = moving;
+    let Moving { time, stop, sloped, stale, tuned } = moving;
     words.real(time);
     words.real(stop);
-    words.word(doubts, |_| true);
+    words.flag(sloped);
     words.flag(stale);
     words.flag(tuned);
-}
-
-enum Missing {
-    /// There is none to read.
-    Absent(String),
-    /// It was read and is wrong.
-    Wrong(String),
-}
-
-fn vehicle_of_resources(location: Option<&str>) -> Result<(Vehicle, Parameters), Missing> {
-    let location = location.ok_or_else(|| Missing::Absent("fmuResourceLocation is NULL".into()))?;
-    let folder = resource::folder(location)
-        .ok_or_else(|| Missing::Absent(format!("fmuResourceLocation \"{location}\" names no folder on this machine")))?;
-    let path = folder.join(VEHICLE_FILE);
-    let text = fs::read_to_string(&path).map_err(|e| Missing::Absent(format!("{} cannot be read: {e}", path.display())))?;
-    let wrong = |e: VehicleError| Missing::Wrong(format!("{}: {e}", path.display()));
-    let document = serde_json::from_str(&text).map_err(|e| wrong(VehicleError::Json(e.to_string())))?;
-    Ok((Vehicle::from_value(&document).map_err(wrong)?, effects::from_value(&document).map_err(wrong)?))
 }

@@ -6,7 +6,7 @@
 //! |---|---|
 //! | C interface | [`types`], [`exports`] (every function), [`model_exchange`] (those that always refuse), [`guard`] (the one way in) |
 //! | any model | [`instance`] (life cycle, values, steps), [`call`] (what may be called when), [`refusal`], [`log`], [`words`] and [`saved`] (FMU states), [`resource`] |
-//! | the two models | [`model`] (what is asked of one), [`plant`], [`controller`], [`variables`] (tables made from the XML) |
+//! | the two models | [`model`] (what is asked of one), [`guid`] (which one is meant, and with which start values), [`plant`], [`controller`], [`variables`] (tables made from the XML) |
 //!
 //! There are no globals: instances share nothing. After initialization, getting, setting, stepping and saving into an existing
 //! state allocate nothing, take no lock and make no system call; the importer's allocator is never used.
@@ -15,6 +15,7 @@ pub mod call;
 pub mod controller;
 pub mod exports;
 pub mod guard;
+pub mod guid;
 pub mod instance;
 pub mod log;
 pub mod model;

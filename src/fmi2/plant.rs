@@ -43,8 +43,11 @@ impl Model for PlantModel {
             theta_b: values[at::theta_b_start],
         };
         self.vehicle = vehicle;
-        self.plant = Plant::new(&vehicle, &parameters(values), &start, &inputs(values));
+        // In place: a new plant would pass over the stack.
+        let state = *self.plant.state();
+        self.plant.take_up(&vehicle, &parameters(values), &state);
         self.plant.config().pace.check().map_err(|e| e.to_string())?;
+        self.plant.restart(&start, &inputs(values));
         self.publish(values);
         Ok(())
     }
@@ -59,7 +62,7 @@ impl Model for PlantModel {
     }
 
     #[inline]
-    fn step(&mut self, values: &mut [f64], _: u64, h: f64) {
+    fn step(&mut self, values: &mut [f64], h: f64) {
         self.plant.step(&inputs(values), h);
         self.publish(values);
     }
@@ -99,8 +102,8 @@ impl Model for PlantModel {
         PARAMETERS.len() + 64 + 3 * (1 + 2 * CAPACITY)
     }
 
-    fn event(&self, before: &[f64], values: &[f64]) -> Option<Event> {
-        super::model::phase_event(before[at::phase], values[at::phase])
+    fn event(&self, before: &dyn Fn(usize) -> f64, values: &[f64]) -> Option<Event> {
+        super::model::phase_event(before(at::phase), values[at::phase])
     }
 }
 
@@ -117,6 +120,7 @@ impl PlantModel {
         values[at::x_to_actual] = o.x_to_actual;
         values[at::E_d] = o.e_d;
         values[at::phase] = o.phase as u8 as f64;
+        values[at::phase_code] = values[at::phase];
     }
 }
 

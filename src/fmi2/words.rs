@@ -19,6 +19,12 @@ const FRAME: usize = 4;
 pub trait Words {
     /// A number.
     fn real(&mut self, value: &mut f64);
+    /// A number that may be none.
+    fn any_real(&mut self, value: &mut f64) {
+        let mut word = value.to_bits();
+        self.word(&mut word, |_| true);
+        *value = f64::from_bits(word);
+    }
     /// A word; it must pass `valid` when read.
     fn word(&mut self, value: &mut u64, valid: impl Fn(u64) -> bool);
     /// A flag.

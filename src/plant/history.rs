@@ -15,8 +15,8 @@ pub const RESOLUTION: f64 = 2e-4;
 /// A delay line.
 #[derive(Clone, Debug)]
 pub struct History {
-    times: [f64; CAPACITY],
-    values: [f64; CAPACITY],
+    /// Pairs (time, value); on the heap, for a task with a small stack makes plants too.
+    ring: Box<[(f64, f64)]>,
     first: usize,
     len: usize,
 }
@@ -30,7 +30,7 @@ impl PartialEq for History {
 impl History {
     /// An empty line.
     pub fn new() -> Self {
-        Self { times: [0.0; CAPACITY], values: [0.0; CAPACITY], first: 0, len: 0 }
+        Self { ring: vec![(0.0, 0.0); CAPACITY].into_boxed_slice(), first: 0, len: 0 }
     }
 
     /// Forgets everything.
@@ -49,8 +49,7 @@ impl History {
     }
 
     fn at(&self, k: usize) -> (f64, f64) {
-        let slot = self.slot(k);
-        (self.times[slot], self.values[slot])
+        self.ring[self.slot(k)]
     }
 
     /// The pairs (time, value) kept, oldest first.
@@ -64,8 +63,7 @@ impl History {
             return false;
         }
         let slot = self.slot(self.len);
-        self.times[slot] = time;
-        self.values[slot] = value;
+        self.ring[slot] = (time, value);
         self.len += 1;
         true
     }
@@ -82,8 +80,7 @@ impl History {
             }
         }
         let slot = self.slot(self.len - 1);
-        self.times[slot] = time;
-        self.values[slot] = value;
+        self.ring[slot] = (time, value);
     }
 
     /// Index of the last value at or before `time`.
