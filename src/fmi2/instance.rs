@@ -70,6 +70,9 @@ const AT_REST: Moving = Moving { time: 0.0, stop: f64::MAX, sloped: false, stale
 
 impl Instance {
     /// A new instance.
+    ///
+    /// # Panics
+    /// Inputs that do not stand first, or too many.
     pub fn from_parts(Parts { registered, fresh }: Parts, log: Log) -> Self {
         let variables = registered.description.variables;
         let range = |wanted: Causality| {
@@ -77,6 +80,7 @@ impl Instance {
             first..variables.iter().rposition(|v| v.causality == wanted).map_or(0, |k| k + 1)
         };
         let (inputs, outputs) = (range(Causality::Input), range(Causality::Output));
+        assert!(inputs.start == 0 && inputs.end <= MOST_INPUTS, "the inputs stand first");
         let (slopes, before) = (vec![0.0; inputs.len()].into(), vec![0.0; outputs.len()].into());
         let (description, model, values) = (registered.description, (registered.make)(), fresh.clone());
         let call_state = CallState::Instantiated;
@@ -321,12 +325,11 @@ impl Instance {
         let mut writer = Writer(payload);
         writer.choice(&mut self.call_state.clone(), |s| s as u64, &[]);
         walk_moving(&mut self.moving.clone(), &mut writer);
-        self.values.iter().for_each(|v| writer.any_real(&mut v.clone()));
-        self.slopes.iter().for_each(|v| writer.real(&mut v.clone()));
+        writer.0.extend(self.values.iter().chain(&self.slopes).map(|v| v.to_bits()));
         self.model.save(&mut writer);
     }
 
-    /// Takes up what [`Instance::save`] appended.
+    /// Takes up what [`Instance::save`] appended, or what [`Instance::check_state`] has found sound.
     ///
     /// # Errors
     /// Words that no instance of this model saved; then the instance must be reset.
@@ -335,14 +338,12 @@ impl Instance {
         let mut number = 0;
         reader.word(&mut number, |n| CallState::from_number(n).is_some());
         walk_moving(&mut self.moving, &mut reader);
-        for (variable, value) in self.description.variables.iter().zip(&mut self.values) {
-            if variable.is_measurement() { reader.any_real(value) } else { reader.real(value) }
-        }
-        self.slopes.iter_mut().for_each(|v| reader.real(v));
-        let variables = self.description.variables.iter();
-        let out_of_bounds = variables.zip(&self.values).any(|(v, x)| v.causality != Causality::Output && (*x < v.min || *x > v.max));
+        let inputs = self.inputs.clone();
+        self.values[inputs.clone()].iter_mut().for_each(|v| reader.any_real(v));
+        reader.reals(&mut self.values[inputs.end..]);
+        reader.reals(&mut self.slopes);
         self.model.load(&self.values, &mut reader);
-        if reader.failed || !reader.words.is_empty() || out_of_bounds {
+        if reader.failed || !reader.words.is_empty() {
             self.call_state = CallState::Failed;
             return Err(Refusal::DamagedState("its content is no state of this model"));
         }
@@ -357,7 +358,13 @@ impl Instance {
     pub fn check_state(&self, payload: &[u64]) -> Result<Status, Refusal> {
         let registered = super::model::find(self.description.guid).ok_or(Refusal::Panic)?;
         let silent = Log::new(None, std::ptr::null_mut(), std::ffi::CString::default(), false);
-        Self::from_parts(Parts { registered, fresh: self.fresh.clone() }, silent).load(payload)
+        let mut scratch = Self::from_parts(Parts { registered, fresh: self.fresh.clone() }, silent);
+        scratch.load(payload)?;
+        let sound = |(v, x): (&Variable, &f64)| v.is_measurement() || v.causality == Causality::Output || (*x >= v.min && *x <= v.max);
+        if self.description.variables.iter().zip(&scratch.values).all(sound) {
+            return Ok(Status::Ok);
+        }
+        Err(Refusal::DamagedState("its content is no state of this model"))
     }
 }
 

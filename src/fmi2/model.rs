@@ -77,14 +77,12 @@ pub static MODELS: [Registered; 2] = [
 
 /// Writes the vehicle's numbers and the effects' parameters into the values, as far as the model has them.
 pub fn put_vehicle(description: &Description, vehicle: &Vehicle, effects: &Parameters, values: &mut [f64]) {
-    for (parameter, value) in PARAMETERS.iter().zip(effects) {
-        if let Some(index) = description.variables.iter().position(|v| v.name == parameter.variable) {
-            values[index] = *value;
-        }
-    }
-    for number in &NUMBERS {
-        if let Some(index) = description.variables.iter().position(|v| v.name == number.name) {
-            values[index] = (number.get)(vehicle);
+    let effects = PARAMETERS.iter().zip(effects).map(|(p, value)| (p.value_reference, p.variable, *value));
+    let numbers = NUMBERS.iter().map(|n| (n.value_reference, n.name, (n.get)(vehicle)));
+    for (reference, name, value) in effects.chain(numbers) {
+        if let Some(index) = description.find(reference) {
+            debug_assert_eq!(description.variables[index].name, name, "both models give a number the same reference");
+            values[index] = value;
         }
     }
 }

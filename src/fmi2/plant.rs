@@ -10,7 +10,8 @@ use crate::plant::clutch::Branch;
 use crate::plant::history::CAPACITY;
 use crate::plant::pace::TooFast;
 use crate::plant::{Inputs, Plant, Start, State};
-use crate::vehicle::Vehicle;
+use crate::vehicle::{NUMBERS, Vehicle};
+use std::ops::Range;
 
 include!(concat!(env!("OUT_DIR"), "/DrivelinePlant.rs"));
 
@@ -20,16 +21,22 @@ pub static DESCRIPTION: Description = Description { name: "DrivelinePlant", guid
 /// Shafts stiffer than this are rigid, rad/(N·m).
 const LEAST_COMPLIANCE: f64 = 1e-6;
 
+/// Where the vehicle's numbers stand among the values.
+const NUMBERS_AT: Range<usize> = at::friction_R_1..at::driveline_mgR_over_i + 1;
+
 struct PlantModel {
     plant: Plant,
     vehicle: Vehicle,
+    /// The values that `vehicle` was taken from.
+    numbers: [f64; NUMBERS.len()],
 }
 
 /// A plant of the paper's car, to be started.
 pub fn make() -> Box<dyn Model> {
     let vehicle = Vehicle::paper();
     let start = Start { omega_f: 0.0, omega_c: 0.0, theta_c: 25.0, theta_b: 25.0 };
-    Box::new(PlantModel { plant: Plant::new(&vehicle, &effects::null(), &start, &Inputs::default()), vehicle })
+    let plant = Plant::new(&vehicle, &effects::null(), &start, &Inputs::default());
+    Box::new(PlantModel { plant, vehicle, numbers: [f64::NAN; NUMBERS.len()] })
 }
 
 impl Model for PlantModel {
@@ -43,6 +50,7 @@ impl Model for PlantModel {
             theta_b: values[at::theta_b_start],
         };
         self.vehicle = vehicle;
+        self.numbers.copy_from_slice(&values[NUMBERS_AT]);
         // In place: a new plant would pass over the stack.
         let state = *self.plant.state();
         self.plant.take_up(&vehicle, &parameters(values), &state);
@@ -83,7 +91,10 @@ impl Model for PlantModel {
         let (mut parameters, mut state) = (self.plant.config().parameters, *self.plant.state());
         walk_parameters(&mut parameters, from);
         walk_state(&mut state, from);
-        self.vehicle = take_vehicle(&DESCRIPTION, values);
+        if values[NUMBERS_AT] != self.numbers {
+            self.vehicle = take_vehicle(&DESCRIPTION, values);
+            self.numbers.copy_from_slice(&values[NUMBERS_AT]);
+        }
         self.plant.take_up(&self.vehicle, &parameters, &state);
         for line in self.plant.delay_lines_mut() {
             line.clear();
@@ -135,7 +146,7 @@ fn parameters(values: &[f64]) -> Parameters {
 }
 
 fn walk_parameters(parameters: &mut Parameters, words: &mut impl Words) {
-    parameters.iter_mut().for_each(|p| words.real(p));
+    words.reals(parameters);
 }
 
 /// Every field by name: a new field does not compile until it is saved too.
@@ -143,7 +154,7 @@ fn walk_state(state: &mut State, words: &mut impl Words) {
     let State { time, y, stuck, direction, engine, limited, lagged, bearing, memory, inputs } = state;
     let Inputs { x_to, t_e_ref, theta_h, t_load } = inputs;
     words.real(time);
-    y.iter_mut().for_each(|x| words.real(x));
+    words.reals(y);
     words.flag(stuck);
     words.real(direction);
     for LagState { value, rate } in [engine, lagged] {
