@@ -46,6 +46,8 @@ pub struct Instance {
     before: Box<[f64]>,
     /// Derivatives of the inputs in the next step, per second.
     slopes: Box<[f64]>,
+    /// Values as they were checked last; none unless an importer has their address.
+    checked: Option<Box<[f64]>>,
     /// Where inputs and outputs stand among the values.
     inputs: Range<usize>,
     outputs: Range<usize>,
@@ -84,7 +86,8 @@ impl Instance {
         let (slopes, before) = (vec![0.0; inputs.len()].into(), vec![0.0; outputs.len()].into());
         let (description, model, values) = (registered.description, (registered.make)(), fresh.clone());
         let call_state = CallState::Instantiated;
-        let mut made = Self { description, call_state, log, model, fresh, values, before, slopes, inputs, outputs, moving: AT_REST };
+        let mut made =
+            Self { description, call_state, log, model, fresh, values, before, slopes, checked: None, inputs, outputs, moving: AT_REST };
         made.reset();
         made
     }
@@ -124,6 +127,9 @@ impl Instance {
         // The start values agree with each other: those of the XML do, and a vehicle file is checked when it is read.
         self.moving = Moving { stale: self.model.start(&mut self.values).is_err(), ..AT_REST };
         self.slopes.fill(0.0);
+        if let Some(checked) = &mut self.checked {
+            checked.copy_from_slice(&self.values);
+        }
         self.call_state = CallState::Instantiated;
     }
 
@@ -168,6 +174,9 @@ impl Instance {
         for (reference, value) in pairs {
             let (index, variable) = self.find(reference, kinds)?;
             self.values[index] = value;
+            if let Some(checked) = &mut self.checked {
+                checked[index] = value;
+            }
             self.moving.tuned |= running && variable.causality == Causality::Parameter;
         }
         self.moving.stale |= !running;
@@ -228,6 +237,9 @@ impl Instance {
     /// A step that is none, or that left no numbers.
     pub fn do_step(&mut self, point: f64, h: f64) -> Result<Status, Refusal> {
         let end = self.check_step(point, h)?;
+        if self.checked.is_some() {
+            self.check_direct_writes()?;
+        }
         if self.moving.tuned {
             self.model.tune(&self.values)?;
             self.moving.tuned = false;
@@ -279,6 +291,29 @@ impl Instance {
         self.values[range.clone()].copy_from_slice(&begin[..range.len()]);
         self.slopes.fill(0.0);
         self.moving.sloped = false;
+    }
+
+    /// Address of the values, for a calibration tool that reads and writes them between calls.
+    pub fn share_values(&mut self) -> &mut [f64] {
+        self.checked = Some(self.values.clone());
+        &mut self.values
+    }
+
+    /// Takes what was written to the values directly as if it had been set; what cannot be set is put back.
+    fn check_direct_writes(&mut self) -> Result<(), Refusal> {
+        let Some(mut checked) = self.checked.take() else { return Ok(()) };
+        let mut outcome = Ok(());
+        for (index, variable) in self.description.variables.iter().enumerate() {
+            let value = self.values[index];
+            if variable.causality == Causality::Output || value.to_bits() == checked[index].to_bits() {
+                continue;
+            }
+            self.values[index] = checked[index];
+            outcome = outcome.and(self.set(&[variable.kind], std::iter::once((variable.value_reference, value))).map(drop));
+            checked[index] = self.values[index];
+        }
+        self.checked = Some(checked);
+        outcome
     }
 
     /// End of the step, if it can be made.
@@ -342,6 +377,9 @@ impl Instance {
         self.values[inputs.clone()].iter_mut().for_each(|v| reader.any_real(v));
         reader.reals(&mut self.values[inputs.end..]);
         reader.reals(&mut self.slopes);
+        if let Some(checked) = &mut self.checked {
+            checked.copy_from_slice(&self.values);
+        }
         self.model.load(&self.values, &mut reader);
         if reader.failed || !reader.words.is_empty() {
             self.call_state = CallState::Failed;

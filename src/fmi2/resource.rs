@@ -20,6 +20,9 @@ use std::path::PathBuf;
 /// File with the vehicle's numbers in the resources.
 const VEHICLE_FILE: &str = "vehicle.json";
 
+/// Begin of a URI that holds the vehicle file's text as it stands.
+const IN_ITSELF: &[u8] = b"data:application/json,";
+
 enum Missing {
     /// There is none to read.
     Absent(String),
@@ -64,15 +67,24 @@ pub fn start_values(description: &Description, guid: &str, location: Option<&[u8
 }
 
 fn vehicle_of_resources(location: Option<&[u8]>) -> Result<(Vehicle, Parameters), Missing> {
+    let (place, text) = vehicle_file(location)?;
+    let wrong = |e: VehicleError| Missing::Wrong(format!("{place}: {e}"));
+    let document = serde_json::from_str(&text).map_err(|e| wrong(VehicleError::Json(e.to_string())))?;
+    Ok((Vehicle::from_value(&document).map_err(wrong)?, effects::from_value(&document).map_err(wrong)?))
+}
+
+/// Place and text of the vehicle file. An FMU built from C sources, which may have no file system, hands the text over in the URI itself.
+fn vehicle_file(location: Option<&[u8]>) -> Result<(String, Cow<'_, str>), Missing> {
     let location = location.ok_or_else(|| Missing::Absent("fmuResourceLocation is NULL".into()))?;
+    if let Some(text) = location.strip_prefix(IN_ITSELF) {
+        return Ok((VEHICLE_FILE.into(), String::from_utf8_lossy(text)));
+    }
     let folder = folder(location).ok_or_else(|| {
         Missing::Absent(format!("fmuResourceLocation \"{}\" names no folder on this machine", String::from_utf8_lossy(location)))
     })?;
     let path = folder.join(VEHICLE_FILE);
     let text = fs::read_to_string(&path).map_err(|e| Missing::Absent(format!("{} cannot be read: {e}", path.display())))?;
-    let wrong = |e: VehicleError| Missing::Wrong(format!("{}: {e}", path.display()));
-    let document = serde_json::from_str(&text).map_err(|e| wrong(VehicleError::Json(e.to_string())))?;
-    Ok((Vehicle::from_value(&document).map_err(wrong)?, effects::from_value(&document).map_err(wrong)?))
+    Ok((path.display().to_string(), text.into()))
 }
 
 /// Folder that the URI names; none if it is no file URI.

@@ -3,11 +3,13 @@
 //! - [`library`]: which shared libraries go in, and for which platform each is
 //! - [`description`]: the model description with GUID, version and a vehicle's start values
 //! - [`html`]: the documentation
+//! - [`a2l`]: addresses for the calibration bench
 //! - [`ssv`]: parameter sets of SSP 1.0
 //! - [`system`]: both FMUs coupled, for masters
 //!
 //! The bytes are reproducible: fixed order, fixed times, no `./` before names.
 
+pub mod a2l;
 pub mod description;
 pub mod html;
 pub mod library;
@@ -135,6 +137,11 @@ pub fn archive(model: &Model, libraries: &[Library], vehicle: &Vehicle, effects:
         ("documentation/index.html".into(), html::page(model, &xml).into_bytes()),
         ("resources/vehicle.json".into(), format!("{:#}\n", document(vehicle, effects)).into_bytes()),
     ];
+    files.push((format!("{}/fmi-ls-manifest.xml", a2l::FOLDER), a2l::manifest(model).into_bytes()));
+    for library in libraries {
+        let folder = format!("{}/{}", a2l::FOLDER, library.platform);
+        files.push((format!("{folder}/{}.a2l", model.description.name), a2l::write(model, &xml).into_bytes()));
+    }
     files.extend(LICENCES.map(|(name, text)| (name.to_owned(), text.as_bytes().to_vec())));
     for library in libraries {
         library.check(model)?;
