@@ -21,8 +21,9 @@ RUSTC_BOOTSTRAP=1 RUSTC="$WORK/rustc-web" CARGO_TARGET_DIR="$WORK/wasm" CARGO_TA
     RUSTFLAGS="-C link-arg=-zstack-size=65536 -C target-feature=-bulk-memory,-reference-types,-multivalue,-sign-ext,-nontrapping-fptoint -C target-cpu=mvp --remap-path-prefix=$ROOT=. --remap-path-prefix=$HOME/.cargo=cargo" \
     cargo build --release --lib --no-default-features -Zbuild-std=std,panic_abort --config profile.release.panic=\"abort\" --config 'profile.release.strip="symbols"' \
     --target wasm32-unknown-unknown
-wasm2c -n kisspoint "$WORK/wasm/wasm32-unknown-unknown/release/kisspoint.wasm" -o "$OUT/kisspoint.c"
+wasm2c -n MODEL "$WORK/wasm/wasm32-unknown-unknown/release/kisspoint.wasm" -o "$OUT/kisspoint.c"
 cp /usr/include/wasm-rt.h "$OUT/"
-cp /usr/share/wabt/wasm2c/wasm-rt-impl.c /usr/share/wabt/wasm2c/wasm-rt-impl.h "$OUT/"
 cp packaging/sources/*.[ch] "$OUT/"
+# So that sources of another version are seen for what they are.
+printf '/* %s */\n' $(strings -n 36 "$WORK/wasm/wasm32-unknown-unknown/release/kisspoint.wasm" | grep -oE '[0-9a-f]{8}-[0-9a-f]{4}-8[0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9a-f]{12}' | sort -u) >>"$OUT/kisspoint.h"
 du -sh "$OUT"

@@ -6,7 +6,6 @@
  */
 #include "kisspoint.h"
 #include "vehicle.h"
-#include "wasm-rt-impl.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -22,7 +21,7 @@
 #else
 #define NAMED(name) name
 #endif
-#define LIBRARY(name) Z_kisspointZ_##name
+#define LIBRARY(name) Z_MODELZ_##name
 #define CALL(name, ...) LIBRARY(name)(&c->library, __VA_ARGS__)
 
 enum { OK, WARNING, DISCARD, ERROR, FATAL };
@@ -37,7 +36,7 @@ struct Z_env_instance_t {
     struct Instance *owner;
 };
 typedef struct Instance {
-    Z_kisspoint_instance_t library;
+    Z_MODEL_instance_t library;
     struct Z_env_instance_t env;
     Callbacks callbacks;
     const char *name;
@@ -65,8 +64,11 @@ void Z_envZ_kisspoint_log(struct Z_env_instance_t *env, u32 environment, u32 nam
 #define GUARDED(result, ...)                                      \
     do {                                                          \
         if (!c || c->dead) return ERROR;                          \
-        if (wasm_rt_impl_try() != 0) return c->dead = 1, FATAL;   \
+        jmp_buf here, *before = way_out;                          \
+        if (setjmp(here)) return way_out = before, c->dead = 1, FATAL; \
+        way_out = &here;                                          \
         (result) = (__VA_ARGS__);                                 \
+        way_out = before;                                         \
     } while (0)
 
 static u32 copied(Instance *c, u32 at, const void *from, size_t bytes) {
@@ -82,7 +84,7 @@ static u32 text(Instance *c, const char *from) {
 }
 
 static void discard(Instance *c) {
-    Z_kisspoint_free(&c->library);
+    Z_MODEL_free(&c->library);
     free((void *)c->name), free(c);
 }
 
@@ -93,13 +95,15 @@ EXPORT void *NAMED(fmi2Instantiate)(const char *name, int type, const char *guid
     static int started;
     Instance *c;
     u32 functions;
+    jmp_buf here, *before = way_out;
     (void)location, (void)visible;
     if (!callbacks || !(c = calloc(1, sizeof *c))) return NULL;
-    if (!started) wasm_rt_init(), Z_kisspoint_init_module(), started = 1;
+    if (!started) Z_MODEL_init_module(), started = 1;
     c->callbacks = *callbacks, c->env.owner = c;
     c->name = name ? strcpy(malloc(strlen(name) + 1), name) : NULL;
-    if (wasm_rt_impl_try() != 0) return free((void *)c->name), free(c), NULL;
-    Z_kisspoint_instantiate(&c->library, &c->env);
+    if (setjmp(here)) return way_out = before, NULL; /* what it held is lost with it */
+    way_out = &here;
+    Z_MODEL_instantiate(&c->library, &c->env);
     c->room = CALL(kisspoint_allocate, ROOM);
     functions = CALL(kisspoint_allocate, 20);
     memset(memory(c) + functions, 0, 20);
@@ -107,6 +111,7 @@ EXPORT void *NAMED(fmi2Instantiate)(const char *name, int type, const char *guid
     memcpy(memory(c) + functions, &logger, 4);
     u32 of_name = text(c, name), of_guid = text(c, guid), of_location = text(c, "data:application/json," KISSPOINT_VEHICLE);
     c->component = CALL(fmi2Instantiate, of_name, (u32)type, of_guid, of_location, functions, 0, (u32)logging);
+    way_out = before;
     return c->component ? c : (discard(c), NULL);
 }
 

@@ -53,7 +53,7 @@ impl Model for ControllerModel {
     }
 
     #[inline]
-    fn step(&mut self, values: &mut [f64], h: f64) {
+    fn step(&mut self, values: &mut [f64], h: f64) -> Result<(), TooFast> {
         let inputs = Inputs {
             omega_f: values[at::omega_f],
             omega_c: values[at::omega_c],
@@ -63,6 +63,7 @@ impl Model for ControllerModel {
         };
         self.controller.step(&inputs, h);
         self.publish(values);
+        Ok(())
     }
 
     fn save(&self, to: &mut Writer) {

@@ -16,7 +16,7 @@ pub fn hash(bytes: impl Iterator<Item = u8>) -> u128 {
     })
 }
 
-/// The twelve characters for these start values, in the order of the model description.
+/// The twelve characters for these start values, in the order of the model description, followed by the numbers of faults.
 pub fn tail(starts: impl Iterator<Item = f64>) -> [u8; LENGTH - OF_INTERFACE] {
     // A sum with 0 makes one zero of both.
     let sum = hash(starts.flat_map(|x| (x + 0.0).to_bits().to_le_bytes()));

@@ -7,6 +7,8 @@ use super::refusal::Refusal;
 use super::types::Status;
 use super::variables::{Causality, Description, Kind, Variability, Variable};
 use super::words::{Reader, Words, Writer};
+use crate::faults::Faults;
+use crate::plant::pace::TooFast;
 use std::ops::Range;
 
 /// Longest communication step, s: it bounds the work of a call.
@@ -28,6 +30,8 @@ pub struct Parts {
     pub registered: &'static Registered,
     /// Its start values.
     pub fresh: Box<[f64]>,
+    /// Faults that it plays.
+    pub faults: Faults,
 }
 
 /// An instance.
@@ -41,6 +45,7 @@ pub struct Instance {
     model: Box<dyn Model>,
     /// Values after instantiation and reset.
     fresh: Box<[f64]>,
+    faults: Faults,
     values: Box<[f64]>,
     /// Outputs before the last step, to tell events.
     before: Box<[f64]>,
@@ -75,7 +80,7 @@ impl Instance {
     ///
     /// # Panics
     /// Inputs that do not stand first, or too many.
-    pub fn from_parts(Parts { registered, fresh }: Parts, log: Log) -> Self {
+    pub fn from_parts(Parts { registered, fresh, faults }: Parts, log: Log) -> Self {
         let variables = registered.description.variables;
         let range = |wanted: Causality| {
             let first = variables.iter().position(|v| v.causality == wanted).unwrap_or(0);
@@ -84,10 +89,24 @@ impl Instance {
         let (inputs, outputs) = (range(Causality::Input), range(Causality::Output));
         assert!(inputs.start == 0 && inputs.end <= MOST_INPUTS, "the inputs stand first");
         let (slopes, before) = (vec![0.0; inputs.len()].into(), vec![0.0; outputs.len()].into());
-        let (description, model, values) = (registered.description, (registered.make)(), fresh.clone());
+        let (description, mut model, values) = (registered.description, (registered.make)(), fresh.clone());
+        model.take_faults(faults.clone());
         let call_state = CallState::Instantiated;
-        let mut made =
-            Self { description, call_state, log, model, fresh, values, before, slopes, checked: None, inputs, outputs, moving: AT_REST };
+        let mut made = Self {
+            description,
+            call_state,
+            log,
+            model,
+            fresh,
+            faults,
+            values,
+            before,
+            slopes,
+            checked: None,
+            inputs,
+            outputs,
+            moving: AT_REST,
+        };
         made.reset();
         made
     }
@@ -248,10 +267,11 @@ impl Instance {
         if logs_events {
             self.before.copy_from_slice(&self.values[self.outputs.clone()]);
         }
-        if self.moving.sloped {
-            self.step_along_slopes(h)
-        } else {
-            self.model.step(&mut self.values, h)
+        let made = if self.moving.sloped { self.step_along_slopes(h) } else { self.model.step(&mut self.values, h) };
+        if let Err(too_fast) = made {
+            // A part of the step was made: only a reset or a saved state leads on.
+            self.call_state = CallState::Failed;
+            return Err(too_fast.into());
         }
         // The importer's clock leads: ours would drift from it by the sum of all roundings.
         self.moving.time = end;
@@ -275,7 +295,7 @@ impl Instance {
     }
 
     /// Steps in pieces, each with the inputs that stand in its middle: second order in the piece.
-    fn step_along_slopes(&mut self, h: f64) {
+    fn step_along_slopes(&mut self, h: f64) -> Result<(), TooFast> {
         let pieces = (h / PIECE * (1.0 - 1e-9)).ceil().max(1.0);
         let piece = h / pieces;
         let range = self.inputs.clone();
@@ -286,11 +306,12 @@ impl Instance {
                 let along = begin[input] + self.slopes[input] * (k as f64 + 0.5) * piece;
                 self.values[index] = if variable.is_measurement() { along } else { along.clamp(variable.min, variable.max) };
             }
-            self.model.step(&mut self.values, piece);
+            self.model.step(&mut self.values, piece)?;
         }
         self.values[range.clone()].copy_from_slice(&begin[..range.len()]);
         self.slopes.fill(0.0);
         self.moving.sloped = false;
+        Ok(())
     }
 
     /// Address of the values, for a calibration tool that reads and writes them between calls.
@@ -396,7 +417,7 @@ impl Instance {
     pub fn check_state(&self, payload: &[u64]) -> Result<Status, Refusal> {
         let registered = super::model::find(self.description.guid).ok_or(Refusal::Panic)?;
         let silent = Log::new(None, std::ptr::null_mut(), std::ffi::CString::default(), false);
-        let mut scratch = Self::from_parts(Parts { registered, fresh: self.fresh.clone() }, silent);
+        let mut scratch = Self::from_parts(Parts { registered, fresh: self.fresh.clone(), faults: self.faults.clone() }, silent);
         scratch.load(payload)?;
         let sound = |(v, x): (&Variable, &f64)| v.is_measurement() || v.causality == Causality::Output || (*x >= v.min && *x <= v.max);
         if self.description.variables.iter().zip(&scratch.values).all(sound) {

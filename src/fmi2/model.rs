@@ -4,6 +4,7 @@ use super::guid;
 use super::variables::{Description, Variable};
 use super::words::{Reader, Writer};
 use crate::effects::{PARAMETERS, Parameters};
+use crate::faults::Faults;
 use crate::plant::pace::TooFast;
 use crate::vehicle::{NUMBERS, Vehicle};
 
@@ -27,8 +28,14 @@ pub trait Model: Send {
     /// Parameters that make no plant; those before stay.
     fn tune(&mut self, values: &[f64]) -> Result<(), TooFast>;
 
+    /// Takes faults to play, before the start; a model without effects has none.
+    fn take_faults(&mut self, _faults: Faults) {}
+
     /// Advances by `h` seconds with the inputs held, and writes the outputs.
-    fn step(&mut self, values: &mut [f64], h: f64);
+    ///
+    /// # Errors
+    /// Faults that make no plant; then the step ends where they begin.
+    fn step(&mut self, values: &mut [f64], h: f64) -> Result<(), TooFast>;
 
     /// Appends the state.
     fn save(&self, to: &mut Writer);

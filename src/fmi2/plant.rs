@@ -4,6 +4,7 @@ use super::model::{Event, Model, take_vehicle};
 use super::variables::{Causality, Description, Kind, Variability, Variable};
 use super::words::{Reader, Words, Writer};
 use crate::effects::{self, PARAMETERS, Parameters};
+use crate::faults::Faults;
 use crate::physics::lag::LagState;
 use crate::physics::phase::Phase;
 use crate::plant::clutch::Branch;
@@ -29,6 +30,9 @@ struct PlantModel {
     vehicle: Vehicle,
     /// The values that `vehicle` was taken from.
     numbers: [f64; NUMBERS.len()],
+    faults: Faults,
+    /// Effects at the start, from which faults depart.
+    base: Parameters,
 }
 
 /// A plant of the paper's car, to be started.
@@ -36,7 +40,7 @@ pub fn make() -> Box<dyn Model> {
     let vehicle = Vehicle::paper();
     let start = Start { omega_f: 0.0, omega_c: 0.0, theta_c: 25.0, theta_b: 25.0 };
     let plant = Plant::new(&vehicle, &effects::null(), &start, &Inputs::default());
-    Box::new(PlantModel { plant, vehicle, numbers: [f64::NAN; NUMBERS.len()] })
+    Box::new(PlantModel { plant, vehicle, numbers: [f64::NAN; NUMBERS.len()], faults: Faults::default(), base: effects::null() })
 }
 
 impl Model for PlantModel {
@@ -51,6 +55,7 @@ impl Model for PlantModel {
         };
         self.vehicle = vehicle;
         self.numbers.copy_from_slice(&values[NUMBERS_AT]);
+        self.base = parameters(values);
         // In place: a new plant would pass over the stack.
         let state = *self.plant.state();
         self.plant.take_up(&vehicle, &parameters(values), &state);
@@ -69,13 +74,25 @@ impl Model for PlantModel {
         self.plant.set_effects(&self.vehicle, &parameters(values))
     }
 
+    fn take_faults(&mut self, faults: Faults) {
+        self.faults = faults;
+    }
+
     #[inline]
-    fn step(&mut self, values: &mut [f64], h: f64) {
-        self.plant.step(&inputs(values), h);
+    fn step(&mut self, values: &mut [f64], h: f64) -> Result<(), TooFast> {
+        if self.faults.is_empty() {
+            self.plant.step(&inputs(values), h);
+        } else {
+            self.step_through_faults(values, h)?;
+        }
         self.publish(values);
+        Ok(())
     }
 
     fn save(&self, to: &mut Writer) {
+        if !self.faults.is_empty() {
+            walk_parameters(&mut self.base.clone(), to);
+        }
         walk_parameters(&mut self.plant.config().parameters.clone(), to);
         walk_state(&mut self.plant.state().clone(), to);
         for line in self.plant.delay_lines() {
@@ -88,6 +105,9 @@ impl Model for PlantModel {
     }
 
     fn load(&mut self, values: &[f64], from: &mut Reader) {
+        if !self.faults.is_empty() {
+            walk_parameters(&mut self.base, from);
+        }
         let (mut parameters, mut state) = (self.plant.config().parameters, *self.plant.state());
         walk_parameters(&mut parameters, from);
         walk_state(&mut state, from);
@@ -110,7 +130,7 @@ impl Model for PlantModel {
     }
 
     fn most_words(&self) -> usize {
-        PARAMETERS.len() + 64 + 3 * (1 + 2 * CAPACITY)
+        2 * PARAMETERS.len() + 64 + 3 * (1 + 2 * CAPACITY)
     }
 
     fn event(&self, before: &dyn Fn(usize) -> f64, values: &[f64]) -> Option<Event> {
@@ -119,6 +139,32 @@ impl Model for PlantModel {
 }
 
 impl PlantModel {
+    /// Steps from one change of the faults to the next. From its onset on a fault owns its parameter, also among the values.
+    fn step_through_faults(&mut self, values: &mut [f64], h: f64) -> Result<(), TooFast> {
+        let mut left = h;
+        loop {
+            let now = self.plant.state().time;
+            let driven = self.faults.at(now, &self.base);
+            let mut changed = false;
+            for fault in self.faults.iter().filter(|fault| fault.time <= now) {
+                if let Some(index) = DESCRIPTION.find(PARAMETERS[fault.parameter].value_reference) {
+                    changed |= values[index] != driven[fault.parameter];
+                    values[index] = driven[fault.parameter];
+                }
+            }
+            if changed {
+                self.tune(values)?;
+            }
+            let piece = self.faults.next_change(now) - now;
+            if piece >= left {
+                self.plant.step(&inputs(values), left);
+                return Ok(());
+            }
+            self.plant.step(&inputs(values), piece);
+            left -= piece;
+        }
+    }
+
     #[inline]
     fn publish(&self, values: &mut [f64]) {
         let o = self.plant.outputs();

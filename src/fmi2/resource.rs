@@ -12,6 +12,7 @@ use super::model::put_vehicle;
 use super::types::Status;
 use super::variables::Description;
 use crate::effects::{self, Parameters};
+use crate::faults::Faults;
 use crate::vehicle::{Vehicle, VehicleError};
 use std::borrow::Cow;
 use std::fs;
@@ -34,17 +35,22 @@ enum Missing {
 ///
 /// # Errors
 /// A vehicle file that is unsound, or values that are not those of the GUID.
-pub fn start_values(description: &Description, guid: &str, location: Option<&[u8]>, log: &mut Log) -> Result<Box<[f64]>, String> {
+pub fn start_values(description: &Description, guid: &str, location: Option<&[u8]>, log: &mut Log) -> Result<(Box<[f64]>, Faults), String> {
     let mut fresh: Box<[f64]> = description.variables.iter().map(|v| v.start).collect();
+    let mut faults = Faults::default();
     let absent = match vehicle_of_resources(location) {
-        Ok((vehicle, effects)) => {
+        Ok((vehicle, effects, read)) => {
             put_vehicle(description, &vehicle, &effects, &mut fresh);
+            // Only a model with effects plays them.
+            if description.has_effects() {
+                faults = read;
+            }
             None
         }
         Err(Missing::Absent(why)) => Some(why),
         Err(Missing::Wrong(why)) => return Err(why),
     };
-    let is_meant = guid.as_bytes().ends_with(&guid::tail(fresh.iter().copied()));
+    let is_meant = guid.as_bytes().ends_with(&guid::tail(fresh.iter().copied().chain(faults.numbers())));
     match absent {
         None if is_meant => {}
         Some(why) if is_meant => log.write(
@@ -63,14 +69,15 @@ pub fn start_values(description: &Description, guid: &str, location: Option<&[u8
             ));
         }
     }
-    Ok(fresh)
+    Ok((fresh, faults))
 }
 
-fn vehicle_of_resources(location: Option<&[u8]>) -> Result<(Vehicle, Parameters), Missing> {
+fn vehicle_of_resources(location: Option<&[u8]>) -> Result<(Vehicle, Parameters, Faults), Missing> {
     let (place, text) = vehicle_file(location)?;
     let wrong = |e: VehicleError| Missing::Wrong(format!("{place}: {e}"));
-    let document = serde_json::from_str(&text).map_err(|e| wrong(VehicleError::Json(e.to_string())))?;
-    Ok((Vehicle::from_value(&document).map_err(wrong)?, effects::from_value(&document).map_err(wrong)?))
+    let document: serde_json::Value = serde_json::from_str(&text).map_err(|e| wrong(VehicleError::Json(e.to_string())))?;
+    let faults = Faults::from_value(&document["faults"]).map_err(|e| Missing::Wrong(format!("{place}: {e}")))?;
+    Ok((Vehicle::from_value(&document).map_err(wrong)?, effects::from_value(&document).map_err(wrong)?, faults))
 }
 
 /// Place and text of the vehicle file. An FMU built from C sources, which may have no file system, hands the text over in the URI itself.

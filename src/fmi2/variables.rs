@@ -78,6 +78,11 @@ pub struct Description {
 pub const NOWHERE: u16 = u16::MAX;
 
 impl Description {
+    /// Whether the model has effects, which faults can drive.
+    pub fn has_effects(&self) -> bool {
+        self.variables.iter().any(|v| v.name.starts_with("effect."))
+    }
+
     /// Index of the variable with this value reference.
     #[inline]
     pub fn find(&self, value_reference: u32) -> Option<usize> {

@@ -2,21 +2,27 @@
 
 use super::Model;
 use crate::effects::{PARAMETERS, Parameters};
+use crate::faults::Faults;
 use crate::fmi2::{guid, model::put_vehicle};
 use crate::vehicle::{NUMBERS, Vehicle};
 
 /// The text with GUID, version and the indices of ModelStructure filled in, and the vehicle's numbers as start values.
 pub fn complete(model: &Model, vehicle: &Vehicle, effects: &Parameters) -> String {
-    let filled = model.xml.replace("@VERSION@", env!("CARGO_PKG_VERSION")).replace("@GUID@", &guid(model, vehicle, effects));
+    complete_with(model, vehicle, effects, &Faults::default())
+}
+
+/// The same for an FMU that plays faults.
+pub fn complete_with(model: &Model, vehicle: &Vehicle, effects: &Parameters, faults: &Faults) -> String {
+    let filled = model.xml.replace("@VERSION@", env!("CARGO_PKG_VERSION")).replace("@GUID@", &guid(model, vehicle, effects, faults));
     filled.lines().map(|line| with_index(model, &with_start(line, vehicle, effects)) + "\n").collect()
 }
 
 /// The GUID of an FMU with these start values.
-fn guid(model: &Model, vehicle: &Vehicle, effects: &Parameters) -> String {
+fn guid(model: &Model, vehicle: &Vehicle, effects: &Parameters, faults: &Faults) -> String {
     let description = model.description;
     let mut starts: Vec<f64> = description.variables.iter().map(|v| v.start).collect();
     put_vehicle(description, vehicle, effects, &mut starts);
-    let tail = guid::tail(starts.into_iter()).map(char::from);
+    let tail = guid::tail(starts.into_iter().chain(faults.numbers())).map(char::from);
     description.guid[..guid::OF_INTERFACE].chars().chain(tail).collect()
 }
 

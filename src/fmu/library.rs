@@ -4,9 +4,6 @@ use super::{FmuError, Model};
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-/// Name of the library within the FMU: the model identifier.
-pub const MODEL_IDENTIFIER: &str = "kisspoint";
-
 /// Environment variable that names a library.
 pub const VARIABLE: &str = "KISSPOINT_LIBRARY";
 
@@ -35,10 +32,10 @@ impl Library {
         Ok(Self { path: path.to_owned(), platform, bytes: without_places(bytes) })
     }
 
-    /// Its name in the archive.
-    pub fn entry(&self) -> String {
+    /// Its name in the archive of a model: the model identifier, which is the model's name.
+    pub fn entry(&self, model: &Model) -> String {
         let ending = if self.platform.starts_with("win") { "dll" } else { "so" };
-        format!("binaries/{}/{MODEL_IDENTIFIER}.{ending}", self.platform)
+        format!("binaries/{}/{}.{ending}", self.platform, model.description.name)
     }
 
     /// The library must answer to the model's GUID, which stands among its constants.
