@@ -41,6 +41,9 @@ pub enum CommandError {
         /// What is wrong in it.
         source: VehicleError,
     },
+    /// Evidence that cannot be put together.
+    #[error(transparent)]
+    Evidence(#[from] super::evidence::EvidenceError),
     /// A file with faults that is not sound.
     #[error("{}: {what}", path.display())]
     Faults {

@@ -82,12 +82,13 @@ fn platform(bytes: &[u8]) -> Result<&'static str, &'static str> {
     Err("not a shared library")
 }
 
-/// The libraries named, or the first one found: in the environment, beside the executable, installed beside it.
+/// The libraries named, or those found: the one in the environment, all in the folder `libraries` beside the executable, the one beside it or
+/// installed beside it.
 ///
 /// # Errors
 /// None at all, one that is unsound, or two for one platform.
 pub fn find(named: &[PathBuf]) -> Result<Vec<Library>, FmuError> {
-    let paths = if named.is_empty() { vec![search()?] } else { named.to_vec() };
+    let paths = if named.is_empty() { search()? } else { named.to_vec() };
     let mut libraries: Vec<Library> = Vec::new();
     for path in paths {
         let library = Library::read(&path)?;
@@ -101,15 +102,21 @@ pub fn find(named: &[PathBuf]) -> Result<Vec<Library>, FmuError> {
     Ok(libraries)
 }
 
-fn search() -> Result<PathBuf, FmuError> {
+fn search() -> Result<Vec<PathBuf>, FmuError> {
     if let Some(path) = env::var_os(VARIABLE) {
-        return Ok(PathBuf::from(path));
+        return Ok(vec![PathBuf::from(path)]);
     }
     let name = if cfg!(windows) { "kisspoint.dll" } else { "libkisspoint.so" };
     let beside = env::current_exe().ok().and_then(|exe| Some(exe.parent()?.to_owned())).unwrap_or_default();
+    let every =
+        |platform: &str| fs::read_dir(beside.join("libraries").join(platform)).into_iter().flatten().flatten().map(|entry| entry.path());
+    let all: Vec<PathBuf> = PLATFORMS.into_iter().flat_map(every).collect();
+    if !all.is_empty() {
+        return Ok(all);
+    }
     let places = [beside.join(name), beside.join("../lib/kisspoint").join(name)];
     let looked_at = || places.each_ref().map(|p| p.display().to_string()).join(", ");
-    places.iter().find(|p| p.is_file()).cloned().ok_or_else(|| FmuError::NoLibrary(format!("${VARIABLE}, {}", looked_at())))
+    places.iter().find(|p| p.is_file()).map(|p| vec![p.clone()]).ok_or_else(|| FmuError::NoLibrary(format!("${VARIABLE}, {}", looked_at())))
 }
 
 #[cfg(test)]

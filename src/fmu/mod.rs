@@ -24,7 +24,7 @@ use crate::fmi2::{controller, plant, variables};
 use crate::vehicle::Vehicle;
 use library::Library;
 use sources::Sources;
-use std::io::{Cursor, Write};
+use std::io::{Cursor, Read, Write};
 use std::path::PathBuf;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
@@ -201,11 +201,14 @@ pub fn with_extras(
     if let Some(sources) = extras.sources {
         files.extend(sources.files(model, &document(vehicle, effects, faults))?);
     }
-    zipped(&files)
+    archive_of(&files)
 }
 
 /// An archive of these files. The time of every entry is the format's earliest, so that equal contents give equal bytes.
-fn zipped(files: &[File]) -> Result<Vec<u8>, FmuError> {
+///
+/// # Errors
+/// Names or sizes that no archive can have.
+pub fn archive_of(files: &[File]) -> Result<Vec<u8>, FmuError> {
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated).last_modified_time(zip::DateTime::default());
     for (name, bytes) in files {
@@ -214,4 +217,20 @@ fn zipped(files: &[File]) -> Result<Vec<u8>, FmuError> {
         zip.write_all(bytes)?;
     }
     Ok(zip.finish()?.into_inner())
+}
+
+/// The files of an archive, in its order.
+///
+/// # Errors
+/// Bytes that are no archive.
+pub fn files_of(archive: &[u8]) -> Result<Vec<File>, FmuError> {
+    let mut zip = zip::ZipArchive::new(Cursor::new(archive))?;
+    let mut files = Vec::with_capacity(zip.len());
+    for index in 0..zip.len() {
+        let mut entry = zip.by_index(index)?;
+        let mut bytes = Vec::new();
+        entry.read_to_end(&mut bytes)?;
+        files.push((entry.name()?.into_owned(), bytes));
+    }
+    Ok(files)
 }

@@ -4,7 +4,7 @@
 //! variables have the same unit on both sides, for not every master converts.
 
 use super::ssv::{self, Parameter};
-use super::{FmuError, Model, zipped};
+use super::{FmuError, Model, archive_of};
 use crate::control::settings::SETTINGS;
 use crate::effects::PARAMETERS;
 use crate::fmi2::{controller, plant};
@@ -54,7 +54,7 @@ pub fn ssp(fmus: &[(&Model, Vec<u8>)], vehicle: &Vehicle) -> Result<Vec<u8>, Fmu
         (format!("resources/{}.ssv", COMPONENTS[1]), ssv::write(COMPONENTS[1], &sets.controller).into_bytes()),
     ];
     files.extend(fmus.iter().map(|(model, bytes)| (format!("resources/{}.fmu", model.description.name), bytes.clone())));
-    zipped(&files)
+    archive_of(&files)
 }
 
 const HEAD: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<ssd:SystemStructureDescription \
@@ -76,6 +76,13 @@ fn ssd() -> String {
     add(&mut text, &format!("    </ssd:Connections>\n{}  </ssd:System>", oms_master()));
     text.push_str("  <ssd:DefaultExperiment startTime=\"0.0\" stopTime=\"2.5\"/>\n");
     text + "</ssd:SystemStructureDescription>\n"
+}
+
+/// `SystemStructure.ssd` of one component, whose parameters are in `resources/<component>.ssv`.
+pub fn single(system: &str, name: &str, model: &str) -> String {
+    let mut text = HEAD.replace("launch", system);
+    component(&mut text, name, model, &TO_PLANT, &TO_CONTROLLER);
+    text + "    </ssd:Elements>\n  </ssd:System>\n</ssd:SystemStructureDescription>\n"
 }
 
 /// Which master OMSimulator takes for the system, and its step: it imports no system without.
