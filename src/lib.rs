@@ -8,6 +8,7 @@ pub mod campaign;
 pub mod cli;
 pub mod control;
 pub mod effects;
+pub mod faults;
 // The one module that may be unsafe: it is spoken to from C.
 #[allow(unsafe_code)]
 pub mod fmi2;

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 /// Options of `kisspoint diagnose`.
 #[derive(clap::Args, Debug)]
 #[command(
-    after_help = "Writes diagnosis.json, report.html, plant.ssv and DrivelinePlant.fmu into DIR. Exit code 0 whatever the verdict.\n\nExamples:\n  kisspoint diagnose measurements/car_17 --out out/car_17\n  kisspoint diagnose measurements/* --out out\n  kisspoint diagnose measurements/* --json > answers.jsonl"
+    after_help = "Writes diagnosis.json, report.html, plant.ssv and DrivelinePlant.fmu into DIR. Exit code 0 whatever the verdict.\n\nExamples:\n  kisspoint diagnose measurements/car_17 --out out/car_17\n  kisspoint diagnose measurements/car_17 --out out/car_17 --evidence\n  kisspoint diagnose measurements/* --out out\n  kisspoint diagnose measurements/* --json > answers.jsonl"
 )]
 pub struct Args {
     /// Folders with vehicle.json, recordings.json and the recordings
@@ -33,6 +33,9 @@ pub struct Args {
     /// Names and units of the channels, TOML or JSON
     #[arg(long, value_name = "FILE")]
     channel_map: Option<PathBuf>,
+    /// Write evidence.ssp beside the answer: retuned FMU, held-out recordings, answer and report with checksums, by the standards of SSP Traceability
+    #[arg(long, requires = "out")]
+    evidence: bool,
     /// Refuse the campaign if any recording has a defect
     #[arg(long)]
     strict: bool,
@@ -54,7 +57,7 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
     let channel_map = args.channel_map.as_deref().map(ChannelMap::from_file).transpose()?;
     let options = ReadOptions { channel_map, strict: args.strict };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads.into()).build()?;
-    let answer = |path: &Path, out: Option<&Path>, label: &str| one(path, out, label, &options, &pool, &libraries);
+    let answer = |path: &Path, out: Option<&Path>, label: &str| one(path, out, label, args.evidence, &options, &pool, &libraries);
     let [path] = args.campaigns.as_slice() else { return several(args, answer) };
     let diagnosis = answer(path, args.out.as_deref(), "")?;
     if args.json { print_json(&diagnosis.json) } else { print(&summary(&diagnosis, args.out.as_deref())) }
@@ -99,6 +102,7 @@ fn one(
     path: &Path,
     out: Option<&Path>,
     label: &str,
+    evidence: bool,
     options: &ReadOptions,
     pool: &rayon::ThreadPool,
     libraries: &[library::Library],
@@ -116,7 +120,11 @@ fn one(
     let diagnosis = found.map_err(refused)?;
     let shown = name(path).display().to_string();
     if let Some(out) = out {
-        write_all(out, &files(&diagnosis, &shown, &provenance(&campaign, options), libraries)?)?;
+        let mut files = files(&diagnosis, &shown, &provenance(&campaign, options), libraries)?;
+        if evidence {
+            files.push(("evidence.ssp", super::evidence::archive(&diagnosis.json, &files, &campaign)?));
+        }
+        write_all(out, &files)?;
     }
     Ok(diagnosis)
 }

@@ -44,6 +44,17 @@ pub enum CommandError {
         /// What is wrong in it.
         source: VehicleError,
     },
+    /// Evidence that cannot be put together.
+    #[error(transparent)]
+    Evidence(#[from] super::evidence::EvidenceError),
+    /// A file with faults that is not sound.
+    #[error("{}: {what}", path.display())]
+    Faults {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong in it.
+        what: String,
+    },
     /// An FMU, or the shared library that goes into it.
     #[error(transparent)]
     Fmu(#[from] FmuError),

@@ -2,6 +2,7 @@
 
 use super::error::{CommandError, at};
 use crate::effects::{self, Parameters};
+use crate::faults::Faults;
 use crate::vehicle::{Vehicle, VehicleError};
 use serde_json::Value;
 use std::fs::File;
@@ -32,6 +33,17 @@ pub fn read_vehicle(path: &Path) -> Result<VehicleFile, CommandError> {
         Ok(VehicleFile { document, vehicle, effects })
     };
     document.and_then(parse).map_err(|source| CommandError::Vehicle { path: path.to_owned(), source })
+}
+
+/// Reads a file with faults.
+///
+/// # Errors
+/// A file that cannot be read, or is not sound.
+pub fn read_faults(path: &Path) -> Result<Faults, CommandError> {
+    let text = std::fs::read_to_string(path).map_err(at(path))?;
+    let wrong = |what: String| CommandError::Faults { path: path.to_owned(), what };
+    let document = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+    Faults::from_value(&document).map_err(|e| wrong(e.to_string()))
 }
 
 /// Writes a file that is there already only with `force`.

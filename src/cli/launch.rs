@@ -1,10 +1,10 @@
 //! `kisspoint launch`: the coupled start-up beside Table II, and the paper's figures.
 
 use super::error::CommandError;
-use super::files::{read_vehicle, write_all};
+use super::files::{read_faults, read_vehicle, write_all};
 use super::output::{print, print_json};
 use crate::control::performance::Performance;
-use crate::launch::{self, Column, TABLE_II};
+use crate::launch::{self, Column, Setup, TABLE_II};
 use crate::plots;
 use crate::vehicle::Vehicle;
 use serde_json::{Value, json};
@@ -23,6 +23,9 @@ pub struct Args {
     /// Write Figures 1, 2, 4, 5, 6 and 7 of the paper as SVG into this directory
     #[arg(long, value_name = "DIR")]
     plots: Option<PathBuf>,
+    /// Faults of the plant: a JSON list of parameter, time_s, ramp_s and value
+    #[arg(long, value_name = "FILE")]
+    faults: Option<PathBuf>,
     /// Launch another vehicle than the paper's
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
@@ -37,7 +40,12 @@ type Found = (Column, Option<Performance>);
 /// A vehicle file that is missing or not sound; a directory that cannot be written.
 pub fn run(args: &Args) -> Result<(), CommandError> {
     let vehicle = args.vehicle.as_deref().map_or(Ok(Vehicle::paper()), |path| read_vehicle(path).map(|file| file.vehicle))?;
-    let launches = TABLE_II.map(|column| launch::simulate(&column.setup(&vehicle)));
+    let faults = args.faults.as_deref().map(read_faults).transpose()?.unwrap_or_default();
+    let setups = TABLE_II.map(|column| Setup { faults: faults.clone(), ..column.setup(&vehicle) });
+    for (setup, path) in setups.iter().zip(args.faults.iter().cycle()) {
+        setup.check_faults().map_err(|e| CommandError::Faults { path: path.clone(), what: e.to_string() })?;
+    }
+    let launches = setups.each_ref().map(launch::simulate);
     let found: Vec<Found> = TABLE_II.iter().zip(&launches).map(|(column, launch)| (*column, launch.performance)).collect();
     let mut wrote = Vec::new();
     if let Some(folder) = &args.plots {

@@ -6,6 +6,7 @@
 pub mod blind;
 pub mod diagnose;
 pub mod error;
+mod evidence;
 pub mod files;
 pub mod fmu;
 pub mod inspect;

@@ -1,6 +1,6 @@
 //! The plant: physics and effects, stepped through stick and slip.
 //!
-//! A [`Plant`] is a plain value without heap memory. [`Plant::step`] holds the inputs over the step and cuts it into
+//! A [`Plant`] allocates its delay lines when it is made, and nothing after. [`Plant::step`] holds the inputs over the step and cuts it into
 //! substeps of at most [`Plant::max_substep`]; events (a delayed command arriving, contact, lock-up, break-away) cut further, so that
 //! the result does not depend on the communication step. Each substep is one Runge–Kutta step of fourth order.
 //!
