@@ -22,7 +22,10 @@ const IMPORTS: [(&str, &[&str]); 16] = [
     // Of the diagnosis, only the form in which curves are handed over.
     ("report", &["vehicle", "effects", "gap"]),
     ("fmu", &["physics", "vehicle", "effects", "faults", "control", "fmi2", "launch"]),
-    ("cli", &["physics", "vehicle", "effects", "faults", "plant", "control", "launch", "plots", "campaign", "survey", "report", "gap", "fmu"]),
+    (
+        "cli",
+        &["physics", "vehicle", "effects", "faults", "plant", "control", "launch", "plots", "campaign", "survey", "report", "gap", "fmu"],
+    ),
     ("main", &[]),
 ];
 

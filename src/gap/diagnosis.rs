@@ -83,7 +83,7 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
     let known = Disturbances { late, ..with };
     let best = found.best();
     let coloured = sensors::refined(&problem, &best.fit.point, &best.fit.residuals, &known);
-    if coloured.is_some() || late.iter().any(|l| *l > LATE_INTERVALS * interval_of(&problem)) {
+    if coloured.is_some() || late.iter().any(|l| *l > LATE_S.max(LATE_INTERVALS * interval_of(&problem))) {
         notes.extend(coloured.as_ref().map(colour_note));
         problem = prepare::problem(problem.tracks, &vehicle, &tolerances, &coloured.unwrap_or(known));
         found = search(&problem, &|what, share| progress(what, 0.7 + 0.1 * share));
@@ -129,6 +129,7 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
 
 /// Intervals of the logger from which a sensor's delay changes when the clutch is seen to lock.
 const LATE_INTERVALS: f64 = 1.5;
+const LATE_S: f64 = 0.03;
 
 fn interval_of(problem: &Problem) -> f64 {
     prepare::logger(&problem.tracks).interval_s

@@ -65,8 +65,8 @@ pub fn conclude(problem: &Problem, search: &Search, posterior: &Posterior) -> Co
         (true, None) => (Verdict::NoGap, None),
         (true, place) => (Verdict::Unexplained, place),
         (false, None) => (Verdict::Explained, None),
-        (false, Some(_)) if own && own_share(search, &best) < FORM_SHARE => (Verdict::Explained, None),
-        (false, place) if own && own_share(search, &best) > STAND_IN_SHARE => (Verdict::Unexplained, place),
+        (false, Some(_)) if own && own_share(problem, search, &best) < FORM_SHARE => (Verdict::Explained, None),
+        (false, place) if own && own_share(problem, search, &best) > STAND_IN_SHARE => (Verdict::Unexplained, place),
         (false, place) => (Verdict::PartlyExplained, place),
     };
     let probability = match verdict {
@@ -94,11 +94,11 @@ fn cost(e: &Explanation) -> f64 {
     e.fit.as_ref().map_or(f64::INFINITY, |f| misfit(&f.residuals) + prior(&f.point))
 }
 
-/// Share of the gap that a missing law takes beside the effects.
-fn own_share(search: &Search, best: &Explanation) -> f64 {
-    let base = search.base().fit.cost;
-    let without = search.of(&best.effects).map_or(base, |h| h.fit.cost);
-    (without - cost(best)).max(0.0) / (base - cost(best)).max(1e-9)
+/// Share of the gap between car and vehicle file that a missing law takes beside the effects.
+fn own_share(problem: &Problem, search: &Search, best: &Explanation) -> f64 {
+    let gap = misfit(&problem.all_residuals(&problem.nominal(), None));
+    let without = search.of(&best.effects).map_or(gap, |h| h.fit.cost);
+    (without - cost(best)).max(0.0) / (gap - cost(best)).max(1e-9)
 }
 
 /// What each subsystem's part takes of the cost, relative to all that is taken.

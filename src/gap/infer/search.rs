@@ -10,7 +10,7 @@ use super::fit::{Fit, Free, LOOK, fit};
 use super::linear::Columns;
 use super::pulsation;
 use super::screen::{Anchor, Promise, Screening, screen};
-use crate::effects::{PARAMETERS, REGISTRY};
+use crate::effects::{PARAMETERS, Parameters, REGISTRY};
 use rayon::prelude::*;
 
 /// A set of effects, fitted.
@@ -47,6 +47,8 @@ pub struct Search {
     pub hypotheses: Vec<Hypothesis>,
     /// Cost that the linear model promises for each effect alone.
     pub promised: Vec<Option<f64>>,
+    /// Torque ripples that a scan found.
+    ripples: Vec<(usize, Parameters)>,
 }
 
 impl Search {
@@ -75,12 +77,12 @@ impl Search {
 /// Most effects at a time.
 pub const MOST_EFFECTS: usize = 3;
 /// Iterations of a fit that stays.
-const STAY: usize = 12;
+const STAY: usize = 8;
 /// Candidates that are looked at per anchor, and those of them that are fitted to the end.
-const LOOKED_AT: usize = 5;
+const LOOKED_AT: usize = 4;
 const FITTED: usize = 2;
 /// Sets that are extended.
-const BEAM: [usize; MOST_EFFECTS - 1] = [3, 2];
+const BEAM: [usize; MOST_EFFECTS - 1] = [2, 1];
 /// Nats behind the best after a look up to which a fit is finished, beside this share of what the best explains.
 const BEHIND_NATS: f64 = 20.0;
 const BEHIND_SHARE: f64 = 0.3;
@@ -94,7 +96,7 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
     progress("tolerances", 0.0);
     let nominal = problem.nominal();
     let base = fit(problem, Free::default(), &nominal, STAY, None);
-    let mut found = Search { hypotheses: Vec::new(), promised: vec![None; REGISTRY.len()] };
+    let mut found = Search { hypotheses: Vec::new(), promised: vec![None; REGISTRY.len()], ripples: Vec::new() };
     found.add(Hypothesis::new(Vec::new(), base));
     let mut frontier: Vec<Vec<usize>> = vec![Vec::new()];
     for size in 1..=MOST_EFFECTS {
@@ -125,7 +127,16 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
     if shared.iter().map(|z| z * z).sum::<f64>() > DRAGGED * shared.len() as f64 {
         places.push((Point { effects: from.fit.point.effects, ..problem.nominal() }, None));
     }
-    let further = pulsation::starts(problem, &from.fit.point);
+    // A ripple's order is looked for once, from the car within its tolerances: it does not depend on what else is wrong.
+    if set.is_empty() {
+        found.ripples = pulsation::starts(problem, &from.fit.point).into_iter().map(|(e, p)| (e, p.effects)).collect();
+    }
+    let ripple = |(e, p): &(usize, Parameters)| {
+        let mut point = from.fit.point.clone();
+        REGISTRY[*e].parameters.clone().for_each(|k| point.effects[k] = p[k]);
+        (*e, point)
+    };
+    let further: Vec<(usize, Point)> = found.ripples.iter().map(ripple).collect();
     let mut starts: Vec<(Vec<usize>, Point, f64, usize)> = Vec::new();
     let mut columns: Vec<Vec<Columns>> = Vec::new();
     for (point, known) in &places {
@@ -223,7 +234,7 @@ fn finish(problem: &Problem, found: &mut Search, mut looked: Vec<(Vec<usize>, Fi
 /// Drops every member of the best set in turn; what is left is fitted from there and looks for a better companion, if it fits better than it did or if the
 /// best set strains its tolerances, which says that it is not the right one.
 fn exchange(problem: &Problem, found: &mut Search) {
-    for _ in 0..MOST_EFFECTS {
+    for _ in 0..EXCHANGES {
         let best = found.best().clone();
         if best.effects.is_empty() {
             return;
@@ -243,7 +254,7 @@ fn exchange(problem: &Problem, found: &mut Search) {
             let looked = fit(problem, Free { effects: &rest, basis: None }, &start, STAY, None);
             let better = before.is_none_or(|b| looked.cost < b - LEAST_PROMISE);
             found.add(Hypothesis::new(rest.clone(), looked));
-            if better || strained {
+            if better {
                 extend(problem, found, &rest);
             }
         }
@@ -278,6 +289,8 @@ fn exchange(problem: &Problem, found: &mut Search) {
     }
 }
 
+/// Rounds of exchange.
+const EXCHANGES: usize = 2;
 /// Mean square of the nuisances beyond which a fit strains its tolerances: of a dozen and more standard normal numbers it is so once in a hundred times.
 const STRAINED: f64 = 2.0;
 
