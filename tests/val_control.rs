@@ -6,6 +6,7 @@ mod coupled;
 use coupled::{Coupled, Row, STANDSTILL};
 use kisspoint::control::Settings;
 use kisspoint::effects::{self, Parameters, param};
+use kisspoint::launch::drive::REVERSAL;
 use kisspoint::plant::{Phase, Start};
 
 /// Bearing 30 ms behind its command and 15 ms late, friction by a factor.
@@ -17,14 +18,14 @@ fn real_actuator(friction: f64) -> Parameters {
     p
 }
 
-/// Reversals of the clutch torque by more than 2 N·m before the hand-over: one is the launch itself, more are oscillation.
+/// Reversals of the clutch torque by more than 5 N·m before the hand-over: one is the launch itself, more are oscillation.
 fn reversals(rows: &[Row]) -> usize {
     let (mut extreme, mut rising, mut count) = (0.0_f64, true, 0);
     for (_, plant, _) in rows.iter().take_while(|r| r.2.phase != Phase::Locked) {
         let beyond = if rising { plant.t_fc - extreme } else { extreme - plant.t_fc };
         if beyond > 0.0 {
             extreme = plant.t_fc;
-        } else if beyond < -2.0 {
+        } else if beyond < -REVERSAL {
             (rising, extreme, count) = (!rising, plant.t_fc, count + 1);
         }
     }

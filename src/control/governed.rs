@@ -78,6 +78,12 @@ const BELIEVED: f64 = 1.0;
 const LOOK_BACK: f64 = 0.1;
 const LOOK_AHEAD: f64 = 0.3;
 
+/// Share of the slope of the landing that the torque keeps for it.
+const LANDING: f64 = 0.8;
+
+/// Time constants of the slip's filter over `filter_time`: no feedback of any gain hangs on it.
+const SLIP_FILTER: f64 = 0.6;
+
 /// Fastest fall of the torque asked for, unless the engine or the direction of slip limits it, N·m/s.
 const FALL: f64 = 400.0;
 
@@ -105,7 +111,7 @@ pub struct Governed {
     pub inertia: Inertia,
     /// Clutch speed behind F, rad/s.
     pub speed: Lags<2>,
-    /// Slip behind F, rad/s.
+    /// Slip behind two lags, rad/s.
     pub slip: Lags<2>,
     /// Clutch speed reference behind A and F, rad/s.
     pub wanted: Lags<4>,
@@ -119,6 +125,8 @@ pub struct Governed {
     pub hold_back: f64,
     /// Time for which the filtered slip has been gone, s.
     pub near_for: f64,
+    /// Time since lock-up, s.
+    pub closing_for: f64,
     /// Time since the plan ended, s.
     pub landing_for: f64,
     /// Time since the facings have bitten, s.
@@ -148,7 +156,7 @@ impl Governed {
         self.lacking = Lags::default();
         self.inertia = Inertia::default();
         self.hold_back = f64::MAX;
-        (self.bitten_for, self.near_for, self.landing_for) = (0.0, 0.0, 0.0);
+        (self.bitten_for, self.near_for, self.landing_for, self.closing_for) = (0.0, 0.0, 0.0, 0.0);
         (self.from, self.pace) = (if slip < 0.0 { -1.0 } else { 1.0 }, 1.0);
     }
 
@@ -188,7 +196,7 @@ impl Controller {
             Mode::Closing | Mode::Closed => state.estimate.t_fc,
         };
         let omega = g.speed.advance(inputs.omega_c, [f; 2]);
-        g.slip.advance(slip, [f; 2]);
+        g.slip.advance(slip, [filter::share(SLIP_FILTER * s.filter_time, h); 2]);
         let t = g.carried.advance(torque, [a, a, f, f]);
         // What the bearing has not brought yet is no load.
         let departs = if state.mode == Mode::Engaging { BELIEVED * (state.estimate.t_fc - g.expected.out()) } else { 0.0 };
@@ -219,10 +227,17 @@ impl Controller {
         let needed = d.J_c * g.inertia.factor() * slopes.omega_c + driveline::resistance(d, g.load.omega, g.load.torque);
         // Before the plan's middle the torque does not fall: a car that runs ahead lets the plan run faster instead.
         let rising = 2.0 * state.elapsed < state.plan.duration && !inputs.wish.creep;
-        let least = if rising { state.outputs.t_c_ref } else { 0.0 };
+        // After it the torque does not fall below what the landing needs, so that it need not rise again.
+        let landing = needed - d.J_c * g.inertia.factor() * (slopes.omega_c - LANDING * state.plan.slope).max(0.0);
+        let least = if rising { state.outputs.t_c_ref } else { landing.min(needed) };
         let last = state.outputs.t_c_ref.max(0.0);
         let delivery = g.delivery(direction * state.estimate.t_fc).max(LEAST_DELIVERY);
-        let t_c = limits.bound((needed + s.kp_clutch * error).max(least).max(last - FALL * h).min(last + RISE * g.pace * delivery * h));
+        let t_c = limits.bound(
+            (needed + s.kp_clutch * error)
+                .max(least)
+                .max(last - FALL * h)
+                .min(last + RISE * inputs.wish.aggressiveness.exp2() * g.pace * delivery * h),
+        );
         let gains = Gains { p: s.kp_engine, i: s.ki_engine };
         let bites = g.bitten_for == 0.0 && direction * state.estimate.t_fc > BITE;
         g.bitten_for = if bites || g.bitten_for > 0.0 { g.bitten_for + h } else { 0.0 };
@@ -237,7 +252,7 @@ impl Controller {
             state.outputs.t_c_ref = t_c.min(state.estimate.t_fc.abs());
         }
         let t_c = state.outputs.t_c_ref;
-        let ahead = (s.actuator_time + 2.0 * s.filter_time) * (slopes.omega_f - slopes.omega_c);
+        let ahead = (s.actuator_time + 2.0 * SLIP_FILTER * s.filter_time) * (slopes.omega_f - slopes.omega_c);
         let slip_there = (direction * (g.slip.out() + ahead)).max(0.0);
         // While the torque rises, the bearing does not go back for an early bite alone: the feedback takes effect on what is added.
         let least = if rising && t_c < limits.high { state.outputs.x_to } else { s.x_open };
@@ -328,8 +343,10 @@ impl Controller {
         self.hold_speed(inputs, h);
         let s = self.settings;
         self.state.outputs.x_to_fb = fb;
-        let rise = s.closing_rate * h / self.state.governed.slope.max(LEAST_SLOPE);
-        self.state.governed.slope += rise * CLOSING_STIFFENS;
+        let g = &mut self.state.governed;
+        g.closing_for += h;
+        let gently = s.closing_rate * h / g.slope.max(LEAST_SLOPE);
+        let rise = if g.closing_for < GENTLY { gently } else { gently.max(CLOSING_SPEED * h) };
         let x = self.state.outputs.x_to + rise;
         self.move_to(x, h);
         if self.state.outputs.x_to >= s.x_max {
@@ -338,8 +355,9 @@ impl Controller {
     }
 }
 
-/// Rise of the map's slope over the travel while closing, N·m/mm².
-const CLOSING_STIFFENS: f64 = 40.0;
+/// Time after lock-up for which the torque rises at `closing_rate` alone, s, and speed of the position after it, mm/s.
+const GENTLY: f64 = 0.25;
+const CLOSING_SPEED: f64 = 20.0;
 
 /// A ramp to `creep_speed`; the launch that may follow is planned from where it has come to.
 fn creep(s: &Settings, state: &mut super::controller::State, h: f64) -> (References, References) {

@@ -199,6 +199,7 @@ fn walk_governed(governed: &mut Governed, words: &mut impl Words) {
         lacking,
         hold_back,
         near_for,
+        closing_for,
         landing_for,
         bitten_for,
         engaged_for,
@@ -207,7 +208,7 @@ fn walk_governed(governed: &mut Governed, words: &mut impl Words) {
         slope,
     } = governed;
     let Load { omega, torque } = load;
-    for x in [omega, torque, hold_back, near_for, landing_for, bitten_for, engaged_for, from, pace, slope] {
+    for x in [omega, torque, hold_back, near_for, closing_for, landing_for, bitten_for, engaged_for, from, pace, slope] {
         words.real(x);
     }
     let lags = [
