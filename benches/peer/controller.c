@@ -204,7 +204,7 @@ static void observe_load(State *s, const Inputs *u, double slip, double h) {
   double t = lags(s->carried, 4, torque, by), departs = s->mode == 1 ? s->t_hat - s->expected[2] : 0;
   t = fmin(t + departs, fmax(s->t_hat, 0) + 10 + 0.25 * t);
   s->engaged_for = s->mode == 0 ? 0 : s->engaged_for + h;
-  double band = fmax(fmin(3.0 / s->engaged_for, 20.0), load_band), slow = band * h / (1 + band * h), j = J_c * inertia_factor(s->inertia);
+  double band = fmax(fmin(3.0 / fmax(s->engaged_for, h), 20.0), load_band), slow = band * h / (1 + band * h), j = J_c * inertia_factor(s->inertia);
   double predicted = s->load_w + h * (t - resistance(s->load_w, s->load_t)) / j, error = w - predicted;
   s->load_w = predicted + error * slow * (2 - slow);
   s->load_t = bound(s->load_t - j * error * slow * slow / h, -t_max, t_max);
@@ -264,7 +264,7 @@ static void engage(State *s, const Inputs *u, double h) {
   s->lacking += (lacks - s->lacking) * share(0.1, h);
   double will = lacks + 0.3 * (lacks - s->lacking) / 0.1;
   will = will * lacks > 0 ? copysign(fmin(fabs(will), fabs(lacks)), lacks) : 0;
-  double band = fmax(fmin(2.0 / s->engaged_for, 5.0), torque_band) * fmax(delivery(s, observed), 0.1);
+  double band = fmax(fmin(2.0 / fmax(s->engaged_for, h), 5.0), torque_band) * fmax(delivery(s, observed), 0.1);
   s->i_torque = bound(s->i_torque + bound(band * will / fmax(s->k_map, 15), -1, 1) * h, -fb_max, fb_max);
   s->i_torque = fmax(s->i_torque, fmin(least - x, s->i_torque + h));
   s->x_fb = s->i_torque;
@@ -303,7 +303,7 @@ static void step(State *s, const Inputs *raw, double h) {
       for (int i = 0; i < 4; i++) s->wanted[i] = u.omega_c;
       for (int i = 0; i < 3; i++) s->expected[i] = s->learn_t[i] = s->learn_k[i] = 0;
       for (int i = 0; i < 5; i++) s->inertia[i] = s->sums[i] = 0;
-      s->lacking = 0, s->hold_back = 1e300;
+      s->lacking = 0, s->hold_back = 1e6;
       s->bitten_for = s->near_for = s->landing_for = s->closing_for = 0;
       s->from = slip < 0 ? -1 : 1, s->pace = 1;
     }

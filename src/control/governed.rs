@@ -48,6 +48,9 @@ const MOST_HASTE: f64 = 3.0;
 /// Torque in N·m by which the hold-back stands above what is asked for while it is not needed.
 const DROOP_STANDBY: f64 = 20.0;
 
+/// Hold-back that holds nothing back, N·m.
+const OUT_OF_THE_WAY: f64 = 1e6;
+
 /// Rise of the hold-back over the square of the engine speed to spare, N·m·s/rad²: it is out of the way of an engine that keeps its speed.
 const RECOVERY: f64 = 15.0;
 
@@ -155,7 +158,7 @@ impl Governed {
         self.expected = Lags::default();
         self.lacking = Lags::default();
         self.inertia = Inertia::default();
-        self.hold_back = f64::MAX;
+        self.hold_back = OUT_OF_THE_WAY;
         (self.bitten_for, self.near_for, self.landing_for, self.closing_for) = (0.0, 0.0, 0.0, 0.0);
         (self.from, self.pace) = (if slip < 0.0 { -1.0 } else { 1.0 }, 1.0);
     }
@@ -202,7 +205,7 @@ impl Controller {
         let departs = if state.mode == Mode::Engaging { BELIEVED * (state.estimate.t_fc - g.expected.out()) } else { 0.0 };
         let t = (t + departs).min(state.estimate.t_fc.max(0.0) + UNDELIVERED + UNDELIVERED_SHARE * t);
         g.engaged_for = if state.mode == Mode::Open { 0.0 } else { g.engaged_for + h };
-        let bandwidth = (LOAD_FORGETTING / g.engaged_for).min(OPEN_LOAD_BANDWIDTH).max(s.load_bandwidth);
+        let bandwidth = (LOAD_FORGETTING / g.engaged_for.max(h)).min(OPEN_LOAD_BANDWIDTH).max(s.load_bandwidth);
         let d = &self.vehicle.driveline;
         g.load.advance(d, d.J_c * g.inertia.factor(), t, omega, bandwidth, s.torque_max, h);
         if state.mode == Mode::Engaging && t > UNDELIVERED {
@@ -316,8 +319,8 @@ impl Controller {
         let lacking = lacking_now + LOOK_AHEAD * (lacking_now - lacking_before) / LOOK_BACK;
         let lacking = if lacking * lacking_now > 0.0 { lacking.abs().min(lacking_now.abs()).copysign(lacking_now) } else { 0.0 };
         let integral = &mut state.feedback.integral;
-        let bandwidth =
-            (TORQUE_FORGETTING / g.engaged_for).min(BITE_BANDWIDTH).max(s.torque_bandwidth) * g.delivery(observed).max(LEAST_DELIVERY);
+        let bandwidth = (TORQUE_FORGETTING / g.engaged_for.max(h)).min(BITE_BANDWIDTH).max(s.torque_bandwidth)
+            * g.delivery(observed).max(LEAST_DELIVERY);
         let rate = (bandwidth * lacking / g.slope.max(LEAST_SLOPE)).clamp(-FEEDBACK_RATE, FEEDBACK_RATE);
         *integral = (*integral + rate * h).clamp(-s.x_fb_max, s.x_fb_max);
         *integral = integral.max((least - x - learned.touch_point).min(*integral + FEEDBACK_RATE * h));

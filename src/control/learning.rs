@@ -114,7 +114,7 @@ mod tests {
     fn both_are_learned_within_a_few_launches() {
         for (x, mu) in [(0.4, 1.0), (-0.4, 1.2), (0.0, 0.8)] {
             let mut learning = Learning::new(&Settings::robust());
-            for _ in 0..6 {
+            for _ in 0..10 {
                 launch(&mut learning, x, mu);
             }
             assert!((learning.touch_point - x).abs() < 0.05 && (learning.friction - mu).abs() < 0.04, "{learning:?} for {x}, {mu}");

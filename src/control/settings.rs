@@ -100,7 +100,7 @@ impl Settings {
     /// Whether the paper's law is asked for.
     #[inline]
     pub fn is_figure_3(&self) -> bool {
-        self.scheme == FIGURE_3
+        self.scheme < 1.5
     }
 
     /// The set that reproduces Table II of the paper, which gives neither references nor gains; its actuator is ideal.
