@@ -28,9 +28,8 @@ use super::filter::{self, Lags};
 use super::guard::Inputs;
 use super::load::{Inertia, Load};
 use super::pi::Gains;
-use super::reference::{self, References};
 use super::settings::Settings;
-use crate::physics::{driveline, map};
+use crate::physics::driveline;
 
 /// Bandwidth of the load observer while the clutch is open: it closes no loop then, 1/s.
 const OPEN_LOAD_BANDWIDTH: f64 = 20.0;
@@ -39,20 +38,8 @@ const OPEN_LOAD_BANDWIDTH: f64 = 20.0;
 /// Kalman filter falls while it learns a constant.
 const LOAD_FORGETTING: f64 = 3.0;
 
-/// Errors of the clutch speed in rad/s at which the governor begins to slow the plan, and stops it.
-const FALLING_BEHIND: (f64, f64) = (8.0, 20.0);
-
-/// Times its rate that the plan runs at most to catch up with a car that is ahead of it.
-const MOST_HASTE: f64 = 3.0;
-
-/// Torque in N·m by which the hold-back stands above what is asked for while it is not needed.
-const DROOP_STANDBY: f64 = 20.0;
-
 /// Hold-back that holds nothing back, N·m.
 const OUT_OF_THE_WAY: f64 = 1e6;
-
-/// Rise of the hold-back over the square of the engine speed to spare, N·m·s/rad²: it is out of the way of an engine that keeps its speed.
-const RECOVERY: f64 = 15.0;
 
 /// Observed torque at which the facings have bitten, N·m.
 const BITE: f64 = 8.0;
@@ -67,19 +54,11 @@ const SENSOR_ERROR: f64 = 0.06;
 const UNDELIVERED: f64 = 10.0;
 const UNDELIVERED_SHARE: f64 = 0.25;
 
-/// Bandwidth of the torque feedback when the facings bite, 1/s, and that times the time since, until it has come down to `torque_bandwidth`.
-const BITE_BANDWIDTH: f64 = 5.0;
-const TORQUE_FORGETTING: f64 = 2.0;
-
 /// Least share of its bandwidth that the torque feedback keeps while the bearing is not there.
-const LEAST_DELIVERY: f64 = 0.1;
+pub(super) const LEAST_DELIVERY: f64 = 0.1;
 
 /// Share of what the observed torque departs from the expected one that counts as the clutch's, not as a load.
 const BELIEVED: f64 = 1.0;
-
-/// Time over which the change of the torque that is lacking is taken, and time ahead for which it counts, s.
-const LOOK_BACK: f64 = 0.1;
-const LOOK_AHEAD: f64 = 0.3;
 
 /// Share of the slope of the landing that the torque keeps for it.
 const LANDING: f64 = 0.8;
@@ -93,17 +72,8 @@ const FALL: f64 = 400.0;
 /// Fastest rise of the torque asked for, N·m/s.
 const RISE: f64 = 150.0;
 
-/// Fastest move of the torque feedback, mm/s.
-const FEEDBACK_RATE: f64 = 1.0;
-
 /// Share of what the observed torque departs from the expected one that the engine is told: all of it would make a slow engine swing.
 const CARRIED_SHARE: f64 = 0.3;
-
-/// Slope of the map in N·m/mm below which the feedback takes it for this.
-const LEAST_SLOPE: f64 = 15.0;
-
-/// Step in mm over which the touch point's change with temperature is taken, K.
-const KELVIN: f64 = 1.0;
 
 /// State of the governed law.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
@@ -175,7 +145,7 @@ impl Governed {
     }
 
     /// 1 while the observed torque `t_fc` in N·m is near the one expected, falling to 0 as the bearing is not there yet.
-    fn delivery(&self, t_fc: f64) -> f64 {
+    pub(super) fn delivery(&self, t_fc: f64) -> f64 {
         let expected = self.expected.out();
         (2.0 - (expected - t_fc).abs() / (UNDELIVERED + UNDELIVERED_SHARE * expected)).clamp(0.0, 1.0)
     }
@@ -261,116 +231,4 @@ impl Controller {
         let least = if rising && t_c < limits.high { state.outputs.x_to } else { s.x_open };
         self.place(t_c, direction, slip_there, least, h);
     }
-
-    /// Greatest clutch torque that leaves the engine its speed, N·m.
-    fn torque_limit(&mut self, inputs: &Inputs, h: f64) -> f64 {
-        let (s, state) = (&self.settings, &mut self.state);
-        let (references, slopes) = reference::governed(&state.plan, state.elapsed);
-        let d = &self.vehicle.driveline;
-        let engine = if inputs.wish.t_e_max > 0.0 { inputs.wish.t_e_max.min(s.engine_torque_max) } else { s.engine_torque_max };
-        let available = engine - d.b_f * inputs.omega_f - d.J_f * slopes.omega_f - s.engine_reserve;
-        let spare = inputs.omega_f - (references.omega_f.min(state.plan.omega_f_start) - s.engine_droop);
-        let g = &mut state.governed;
-        g.hold_back += (s.ki_droop * spare + RECOVERY * spare.max(0.0).powi(2)) * h;
-        g.hold_back = g.hold_back.min(state.outputs.t_c_ref + DROOP_STANDBY).max(0.0);
-        available.min(g.hold_back + s.kp_droop * spare.min(0.0)).max(0.0)
-    }
-
-    /// Lets the plan's time run as fast as `limit` N·m and the clutch allow; the references and their slopes now.
-    fn advance_plan(&mut self, inputs: &Inputs, limit: f64, h: f64) -> (References, References) {
-        let (s, state) = (&self.settings, &mut self.state);
-        let d = &self.vehicle.driveline;
-        if inputs.wish.creep {
-            return creep(s, state, h);
-        }
-        let g = &mut state.governed;
-        let (_, planned) = reference::governed(&state.plan, state.elapsed);
-        let room = limit - driveline::resistance(d, g.load.omega, g.load.torque);
-        let wanted = d.J_c * g.inertia.factor() * planned.omega_c;
-        let by_torque = if wanted > 0.0 { (room / wanted).clamp(0.0, 1.0) } else { 1.0 };
-        let (begins, stops) = FALLING_BEHIND;
-        let error = g.wanted.out() - g.speed.out();
-        let by_error = ((stops - error) / (stops - begins)).clamp(0.0, 1.0);
-        let rate = by_torque.min(by_error).min(g.delivery(state.estimate.t_fc)) * inputs.wish.aggressiveness.exp2();
-        // A car that runs ahead takes its plan along, without more torque.
-        state.elapsed += rate * h * (1.0 - error / begins).clamp(1.0, MOST_HASTE);
-        if state.elapsed >= state.plan.duration {
-            g.landing_for += h;
-        }
-        let (references, slopes) = reference::governed(&state.plan, state.elapsed);
-        (references, References { omega_f: rate * slopes.omega_f, omega_c: rate * slopes.omega_c })
-    }
-
-    /// Sends the bearing where the clutch carries `t_c` N·m at a slip of `slip` rad/s, corrected by the torque feedback, but at
-    /// least at `least` mm.
-    fn place(&mut self, t_c: f64, direction: f64, slip: f64, least: f64, h: f64) {
-        let v = &self.vehicle;
-        let (theta, learned) = (self.state.temperatures.theta_c, self.state.learning);
-        let torque = t_c.abs() / learned.friction;
-        let (x, slope) = map::inverse_with_slope(&v.friction, &v.actuator, &v.cushion_spring, self.xi_0, torque, slip, theta);
-        let (s, state) = (&self.settings, &mut self.state);
-        let (a, o) = (filter::share(0.5 * s.actuator_time, h), filter::share(self.observer.lag(), h));
-        let g = &mut state.governed;
-        g.slope = learned.friction * slope.max(0.0);
-        let observed = direction * state.estimate.t_fc;
-        let lacking_now = g.expected.advance(t_c.abs(), [a, a, o]) - observed;
-        let lacking_before = g.lacking.advance(lacking_now, [filter::share(LOOK_BACK, h)]);
-        // A torque that is on its way needs no push: what will be lacking counts, unless it is of the other sign.
-        let lacking = lacking_now + LOOK_AHEAD * (lacking_now - lacking_before) / LOOK_BACK;
-        let lacking = if lacking * lacking_now > 0.0 { lacking.abs().min(lacking_now.abs()).copysign(lacking_now) } else { 0.0 };
-        let integral = &mut state.feedback.integral;
-        let bandwidth = (TORQUE_FORGETTING / g.engaged_for.max(h)).min(BITE_BANDWIDTH).max(s.torque_bandwidth)
-            * g.delivery(observed).max(LEAST_DELIVERY);
-        let rate = (bandwidth * lacking / g.slope.max(LEAST_SLOPE)).clamp(-FEEDBACK_RATE, FEEDBACK_RATE);
-        *integral = (*integral + rate * h).clamp(-s.x_fb_max, s.x_fb_max);
-        *integral = integral.max((least - x - learned.touch_point).min(*integral + FEEDBACK_RATE * h));
-        state.outputs.x_to_fb = *integral;
-        let of_map = t_c.abs() + g.slope * *integral;
-        if s.learning_rate > 0.0 && slip > s.slip_lock {
-            state.learning.observe(of_map, g.slope, observed, [a, a, o], h);
-        }
-        let fb = state.outputs.x_to_fb;
-        self.move_to((x + learned.touch_point + fb).max(least), h);
-    }
-
-    /// What the launch has taught, at its lock-up.
-    pub(super) fn conclude_learning(&mut self) {
-        let theta = self.state.temperatures.theta_c;
-        let per_kelvin = (self.contact_at(theta + KELVIN) - self.contact_at(theta)) / KELVIN;
-        self.state.temperatures.theta_c += self.state.learning.conclude(self.settings.learning_rate, per_kelvin);
-    }
-
-    /// Locked: the torque that the clutch can carry rises until it is the greatest, then the position goes to its maximum.
-    pub(super) fn close_softly(&mut self, inputs: &Inputs, h: f64) {
-        let fb = self.state.outputs.x_to_fb;
-        self.hold_speed(inputs, h);
-        let s = self.settings;
-        self.state.outputs.x_to_fb = fb;
-        let g = &mut self.state.governed;
-        g.closing_for += h;
-        let gently = s.closing_rate * h / g.slope.max(LEAST_SLOPE);
-        let rise = if g.closing_for < GENTLY { gently } else { gently.max(CLOSING_SPEED * h) };
-        let x = self.state.outputs.x_to + rise;
-        self.move_to(x, h);
-        if self.state.outputs.x_to >= s.x_max {
-            self.state.mode = Mode::Closed;
-        }
-    }
-}
-
-/// Time after lock-up for which the torque rises at `closing_rate` alone, s, and speed of the position after it, mm/s.
-const GENTLY: f64 = 0.25;
-const CLOSING_SPEED: f64 = 20.0;
-
-/// A ramp to `creep_speed`; the launch that may follow is planned from where it has come to.
-fn creep(s: &Settings, state: &mut super::controller::State, h: f64) -> (References, References) {
-    let from = state.plan.omega_c_start;
-    let to = if from < s.creep_speed {
-        (from + s.creep_acceleration * h).min(s.creep_speed)
-    } else {
-        (from - s.creep_acceleration * h).max(s.creep_speed)
-    };
-    state.elapsed = 0.0;
-    state.plan = reference::plan(s, s.idle_speed, to);
-    (References { omega_f: s.idle_speed, omega_c: to }, References { omega_f: 0.0, omega_c: (to - from) / h })
 }
