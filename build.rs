@@ -3,6 +3,9 @@
 //! A variable that is renamed in `modelDescription/` breaks the build wherever the code still uses the old name; an
 //! effect that is listed there without its file in `src/effects/`, too.
 
+#[path = "src/fmi2/guid.rs"]
+mod guid;
+
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -12,6 +15,8 @@ fn main() {
     let root = env::var("CARGO_MANIFEST_DIR").expect("cargo sets CARGO_MANIFEST_DIR");
     let out = env::var("OUT_DIR").expect("cargo sets OUT_DIR");
     println!("cargo::rerun-if-changed=build.rs");
+    println!("cargo::rerun-if-changed=src/fmi2/guid.rs");
+    println!("cargo::rustc-env=KISSPOINT_PLACES={}", places(&root, &out).join("|"));
     for model in ["DrivelinePlant", "ClutchController"] {
         let path = Path::new(&root).join("modelDescription").join(model).with_extension("xml");
         println!("cargo::rerun-if-changed={}", path.display());
@@ -19,7 +24,8 @@ fn main() {
         let document = roxmltree::Document::parse(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         let variables = variables(&document);
         let target = Path::new(&out).join(model).with_extension("rs");
-        fs::write(target, variable_table(&variables) + &guid(&text) + &lookup_table(&variables)).expect("OUT_DIR can be written");
+        fs::write(target, variable_table(&variables) + &guid(&text, &variables) + &lookup_table(&variables))
+            .expect("OUT_DIR can be written");
         if model == "DrivelinePlant" {
             fs::write(Path::new(&out).join("vehicle.rs"), vehicle_table(&variables)).expect("OUT_DIR can be written");
             fs::write(Path::new(&out).join("effects.rs"), effect_registry(&variables, &root)).expect("OUT_DIR can be written");
@@ -27,6 +33,16 @@ fn main() {
             fs::write(Path::new(&out).join("settings.rs"), settings_table(&variables)).expect("OUT_DIR can be written");
         }
     }
+}
+
+/// Folders of this machine whose names the compiler writes into what it builds: the longest first, for one may lie in another.
+fn places(root: &str, out: &str) -> Vec<String> {
+    let home = || env::var("HOME").or_else(|_| env::var("USERPROFILE")).map(|home| Path::new(&home).join(".cargo").display().to_string());
+    let target = Path::new(out).ancestors().nth(4).map(|folder| folder.display().to_string());
+    let mut places: Vec<String> =
+        [Some(root.to_owned()), env::var("CARGO_HOME").or_else(|_| home()).ok(), target].into_iter().flatten().collect();
+    places.sort_by_key(|place| std::cmp::Reverse(place.len()));
+    places
 }
 
 /// One ScalarVariable with its attributes and those of its type element, under their FMI names.
@@ -39,6 +55,12 @@ struct Variable {
 impl Variable {
     fn get(&self, key: &str) -> &str {
         self.attributes.get(key).map_or("", String::as_str)
+    }
+    fn start(&self) -> String {
+        match self.kind.as_str() {
+            "Boolean" => if self.get("start") == "true" { "1.0" } else { "0.0" }.to_owned(),
+            _ => self.real("start", "0.0"),
+        }
     }
     fn real(&self, key: &str, default: &str) -> String {
         let text = self.attributes.get(key).map_or(default, String::as_str);
@@ -96,10 +118,6 @@ fn variable_table(variables: &[Variable]) -> String {
     .unwrap();
     for v in variables {
         let variability = if v.get("variability").is_empty() { "Continuous".to_owned() } else { camel(v.get("variability")) };
-        let start = match v.kind.as_str() {
-            "Boolean" => if v.get("start") == "true" { "1.0" } else { "0.0" }.to_owned(),
-            _ => v.real("start", "0.0"),
-        };
         writeln!(
             text,
             "    Variable {{ name: {:?}, value_reference: {}, kind: Kind::{}, causality: Causality::{}, variability: Variability::{}, unit: {:?}, start: {}, min: {}, max: {} }},",
@@ -109,7 +127,7 @@ fn variable_table(variables: &[Variable]) -> String {
             camel(v.get("causality")),
             variability,
             v.get("unit"),
-            start,
+            v.start(),
             v.real("min", "-inf"),
             v.real("max", "inf"),
         )
@@ -119,16 +137,18 @@ fn variable_table(variables: &[Variable]) -> String {
     text
 }
 
-/// The GUID: a hash of the XML in the form of a UUID of version 8, so that it changes with the interface and is each model's own.
-fn guid(xml: &str) -> String {
-    // FNV-1a with 128 bits; line ends are left out, for a checkout may change them.
-    let hash = xml.bytes().filter(|b| !matches!(b, b'\r' | b'\n')).fold(0x6c62_272e_07bb_0142_62b8_2175_6295_c58d_u128, |sum, byte| {
-        (sum ^ u128::from(byte)).wrapping_mul(0x0000_0000_0100_0000_0000_0000_0000_013b)
-    });
+/// The GUID: a hash of the XML in the form of a UUID of version 8, so that it changes with the interface and is each model's own; its tail is that of
+/// the start values in the XML.
+fn guid(xml: &str, variables: &[Variable]) -> String {
+    // Line ends are left out, for a checkout may change them.
+    let hash = guid::hash(xml.bytes().filter(|b| !matches!(b, b'\r' | b'\n')));
     let uuid = hash & !(0xf << 76 | 0x3 << 62) | 0x8 << 76 | 0x2 << 62;
     let d = format!("{uuid:032x}");
-    let text = format!("{}-{}-{}-{}-{}", &d[..8], &d[8..12], &d[12..16], &d[16..20], &d[20..]);
-    format!("/// GUID of the model.\npub const GUID: &str = {text:?};\n")
+    let starts = variables.iter().map(|v| v.start().parse().expect("a start value is a number"));
+    let tail = String::from_utf8(guid::tail(starts).to_vec()).expect("digits are text");
+    let interface = format!("{}-{}-{}-{}-", &d[..8], &d[8..12], &d[12..16], &d[16..20]);
+    assert_eq!((interface.len(), interface.len() + tail.len()), (guid::OF_INTERFACE, guid::LENGTH));
+    format!("/// GUID of the model with the start values of its source.\npub const GUID: &str = \"{interface}{tail}\";\n")
 }
 
 /// Index of the variable by value reference, so that access takes no search.

@@ -1,6 +1,7 @@
 """Builds the command and the FMUs' shared library with cargo, and puts both into the Python package.
 
-$KISSPOINT and $KISSPOINT_LIBRARY name a command and a library that are built already; then cargo is not called.
+$KISSPOINT and $KISSPOINT_LIBRARY name a command and a library that are built already; then cargo is not called. $KISSPOINT_LIBRARIES names a
+folder of libraries by platform, which all go in, and $KISSPOINT_PLATFORM the platform that the wheel is for (packaging/release.sh sets them).
 """
 
 import os
@@ -29,13 +30,15 @@ class WithCargo(build_py):
         package = Path(self.build_lib) / "kisspoint"
         shutil.copy2(command, package / COMMAND)
         shutil.copy2(library, package / LIBRARY)
+        if libraries := os.environ.get("KISSPOINT_LIBRARIES"):
+            shutil.copytree(libraries, package / "libraries", dirs_exist_ok=True)
 
 
 class ForThisPlatform(bdist_wheel):
     """The wheel holds programs of one platform, but suits every Python."""
 
     def get_tag(self):
-        return "py3", "none", super().get_tag()[2]
+        return "py3", "none", os.environ.get("KISSPOINT_PLATFORM") or super().get_tag()[2]
 
 
 class Binary(Distribution):

@@ -22,13 +22,18 @@ fi
 sanitizer=address
 compgen -G "$(rustc --print sysroot)/lib/rustlib/*/lib/librustc*_rt.asan.a" >/dev/null || sanitizer=none
 
+# All are built at once, and what is built is run: cargo-fuzz would look at every crate again for each.
+build=$target/fuzz-build.log
+cargo fuzz build --fuzz-dir fuzz -D -s "$sanitizer" >"$build" 2>&1 || { tail -40 "$build" >&2; exit 1; }
+built=$CARGO_TARGET_DIR/$(rustc -vV | sed -n 's/^host: //p')/debug
+
 for name in "$@"; do
     seeds=(fuzz/seeds/"$name")
     [[ $name == recordings ]] && seeds+=(tests/data/campaign/measurements tests/data/campaign/seed)
     found=$target/fuzz-corpus/$name
     mkdir -p "$found"
     log=$found.log
-    if cargo fuzz run --fuzz-dir fuzz -D -s "$sanitizer" "$name" "$found" "${seeds[@]}" -- \
+    if "$built/$name" "$found" "${seeds[@]}" \
         -max_total_time="$seconds" -timeout=10 -rss_limit_mb=2048 -artifact_prefix="$found-" >"$log" 2>&1; then
         echo "$name: $(grep -oE 'Done [0-9]+ runs in [0-9]+ second' "$log")s, sanitizer $sanitizer"
     else

@@ -8,6 +8,7 @@ pub mod campaign;
 pub mod cli;
 pub mod control;
 pub mod effects;
+pub mod faults;
 // The one module that may be unsafe: it is spoken to from C.
 #[allow(unsafe_code)]
 pub mod fmi2;
@@ -15,7 +16,6 @@ pub mod fmi2;
 pub mod fmu;
 #[cfg(feature = "cli")]
 pub mod gap;
-#[cfg(feature = "cli")]
 pub mod launch;
 pub mod physics;
 pub mod plant;
@@ -23,4 +23,6 @@ pub mod plant;
 pub mod plots;
 #[cfg(feature = "cli")]
 pub mod report;
+#[cfg(feature = "cli")]
+pub mod survey;
 pub mod vehicle;

@@ -198,6 +198,7 @@ fn without_position_or_housing_air() {
     let text = seed().replace("x_to_cmd_mm", "pedal").replace("theta_h_degC", "oil");
     let campaign = noted(&text, &["theta_h_degC: not recorded; 30 °C is taken throughout: as warm as the body at the start"]);
     assert!(campaign.recordings[1].x_to_cmd.is_empty());
+    assert!(campaign.notes.iter().any(|n| n.text.starts_with("x_to_cmd_mm: not recorded: actuator, clutch force")));
     assert!(campaign.recordings[1].theta_h.iter().all(|t| *t == 30.0));
 }
 
@@ -328,7 +329,7 @@ fn the_folder() {
     std::fs::create_dir(&within).unwrap();
     std::fs::write(within.join("vehicle.json"), "{}").unwrap();
     assert!(folder.fault().contains("is no campaign but holds some. Give one of them, e.g. "), "{}", folder.fault());
-    assert!(campaign::inspect(&within).unwrap_err().to_string().contains("is a folder. Name one file in it"));
+    assert!(campaign::inspect(&within, None, &|_| {}).unwrap_err().to_string().contains("is a folder. Name one file in it"));
     let missing = campaign::read(&folder.0.join("nowhere"), &ReadOptions::default()).unwrap_err();
     assert!(missing.to_string().contains("nowhere: no such folder"));
 }
@@ -364,6 +365,58 @@ fn the_channel_map_scales_and_overrules() {
     assert!(fault.contains("the channel map says the unit is kNm, the file says Nm"), "{fault}");
     let fault = read("T_e_Nm = \"TqEng\"\nx_to_cmd_mm = \"counts\"\nx_to_mm = \"counts\"").unwrap_err().to_string();
     assert!(fault.contains("is already taken for x_to_cmd_mm"), "{fault}");
+}
+
+#[test]
+fn a_production_car_has_a_road_speed_a_percentage_and_no_air() {
+    let (radius, ratio, reference) = (0.31, 12.4, 350.0);
+    let text = changed(|_, c, v| match c {
+        2 => format!("{}", v * 3.6 * radius / ratio),
+        3 => format!("{}", v * 100.0 / reference),
+        _ => v.to_string(),
+    });
+    let text = text.replace("omega_c_rad_s", "v [km/h]").replace("T_e_Nm", "Tq [%]").replace("theta_h_degC", "oil");
+    let folder = Folder::with(&text);
+    let read = |map: &str| {
+        let map = ChannelMap::from_toml("map", map).unwrap();
+        campaign::read(&folder.0, &ReadOptions { strict: true, channel_map: Some(map) })
+    };
+    let plain = "[omega_c_rad_s]\nname = \"v\"\n[T_e_Nm]\nname = \"Tq\"\n";
+    std::fs::remove_file(folder.0.join("r01.csv")).unwrap();
+    folder.file("recordings.json", &format!(r#"{{"r02": {ENTRY}}}"#));
+    assert!(read(plain).unwrap_err().to_string().contains("\"km/h\" is a road speed. Give `tyre_radius_m` and `ratio`"));
+    let speed = plain.replace("\"v\"", "\"v\"\ntyre_radius_m = 0.31\nratio = 12.4");
+    assert!(read(&speed).unwrap_err().to_string().contains("the torque is a percentage. Give `reference_Nm`"));
+    let both = speed.replace("\"Tq\"", "\"Tq\"\nreference_Nm = 350\nkind = \"indicated\"") + "[theta_h_degC]\nvalue = 35.0\n";
+    let campaign = read(&both).unwrap();
+    let (got, whole) = (&campaign.recordings[0], Folder::with(&seed()).read().unwrap().recordings.remove(0));
+    let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9 * (1.0 + b.abs()));
+    assert!(near(&got.omega_c, &whole.omega_c) && near(&got.t_e, &whole.t_e) && got.theta_h.iter().all(|t| *t == 35.0));
+    assert!(campaign.notes.iter().any(|n| n.text.contains("indicated torque")), "{:?}", campaign.notes);
+    // The gear of a recording stands in recordings.json.
+    let entry = ENTRY.replace('}', r#", "ratio": 6.2, "channel_map": {"theta_h_degC": {"value": 12}}}"#);
+    folder.file("recordings.json", &format!(r#"{{"r02": {entry}}}"#));
+    let slower = read(&both).unwrap();
+    let half: Vec<f64> = whole.omega_c.iter().map(|v| 0.5 * v).collect();
+    assert!(near(&slower.recordings[0].omega_c, &half) && slower.recordings[0].theta_h[0] == 12.0);
+}
+
+#[test]
+fn one_file_may_hold_several_recordings() {
+    let folder = Folder::new();
+    folder.file("log.csv", &seed());
+    let entry = |window: &str| ENTRY.replace('}', &format!(r#", "file": "log.csv", "window_s": {window}}}"#));
+    folder.file("recordings.json", &format!(r#"{{"a": {}, "b": {}}}"#, entry("[0, 0.7]"), entry("[0.7, 1.45]")));
+    let campaign = folder.read().unwrap();
+    assert_eq!(campaign.left_out, []);
+    let [a, b] = campaign.recordings.as_slice() else { panic!() };
+    assert_eq!((a.time.len(), b.time.len(), b.time[0]), (71, 76, 0.0));
+    assert_eq!(b.omega_f[0], a.omega_f[70]);
+    folder.file("recordings.json", &format!(r#"{{"a": {}, "b": {}}}"#, entry("[0, 0.7]"), entry("[0.6, 1.45]")));
+    let overlap = folder.read().unwrap();
+    assert!(overlap.left_out[0].reason.contains("log.csv: a is taken from the same file"), "{:?}", overlap.left_out);
+    folder.file("recordings.json", &format!(r#"{{"a": {}}}"#, entry("[5, 7]")));
+    assert!(folder.fault().contains("the window of 5 to 7 s holds no sample; the file has 0.000 to 1.500 s"), "{}", folder.fault());
 }
 
 #[test]

@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use kisspoint::campaign::{self, ChannelMap, Defect, Note, Recording};
+use kisspoint::campaign::{self, ChannelMap, Note, Recording};
 
 fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/campaign").join(name)
@@ -49,7 +49,7 @@ fn assert_near(got: &[f64], expected: &[f64], tolerance: f64, what: &str) {
 fn mdf_of_every_packing_equals_the_seed() {
     let seed = seed();
     assert_eq!(seed.omega_f.len(), 151);
-    for name in ["plain", "deflate", "transposed", "fragments", "v430"] {
+    for name in ["plain", "deflate", "transposed", "fragments", "value_blocks", "v430"] {
         let (recording, notes) = read(&format!("measurements/{name}.mf4"), "");
         assert_eq!(recording, seed, "{name}");
         assert_eq!(notes, [], "{name}");
@@ -62,7 +62,7 @@ fn sums_are_those_of_asammdf() {
     let expected: serde_json::Value = serde_json::from_str(&text).unwrap();
     let seed = seed();
     for (file, channels) in expected.as_object().unwrap() {
-        let inspection = campaign::inspect(&data("measurements").join(file)).unwrap();
+        let inspection = campaign::inspect(&data("measurements").join(file), None, &|_| {}).unwrap();
         for (name, about) in channels.as_object().unwrap() {
             let channel = inspection.channels.iter().find(|c| &c.name == name).unwrap();
             assert_eq!(channel.unit.as_deref(), about["unit"].as_str(), "{file} {name}");
@@ -138,13 +138,140 @@ fn parquet_equals_the_seed() {
 }
 
 #[test]
-fn unfinalised_and_unsorted_files_are_refused() {
-    let defect = |name: &str| match campaign::read_one(&data(name), &about(), &ChannelMap::default()).unwrap_err() {
-        campaign::CampaignError::Recording(e) => *e.defect,
-        other => panic!("{other}"),
+fn an_unfinalised_file_is_read_to_its_end_and_said_so() {
+    let (recording, notes) = read("measurements/unfinalised.mf4", "");
+    assert_eq!(recording, seed());
+    assert!(notes.iter().any(|n| n.text.contains("did not finalise")), "{notes:?}");
+}
+
+#[test]
+fn an_unsorted_file_is_sorted_by_its_record_numbers() {
+    let names = ["omega_f_rad_s", "omega_c_rad_s", "T_e_Nm", "x_to_cmd_mm", "theta_h_degC", "x_to_mm", "T_fc_Nm", "theta_c_degC"];
+    let map = |group: usize| -> String { names.iter().map(|n| format!("{n} = {{ group = \"{group}\" }}\n")).collect() };
+    assert_eq!(read("measurements/unsorted.mf4", &map(0)).0, seed());
+    let (third, _) = read("measurements/unsorted.mf4", &map(1));
+    let expected: Vec<f64> = seed().omega_f.into_iter().step_by(3).collect();
+    assert_eq!(third.omega_f, expected);
+    let both = campaign::read_one(&data("measurements/unsorted.mf4"), &about(), &ChannelMap::default()).unwrap_err().to_string();
+    assert!(both.contains("occurs 2 times") && both.contains("give `group` in the channel map"), "{both}");
+}
+
+#[test]
+fn values_with_a_name_are_missing_and_the_others_are_scaled() {
+    let (recording, notes) = read("measurements/named.mf4", "");
+    let seed = seed();
+    assert!(recording.omega_c[20..24].iter().all(|v| v.is_nan()));
+    assert_near(&recording.omega_c[24..], &seed.omega_c[24..], 0.0126, "omega_c");
+    assert!(notes.iter().any(|n| n.text.contains("4 samples are a text and no number (the first is \"SNA\")")), "{notes:?}");
+}
+
+#[test]
+fn frames_of_a_bus_need_a_database() {
+    let path = data("measurements/frames.mf4");
+    let without = campaign::read_one(&path, &about(), &ChannelMap::default()).unwrap_err().to_string();
+    assert!(without.contains("raw frames (CAN frames in MDF4)") && without.contains("dbc = \"car.dbc\""), "{without}");
+    let map = format!("dbc = {:?}\n{}", data("measurements/frames.dbc"), LOGGER.replace("theta_h_degC = \"TempBellHousing\"", ""));
+    let (recording, notes) = read("measurements/frames.mf4", &map);
+    let seed = seed();
+    // Two messages, 3 ms apart: every row has the signals of one of them.
+    let there = |v: &[f64]| v.iter().copied().filter(|v| !v.is_nan()).collect::<Vec<f64>>();
+    let quarter_rpm = 0.1251 * std::f64::consts::PI / 30.0;
+    // The first frame of the engine comes before the clutch's: the recording begins where both are there.
+    assert_near(&there(&recording.omega_f), &seed.omega_f[1..], quarter_rpm, "omega_f");
+    let disc: Vec<f64> = seed.omega_c.iter().enumerate().filter(|(k, _)| *k != 50).map(|(_, v)| *v).collect();
+    let got = there(&recording.omega_c);
+    assert_near(&got, &disc[..got.len()], quarter_rpm, "omega_c");
+    assert!(notes.iter().any(|n| n.text.contains("theta_h_degC: not recorded")), "{notes:?}");
+    let missing = ChannelMap::from_toml("map", "dbc = \"nowhere.dbc\"").unwrap();
+    assert!(campaign::read_one(&path, &about(), &missing).unwrap_err().to_string().contains("nowhere.dbc can't be read"));
+}
+
+#[test]
+fn more_kinds_of_parquet_columns() {
+    let seed = seed();
+    for name in ["int96_brotli", "lz4"] {
+        let (recording, _) = read(&format!("measurements/{name}.parquet"), "[time_s]\nname = \"time\"");
+        assert_near(&recording.time, &seed.time, 1e-9, "time");
+        assert_near(&recording.omega_f, &seed.omega_f, 0.0, "omega_f");
+        assert_near(&recording.omega_c, &seed.omega_c, 1e-12, "decimals");
+        assert_near(&recording.x_to_cmd, &seed.x_to_cmd, 1e-12, "decimals");
+        assert_near(&recording.t_e, &seed.t_e, 0.04, "half precision");
+        assert_eq!(recording.brake.unwrap().iter().position(|on| *on), Some(140));
+    }
+}
+
+/// The seed as text of another layout, read back.
+fn text(name: &str, bytes: &[u8]) -> (Recording, Vec<Note>) {
+    let path = tempdir("texts").join(name);
+    std::fs::write(&path, bytes).unwrap();
+    campaign::read_one(&path, &about(), &ChannelMap::default()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+#[test]
+fn texts_of_every_layout_equal_the_seed() {
+    let plain = std::fs::read_to_string(data("seed/r01.csv")).unwrap();
+    let semicolons = plain.replace(',', ";").replace('.', ",");
+    let tabs = plain.replace(',', "\t");
+    let blanks = plain.replace(',', "   ");
+    let preamble = format!("Recorder;X200\nDriver;A. Driver\n\n{semicolons}");
+    let utf16: Vec<u8> = "\u{feff}".encode_utf16().chain(semicolons.encode_utf16()).flat_map(u16::to_le_bytes).collect();
+    let rows = || plain.lines().skip(1);
+    let dated = rows().map(|l| {
+        let (time, rest) = l.split_once(',').unwrap();
+        let seconds: f64 = time.parse().unwrap();
+        format!("2026-11-22T05:59:{:06.3}Z,{rest}\n", 59.0_f64.min(seconds + 12.0))
+    });
+    let dated = format!("{}\n{}", plain.lines().next().unwrap(), dated.collect::<String>());
+    let names: Vec<&str> = plain.lines().next().unwrap().split(',').collect();
+    let long = rows().flat_map(|l| {
+        let cells: Vec<&str> = l.split(',').collect();
+        (1..cells.len()).map(|k| format!("{},{},{}\n", cells[0], names[k], cells[k])).collect::<Vec<_>>()
+    });
+    let long = format!("t,channel,value\n{}", long.collect::<String>());
+    let units = "s,rad/s,rad/s,daNm,mm,degC,mm,Nm,degC";
+    let cases: [(&str, Vec<u8>); 9] = [
+        ("plain.txt", plain.clone().into()),
+        ("sep.csv", format!("sep=;\n{semicolons}").into()),
+        ("semicolons.csv", semicolons.clone().into()),
+        ("tabs.dat", tabs.into()),
+        ("blanks.dat", blanks.into()),
+        ("preamble.csv", preamble.into()),
+        ("utf16.csv", utf16),
+        ("dated.csv", dated.into()),
+        ("long.csv", long.into()),
+    ];
+    let seed = seed();
+    for (name, bytes) in cases {
+        let (recording, notes) = text(name, &bytes);
+        assert_near(&recording.time, &seed.time, 1e-9, name);
+        assert_eq!((&recording.omega_f, &recording.t_e, &recording.theta_c), (&seed.omega_f, &seed.t_e, &seed.theta_c), "{name}");
+        assert_eq!(notes.iter().any(|n| n.text.contains("in front of the header")), name == "preamble.csv", "{notes:?}");
+    }
+    // Units in a row of their own, one of them another than ours.
+    let stems = plain.replacen("T_e_Nm", "T_e", 1).replacen('\n', &format!("\n{units}\n"), 1);
+    let (recording, notes) = text("units.csv", stems.as_bytes());
+    let tenfold: Vec<f64> = seed.t_e.iter().map(|t| 10.0 * t).collect();
+    assert_near(&recording.t_e, &tenfold, 1e-9, &format!("{notes:?}"));
+}
+
+#[test]
+fn files_of_other_kinds_are_named_with_the_step_to_take() {
+    let fault = |name: &str, bytes: &[u8]| {
+        let path = tempdir("kinds").join(name);
+        std::fs::write(&path, bytes).unwrap();
+        campaign::read_one(&path, &about(), &ChannelMap::default()).unwrap_err().to_string()
     };
-    assert_eq!(defect("measurements/unfinalised.mf4"), Defect::Unfinalised);
-    assert_eq!(defect("measurements/unsorted.mf4"), Defect::Unsorted);
+    for (name, bytes, expected) in [
+        ("a.blf", &b"LOGG...."[..], "raw frames (Vector BLF)"),
+        ("a.asc", b"date Mon", "raw frames (Vector ASC)"),
+        ("a.trc", b";$FILEVERSION=1.1", "raw frames (PCAN TRC)"),
+        ("a.log", b"(0.0) can0 1#00", "raw frames (candump)"),
+        ("a.xlsx", b"PK\x03\x04....", "the file is a workbook"),
+    ] {
+        let message = fault(name, bytes);
+        assert!(message.contains(expected), "{message}");
+        assert!(message.contains("can_logconvert") || message.contains("Save the sheet as CSV"), "{message}");
+    }
 }
 
 #[test]
@@ -168,13 +295,13 @@ fn a_file_cut_anywhere_is_refused_or_whole_and_never_wrong() {
 #[test]
 fn a_drafted_map_reads_the_file_that_it_was_drafted_for() {
     for name in ["measurements/rates.mf4", "measurements/logger.parquet"] {
-        let map = campaign::draft_channel_map(&campaign::inspect(&data(name)).unwrap());
+        let map = campaign::draft_channel_map(&campaign::inspect(&data(name), None, &|_| {}).unwrap());
         let (drafted, _) = read(name, &map);
         assert_eq!(format!("{drafted:?}"), format!("{:?}", read(name, LOGGER).0), "{map}");
     }
     // With our names, and with or without units in the file.
     for name in ["measurements/plain.mf4", "measurements/invalid.mf4", "measurements/plain.parquet", "seed/r01.csv"] {
-        let map = campaign::draft_channel_map(&campaign::inspect(&data(name)).unwrap());
+        let map = campaign::draft_channel_map(&campaign::inspect(&data(name), None, &|_| {}).unwrap());
         // As texts: an invalid sample is NaN, which equals nothing.
         assert_eq!(format!("{:?}", read(name, &map)), format!("{:?}", read(name, "")), "{map}");
     }

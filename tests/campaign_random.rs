@@ -78,7 +78,7 @@ fn damaged_files_are_refused_or_read_as_numbers() {
             damage(&mut bytes, &mut random);
             std::fs::write(&path, &bytes).unwrap();
             let begin = Instant::now();
-            _ = inspect(&path).map(|i| i.to_json());
+            _ = inspect(&path, None, &|_| {}).map(|i| i.to_json());
             match read_one(&path, &like, &ChannelMap::default()) {
                 Ok((r, _)) => {
                     read += 1;

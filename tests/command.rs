@@ -74,7 +74,6 @@ fn a_reader_that_leaves_early_is_no_error() {
         &["vehicle", "new"],
         &["vehicle", "check", "tests/data/campaigns/example/vehicle.json"],
         &["completions", "zsh"],
-        &["blind", "--cars", "0", "--seed", "1"],
     ] {
         let mut child = kisspoint(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         drop(child.stdout.take());
@@ -92,7 +91,6 @@ fn every_json_is_one_document_with_what_the_documentation_promises() {
     let checked = document(&["vehicle", "check", "tests/data/campaigns/example/vehicle.json", "--json"]);
     assert_eq!(checked["usable"], true);
     assert!(document(&["vehicle", "new", "--json"])["driveline"]["J_f"].is_number());
-    assert_eq!(document(&["blind", "--cars", "0", "--seed", "1", "--json"])["cars"], 0);
 }
 
 #[test]

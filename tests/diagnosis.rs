@@ -6,7 +6,7 @@ use kisspoint::campaign::{self, Campaign, ReadOptions};
 use kisspoint::effects::REGISTRY;
 use kisspoint::fmu;
 use kisspoint::gap::diagnosis::{Diagnosis, DiagnosisError, diagnose};
-use realcar::{Car, Kind, draw_car_of};
+use realcar::{Car, Kind, Place, draw_car_of};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -45,9 +45,9 @@ impl Drop for Folder {
 fn everyday(kind: Kind) -> Car {
     let is_everyday = |car: &Car| {
         let r = &car.campaign.recordings;
-        r.len() == 9 && r.iter().all(|r| r.bench.is_none() && r.sample_rate_hz < 500.0)
+        r.len() == 9 && r.iter().all(|r| r.bench.is_none() && r.sample_rate_hz == 100.0)
     };
-    (0..1000).map(|index| draw_car_of(SEED, index, kind)).find(is_everyday).unwrap()
+    (0..1000).map(|index| draw_car_of(Place::Bench, SEED, index, kind)).find(is_everyday).unwrap()
 }
 
 /// The same car with only the recordings at these places.
@@ -146,13 +146,33 @@ fn two_recordings_are_enough_and_one_is_held_out() {
 }
 
 #[test]
+fn what_is_held_out_takes_no_part() {
+    // Two bytes of every row of the recording that judges are changed: all but how far stays as it was.
+    let folder = Folder::of("leak", &with_only(everyday(Kind::Single("friction_level")), &[0, 1, 2, 3, 5]));
+    let before = answer(&folder.read()).json;
+    let held = before["how_far"]["held_out"][0].as_str().unwrap().to_owned();
+    edit(&folder.0.join(format!("{held}.csv")), |rows| {
+        for (k, row) in rows.iter_mut().enumerate().skip(1) {
+            let mut cells: Vec<String> = row.split(',').map(str::to_owned).collect();
+            cells[1] = format!("{:.3}", cells[1].parse::<f64>().unwrap() + ((k * 7919) % 13) as f64 * 0.5);
+            *row = cells.join(",");
+        }
+    });
+    let after = answer(&folder.read()).json;
+    assert_ne!(before["how_far"]["after"], after["how_far"]["after"]);
+    for part in ["verdict", "confidence", "where", "which", "plant"] {
+        assert_eq!(before[part], after[part], "{part}");
+    }
+}
+
+#[test]
 fn one_recording_is_refused() {
     let folder = Folder::of("one", &with_only(two_launches(), &[0]));
     let refusal = diagnose(&folder.read(), &|_, _| {}).unwrap_err();
     assert!(matches!(refusal, DiagnosisError::TooFew(1)), "{refusal:?}");
     assert_eq!(
         refusal.to_string(),
-        "the campaign has 1 usable recording(s); at least 2 are needed, one of them to judge on what took no part in the fit"
+        "the campaign has 1 usable recording(s); at least 2 are needed, or a drive with two engagements, so that something is left to judge on what took no part in the fit"
     );
 }
 

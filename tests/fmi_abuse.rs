@@ -21,19 +21,23 @@ fn compiled(name: &str, flags: &[&str]) -> PathBuf {
 }
 
 /// What the C program needs to know of both models.
-fn models() -> [(&'static str, &'static str, [String; 6]); 2] {
+fn models() -> [(&'static str, &'static str, [String; 7]); 2] {
     use controller::vr as k;
     use plant::vr as p;
-    let text = |references: [f64; 6]| references.map(|r| r.to_string());
-    let numbers = |input, beyond, fixed, tunable, output, phase| {
-        text([f64::from(input), beyond, f64::from(fixed), f64::from(tunable), f64::from(output), f64::from(phase)])
+    let text = |references: [f64; 7]| references.map(|r| r.to_string());
+    let numbers = |bounded, beyond, fixed, tunable, output, phase, input| {
+        text([f64::from(bounded), beyond, f64::from(fixed), f64::from(tunable), f64::from(output), f64::from(phase), f64::from(input)])
     };
     [
-        ("DrivelinePlant", plant::GUID, numbers(p::x_to, 50.1, p::friction_R_1, p::effect_engine_torque_bias_torque, p::omega_f, p::phase)),
+        (
+            "DrivelinePlant",
+            plant::GUID,
+            numbers(p::x_to, 50.1, p::friction_R_1, p::effect_engine_torque_bias_torque, p::omega_f, p::phase, p::x_to),
+        ),
         (
             "ClutchController",
             controller::GUID,
-            numbers(k::omega_f, 2000.1, k::friction_R_1, k::controller_kp_engine, k::T_fc_hat, k::phase),
+            numbers(k::controller_torque_max, 2000.1, k::friction_R_1, k::controller_kp_engine, k::T_fc_hat, k::phase, k::omega_f),
         ),
     ]
 }

@@ -11,6 +11,17 @@ mod random;
 use random::Random;
 
 impl Random {
+    /// Often what a sensor that works would say, else anything.
+    fn measured(&mut self, start: f64) -> f64 {
+        match (self.next() * 8.0) as u32 {
+            0 => f64::NAN,
+            1 => f64::NEG_INFINITY,
+            2 => 1e300,
+            3 => 2500.0 - 5000.0 * self.next(),
+            _ => start + 100.0 * self.next(),
+        }
+    }
+
     /// Often a bound itself, often near the start value, else anywhere.
     fn within(&mut self, start: f64, min: f64, max: f64) -> f64 {
         match (self.next() * 6.0) as u32 {
@@ -39,7 +50,7 @@ fn set_some(c: *mut c_void, d: &Description, random: &mut Random, share: f64, ru
         let settable =
             v.causality == Causality::Input || v.causality == Causality::Parameter && (!running || v.variability == Variability::Tunable);
         if v.kind == Kind::Real && settable && random.next() < share {
-            let value = random.within(v.start, v.min, v.max);
+            let value = if v.is_measurement() { random.measured(v.start) } else { random.within(v.start, v.min, v.max) };
             let status = fmi2SetReal(c, &v.value_reference, 1, &value);
             let shafts = v.name == "effect.driveline_compliance.compliance";
             assert!(status == Status::Ok || shafts, "{} = {value}", v.name);

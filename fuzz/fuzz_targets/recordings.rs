@@ -18,7 +18,7 @@ fuzz_target!(init: {
 }, |data: &[u8]| {
     let path = path();
     std::fs::write(&path, data).expect("room for a small file");
-    match inspect(&path) {
+    match inspect(&path, None, &|_| {}) {
         Ok(inspection) => _ = inspection.to_json().to_string(),
         Err(refused) => assert!(refused.to_string().contains("kisspoint_fuzz_"), "{refused}"),
     }

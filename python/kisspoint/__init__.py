@@ -95,7 +95,8 @@ class Diagnosis(Mapping[str, Any]):
         """Speeds of a recording: ``real``, ``before`` and ``after``, with ``time_s``. It must be CSV with our column names."""
         table = _campaign.read_csv(self.campaign / f"{recording}.csv")
         about = json.loads((self.campaign / "recordings.json").read_text(encoding="utf-8"))[recording]
-        warm = {"theta_c_start": about["theta_c0_degC"], "theta_b_start": about["theta_b0_degC"]}
+        keys = {"theta_c_start": "theta_c0_degC", "theta_b_start": "theta_b0_degC"}
+        warm = {start: about[key] for start, key in keys.items() if key in about}
         real = {name: table[name] for name in ("time_s", "omega_f_rad_s", "omega_c_rad_s")}
         plant = self["plant"]
         return {

@@ -2,8 +2,8 @@
 
 use crate::car::{Motion, Start};
 use crate::catalogue;
-use crate::channels::{Bench, Noise, Pen, Recording};
-use crate::draw::{Campaign, mix};
+use crate::channels::{Bench, Noise, Pen, Recording, Steps};
+use crate::draw::{Remains, mix};
 use crate::effects::{Deviation, STEP_S};
 use crate::manoeuvre::{self, Manoeuvre};
 use crate::tcu::{Tcu, Tuning};
@@ -23,6 +23,7 @@ pub(crate) struct Bed {
     unseen: Vec<(Manoeuvre, bool)>,
     rng: StdRng,
     pen_seed: u64,
+    seen: Deviation,
 }
 
 impl Bed {
@@ -32,25 +33,32 @@ impl Bed {
         let real = file.draw_real(&mut rng);
         let tuning = Tuning::draw(&mut rng);
         let noise = Noise::draw(&mut rng);
-        let rate = if rng.random_bool(0.17) { 1000.0 } else { 100.0 };
+        let rate = [1000.0, 200.0, 50.0, 100.0][[0.17, 0.25, 0.33].iter().take_while(|edge| rng.random::<f64>() > **edge).count()];
         // A fast logger comes with a bench.
         let bench = rate > 500.0 || rng.random_bool(0.24);
         let alone = rng.random_bool(0.17) && ids.iter().all(|id| catalogue::shows_in_launches(id, bench));
         let hot_creep = rng.random_bool(0.45);
         let plan = plan(&mut rng, alone, hot_creep);
         let unseen = unseen(&mut rng);
-        Self { file, real, tuning, noise, rate, bench, plan, unseen, pen_seed: rng.random(), rng }
+        Self { file, real, tuning, noise, rate, bench, plan, unseen, pen_seed: rng.random(), seen: Deviation::default(), rng }
     }
 
-    pub(crate) fn record(mut self, deviation: &Deviation) -> (Campaign, Vec<Recording>) {
+    pub(crate) fn record(mut self, deviation: &Deviation) -> (Vec<Recording>, Remains) {
         let jobs: Vec<_> = self.plan.iter().chain(&self.unseen).copied().collect();
-        let mut all: Vec<_> = jobs.into_iter().enumerate().map(|(k, (what, hot))| self.one(what, hot, deviation, k as u64)).collect();
-        let unseen = all.split_off(self.plan.len());
-        let vehicle_json = crate::write::pretty(&self.file.to_json());
-        (Campaign { vehicle_json, recordings: all }, unseen)
+        let mut all = Vec::new();
+        for (k, (what, hot)) in jobs.into_iter().enumerate() {
+            let (recording, mut car) = self.one(what, hot, deviation, k as u64);
+            if k < self.plan.len() {
+                car.add_seen_to(&mut self.seen);
+            }
+            all.push(recording);
+        }
+        let vehicle_json = crate::write::pretty(&self.file.to_json(None));
+        let noise_rad_s = self.noise.speed.hypot(Steps::BENCH.speed / 12f64.sqrt());
+        (all, Remains { vehicle_json, real: self.real, noise_rad_s, shown: self.plan.len(), seen: self.seen })
     }
 
-    fn one(&mut self, what: Manoeuvre, hot: bool, deviation: &Deviation, k: u64) -> Recording {
+    fn one(&mut self, what: Manoeuvre, hot: bool, deviation: &Deviation, k: u64) -> (Recording, Motion) {
         let alone_hot = matches!(what, Manoeuvre::Launch(l) if l.reopens && l.length_s > 5.8);
         let disc = match (hot, alone_hot) {
             (true, true) => self.rng.random_range(50.0..92.0),
@@ -65,7 +73,7 @@ impl Bed {
         });
         let setting = Setting { what, rate: self.rate, bench: self.bench, theta: [disc, body], noted, air };
         self.pen_seed = self.pen_seed.wrapping_add(0x9e37_79b9);
-        let pen = Pen::new(&self.noise, self.pen_seed);
+        let pen = Pen::new(&self.noise, Steps::BENCH, self.pen_seed);
         let tcu = Tcu::new(&self.file, &self.tuning, what, 1.0 / self.rate, noted);
         record(&self.real, deviation, setting, tcu, pen, k, STEP_S)
     }
@@ -87,8 +95,8 @@ pub struct Setting {
     pub air: f64,
 }
 
-/// Drives one recording with fine steps of `h` seconds.
-pub fn record(real: &Vehicle, deviation: &Deviation, s: Setting, mut tcu: Tcu, mut pen: Pen, k: u64, h: f64) -> Recording {
+/// Drives one recording with fine steps of `h` seconds, and returns the car as well.
+pub fn record(real: &Vehicle, deviation: &Deviation, s: Setting, mut tcu: Tcu, mut pen: Pen, k: u64, h: f64) -> (Recording, Motion) {
     let dt = 1.0 / s.rate;
     let rows = (s.what.length_s() * s.rate).round() as usize;
     let omega = s.what.start_speeds();
@@ -102,7 +110,7 @@ pub fn record(real: &Vehicle, deviation: &Deviation, s: Setting, mut tcu: Tcu, m
     };
     let (mut read_f, mut read_c) = (pen.speed(omega[0]), pen.speed(omega[1]));
     let (mut torque, mut position) = tcu.command(0.0, read_f, read_c);
-    let start = Start { omega, theta: s.theta, air: s.air, torque, position };
+    let start = Start { omega, theta: s.theta, air: s.air, torque, position, length_s: s.what.length_s() };
     let mut car = Motion::start(real, deviation, h, start, k);
     for row in 0..rows {
         let t = row as f64 * dt;
@@ -122,12 +130,12 @@ pub fn record(real: &Vehicle, deviation: &Deviation, s: Setting, mut tcu: Tcu, m
         }
         car.drive(dt, torque, position);
     }
-    r
+    (r, car)
 }
 
 fn plan(rng: &mut StdRng, alone: bool, hot_creep: bool) -> Vec<(Manoeuvre, bool)> {
     let launches = if alone { manoeuvre::LAUNCHES_ALONE } else { manoeuvre::LAUNCHES };
-    let mut plan: Vec<_> = launches.iter().enumerate().map(|(i, l)| (Manoeuvre::Launch(*l), i > 2)).collect();
+    let mut plan: Vec<_> = launches.iter().enumerate().map(|(i, l)| (Manoeuvre::Launch(l.vary(rng)), i > 2)).collect();
     let creep = creep(rng);
     let rev = Manoeuvre::OpenRev(rng.random_range(111.0..129.0), rng.random_range(61.0..90.0));
     let locked = Manoeuvre::LockedDrive(rng.random_range(91.0..118.0));

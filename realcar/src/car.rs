@@ -14,6 +14,7 @@
 //! | J_f, J_d | inertia of engine and disc side | kg·m² |
 
 use crate::effects::Deviation;
+use crate::effects::ring::Ring;
 use crate::effects::thermal::Work;
 use crate::map;
 use crate::vehicle::Vehicle;
@@ -42,14 +43,30 @@ pub struct Motion {
     pub engine_j: f64,
     /// Heat made in the clutch since the start, J.
     pub heat_j: f64,
-    /// Work against engine friction, road and shaft damping since the start, J.
+    /// Work against engine friction, road, brakes and shaft damping since the start, J.
     pub road_j: f64,
+    /// What acts on the car from outside now.
+    pub outer: Outer,
+    braked_nm: f64,
+    late: [Ring; 2],
+    heard: [f64; 2],
     crank: f64,
     turn: f64,
     vehicle_turn: f64,
     slip_angle: f64,
     twist: f64,
     air: f64,
+}
+
+/// What acts on the car beside its own commands.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Outer {
+    /// Torque of the grade at the gearbox input, N·m.
+    pub grade_nm: f64,
+    /// What the engine gives beyond its report just now, N·m.
+    pub wander_nm: f64,
+    /// The most that the brakes hold at the gearbox input, N·m.
+    pub brake_nm: f64,
 }
 
 /// How a recording starts.
@@ -65,6 +82,8 @@ pub struct Start {
     pub torque: f64,
     /// First commanded position, mm.
     pub position: f64,
+    /// Length of what is driven, s.
+    pub length_s: f64,
 }
 
 impl Motion {
@@ -77,7 +96,7 @@ impl Motion {
         d.force.rest(vehicle, start.position, start.theta[0]);
         d.friction.rest(recording);
         d.thermal.rest(start.theta[0], start.theta[1]);
-        d.driveline.rest(omega_d, recording);
+        d.driveline.rest(omega_d, recording, start.length_s);
         d.sensors.rest(omega_f, omega_d, h, recording);
         let mut car = Self {
             vehicle: vehicle.clone(),
@@ -93,6 +112,10 @@ impl Motion {
             engine_j: 0.0,
             heat_j: 0.0,
             road_j: 0.0,
+            outer: Outer::default(),
+            braked_nm: 0.0,
+            late: [0, 1].map(|k| Ring::full(start.omega[k], (vehicle.latency_s[k] / h) as usize + 1)),
+            heard: start.omega,
             crank: 0.0,
             turn: 0.0,
             vehicle_turn: 0.0,
@@ -117,7 +140,7 @@ impl Motion {
         let front = self.vehicle.j_f + shaft.disc_share * jc;
         let carried = net * (1.0 - front / (self.vehicle.j_f + jc)) + self.vehicle.t_l0;
         for _ in 0..50 {
-            self.twist += (carried - shaft.torque(self.twist, 0.0)) / shaft.k;
+            self.twist += (carried - shaft.spring(self.twist)) / shaft.k;
         }
     }
 
@@ -131,49 +154,71 @@ impl Motion {
 
     fn step(&mut self, reported: f64, command: f64) {
         let (h, v, d) = (self.h, &self.vehicle, &mut self.deviation);
-        let engine = d.engine.step(h, self.t, reported, self.omega_f, self.crank) * v.engine_gain + v.engine_bias;
+        let engine = d.engine.step(h, self.t, reported, self.omega_f, self.crank) * v.engine_gain + v.engine_bias + self.outer.wander_nm;
         self.x = d.actuator.step(h, self.t, command, v.x_cnt);
         let (force, touching) = d.force.step(h, v, self.x, self.theta[0], self.crank);
 
         let slip = self.omega_f - self.omega_d;
         let facing = d.thermal.facing(self.theta[0]);
-        let (drag, drag_viscous) = d.friction.drag(force);
-        let mut capacity = drag;
+        let mut capacity = d.friction.drag(force, slip);
         if force > 0.0 {
-            let factor = d.friction.factor(slip, facing, self.slip_angle);
+            let factor = d.friction.factor(slip, facing, self.slip_angle, force);
             capacity += 2.0 * map::friction_radius_m(v, slip, facing) * force * factor;
         }
-        let viscous = drag_viscous * slip;
 
-        let load = d.driveline.load(h, self.t, v, self.omega_v, self.vehicle_turn);
+        let load = d.driveline.load(h, self.t, v, self.omega_v, self.vehicle_turn) + self.outer.grade_nm;
         let inertia = d.driveline.inertia(v);
+        let mut braked_w = 0.0;
         let (j_d, behind, lost) = match d.driveline.shaft {
             None => (inertia, load, 0.0),
             Some(s) => {
-                let torque = s.torque(self.twist, self.omega_d - self.omega_v);
                 let rate = self.omega_d - self.omega_v;
-                self.omega_v += h * (torque - load) / (inertia * (1.0 - s.disc_share));
-                (inertia * s.disc_share, torque, s.d * rate * rate)
+                let torque = s.spring(self.twist) + s.damper(rate);
+                let j_v = inertia * (1.0 - s.disc_share);
+                let free = self.omega_v + h * (torque - load) / j_v;
+                let braked = (free * j_v / h).clamp(-self.outer.brake_nm, self.outer.brake_nm);
+                braked_w = braked * 0.5 * (self.omega_v + free - h * braked / j_v);
+                self.omega_v = free - h * braked / j_v;
+                (inertia * s.disc_share, torque, s.damper(rate) * rate)
             }
         };
         let friction_f = v.b_f * self.omega_f;
 
         // Speeds at the end of the step if the facings passed nothing, and the torque that would make them one.
-        let free_f = self.omega_f + h * (engine - friction_f - viscous) / v.j_f;
-        let free_d = self.omega_d + h * (viscous - behind) / j_d;
-        let to_stick = (free_f - free_d) / (h * (1.0 / v.j_f + 1.0 / j_d));
-        let dry = to_stick.clamp(-capacity, capacity);
+        let free_f = self.omega_f + h * (engine - friction_f) / v.j_f;
+        let free_d = self.omega_d - h * behind / j_d;
+        let stick = |free_d: f64| ((free_f - free_d) / (h * (1.0 / v.j_f + 1.0 / j_d))).clamp(-capacity, capacity);
+        let mut dry = stick(free_d);
+        let mut braked = 0.0;
+        if self.outer.brake_nm > 0.0 && d.driveline.shaft.is_none() {
+            // Two dry contacts on one inertia: each asks in turn what the other leaves, until neither changes.
+            braked = self.braked_nm;
+            for _ in 0..60 {
+                let was = (dry, braked);
+                dry = stick(free_d - h * braked / j_d);
+                braked = ((free_d + h * dry / j_d) * j_d / h).clamp(-self.outer.brake_nm, self.outer.brake_nm);
+                if (dry - was.0).abs() + (braked - was.1).abs() < 1e-9 {
+                    break;
+                }
+            }
+        }
+        self.braked_nm = braked;
         let before = [self.omega_f, self.omega_d];
         self.omega_f = free_f - h * dry / v.j_f;
-        self.omega_d = free_d + h * dry / j_d;
-        self.t_fc = dry + viscous;
+        self.omega_d = free_d + h * (dry - braked) / j_d;
+        self.t_fc = dry;
 
         // Work by the mean speed of the step, which balances the kinetic energy exactly.
         let mean = [0.5 * (before[0] + self.omega_f), 0.5 * (before[1] + self.omega_d)];
         let power = self.t_fc * (mean[0] - mean[1]);
         self.engine_j += h * engine * mean[0];
         self.heat_j += h * power;
-        self.road_j += h * (friction_f * mean[0] + load * if d.driveline.shaft.is_some() { self.omega_v } else { mean[1] } + lost);
+        self.road_j += h
+            * (friction_f * mean[0]
+                + load * if d.driveline.shaft.is_some() { self.omega_v } else { mean[1] }
+                + lost
+                + braked * mean[1]
+                + braked_w);
         d.friction.work(h, power);
         let rates = d.thermal.step(h, v, self.theta, Work { air: self.air, power_w: power, touching, speeds: mean });
         self.theta = [self.theta[0] + h * rates[0], self.theta[1] + h * rates[1]];
@@ -189,12 +234,30 @@ impl Motion {
         self.slip_angle += h * (self.omega_f - self.omega_d);
         self.t += h;
         d.sensors.step(h, self.omega_f, self.omega_d);
+        self.heard = d.sensors.now();
+        for (k, line) in self.late.iter_mut().enumerate().filter(|(k, _)| v.latency_s[*k] > 0.0) {
+            self.heard[k] = line.step(self.heard[k], (v.latency_s[k] / h).round() as usize);
+        }
+    }
+
+    /// What came nearest in the library, added to what other recordings saw.
+    pub fn add_seen_to(&mut self, deviation: &mut Deviation) {
+        for ((_, sum), (_, here)) in deviation.seen().into_iter().zip(self.deviation.seen()) {
+            sum.add(here);
+        }
+    }
+
+    /// Moves the speeds of flywheel and disc by so many rad/s: a replay that follows a recording.
+    pub fn push(&mut self, [f, d]: [f64; 2]) {
+        self.omega_f += f;
+        self.omega_d += d;
+        self.omega_v += d;
     }
 
     /// The speeds that the sensors give now, before noise.
     pub fn sensed(&mut self, dt: f64) -> [f64; 2] {
-        let (t, turn) = (self.t, self.turn);
-        self.deviation.sensors.sample(t, dt, turn)
+        let (t, turn, heard) = (self.t, self.turn, self.heard);
+        self.deviation.sensors.sample(t, dt, turn, heard)
     }
 
     /// Kinetic and shaft energy, J.
@@ -205,9 +268,7 @@ impl Motion {
             + match self.deviation.driveline.shaft {
                 None => kinetic(jc, self.omega_d),
                 Some(s) => {
-                    kinetic(jc * s.disc_share, self.omega_d)
-                        + kinetic(jc * (1.0 - s.disc_share), self.omega_v)
-                        + 0.5 * s.k * self.twist * self.twist
+                    kinetic(jc * s.disc_share, self.omega_d) + kinetic(jc * (1.0 - s.disc_share), self.omega_v) + s.stored_j(self.twist)
                 }
             }
     }
@@ -218,7 +279,7 @@ mod tests {
     use super::*;
     use crate::effects::{Dice, STEP_S};
 
-    const START: Start = Start { omega: [140.0, 0.0], theta: [40.0, 35.0], air: 25.0, torque: 40.0, position: 6.2 };
+    const START: Start = Start { omega: [140.0, 0.0], theta: [40.0, 35.0], air: 25.0, torque: 40.0, position: 6.2, length_s: 4.0 };
 
     fn ride(deviation: &Deviation, h: f64) -> Motion {
         let v = Vehicle::reference();

@@ -1,5 +1,7 @@
 //! Every effect that a car can carry, with its subsystem.
 
+use crate::draw::Place;
+
 /// The effects of the library: id and subsystem.
 pub const LIBRARY: [(&str, &str); 24] = [
     ("engine_torque_bias", "engine"),
@@ -54,18 +56,38 @@ pub const OUTSIDE: [(&str, &str); 19] = [
     ("blind_pickup", "sensors"),
 ];
 
+/// Effects that no library holds and that nobody had drawn while the diagnosis was made: id and subsystem. They have a row of their own in its scores.
+pub const NEW: [(&str, &str); 10] = [
+    ("compressor_cycling", "engine"),
+    ("knock_retard", "engine"),
+    ("stepped_bearing", "actuator"),
+    ("centrifugal_clamp", "clutch_force"),
+    ("squeeze_film", "clutch_force"),
+    ("groan", "friction"),
+    ("moisture_plateau", "thermal"),
+    ("wheel_spin", "driveline"),
+    ("undulating_road", "driveline"),
+    ("slew_limited_pickup", "sensors"),
+];
+
 /// The catalogue's own copy of an id, its subsystem, and whether the library holds it.
 pub fn find(id: &str) -> Option<(&'static str, &'static str, bool)> {
     let held = LIBRARY.iter().map(|e| (e.0, e.1, true));
-    let other = OUTSIDE.iter().map(|e| (e.0, e.1, false));
+    let other = OUTSIDE.iter().chain(&NEW).map(|e| (e.0, e.1, false));
     held.chain(other).find(|e| e.0 == id)
+}
+
+/// The library's effects that are drawn: on the road some hide behind what is declared there.
+pub fn drawn(place: Place) -> Vec<(&'static str, &'static str)> {
+    let hides = |id: &str| place == Place::Road && matches!(id, "engine_speed_delay" | "road_load");
+    LIBRARY.into_iter().filter(|e| !hides(e.0)).collect()
 }
 
 /// Whether launches alone, of this bench or not, can show the effect at all.
 pub fn shows_in_launches(id: &str, bench: bool) -> bool {
     match id {
         "clutch_drag" => false,
-        "heat_partition" | "clutch_cooling" | "plate_heat_soak" => bench,
+        "heat_partition" | "clutch_cooling" | "plate_heat_soak" | "moisture_plateau" => bench,
         _ => true,
     }
 }

@@ -15,6 +15,8 @@ pub struct Recording {
     pub theta_c0_deg_c: f64,
     /// Temperature of the body at the start as it is noted, °C, good to about 1 K.
     pub theta_b0_deg_c: f64,
+    /// Standard deviations of both, K, where they are not 1.
+    pub theta_sigma_k: Option<[f64; 2]>,
     /// Time, s.
     pub time_s: Vec<f64>,
     /// Flywheel speed, rad/s.
@@ -27,6 +29,8 @@ pub struct Recording {
     pub x_to_cmd_mm: Vec<f64>,
     /// Housing air, °C.
     pub theta_h_deg_c: Vec<f64>,
+    /// Whether the driver brakes; on the road.
+    pub brake: Option<Vec<bool>>,
     /// What only a bench has.
     pub bench: Option<Bench>,
 }
@@ -67,16 +71,40 @@ impl Noise {
     }
 }
 
+/// The steps in which channels are logged.
+#[derive(Clone, Copy, Debug)]
+pub struct Steps {
+    /// Both speeds, rad/s.
+    pub speed: f64,
+    /// Reported torque, N·m.
+    pub torque: f64,
+    /// Commanded position, mm.
+    pub command: f64,
+}
+
+impl Steps {
+    /// Those of a bench.
+    pub const BENCH: Self = Self { speed: 0.025, torque: 0.1, command: 0.001 };
+
+    /// Draws those of a bus: speeds to a quarter or a whole revolution per minute, torque to 0.1, 0.5 or 1 N·m.
+    pub fn draw_bus(rng: &mut StdRng) -> Self {
+        let rpm = std::f64::consts::TAU / 60.0;
+        let speed = [0.25 * rpm, rpm][rng.random_range(0..2)];
+        Self { speed, torque: [0.1, 0.5, 1.0][rng.random_range(0..3)], command: 0.01 }
+    }
+}
+
 /// What a real sensor adds: noise and steps.
 pub struct Pen {
     noise: Noise,
+    steps: Steps,
     rng: StdRng,
 }
 
 impl Pen {
     /// Noise of its own for each recording.
-    pub fn new(noise: &Noise, seed: u64) -> Self {
-        Self { noise: noise.clone(), rng: StdRng::seed_from_u64(seed) }
+    pub fn new(noise: &Noise, steps: Steps, seed: u64) -> Self {
+        Self { noise: noise.clone(), steps, rng: StdRng::seed_from_u64(seed) }
     }
 
     fn read(&mut self, value: f64, sigma: f64, step: f64) -> f64 {
@@ -86,17 +114,22 @@ impl Pen {
 
     /// A speed as it is read.
     pub fn speed(&mut self, value: f64) -> f64 {
-        self.read(value, self.noise.speed, 0.025)
+        self.read(value, self.noise.speed, self.steps.speed)
     }
 
     /// A reported torque as it is logged.
     pub fn torque(&mut self, value: f64) -> f64 {
-        self.read(value, self.noise.torque, 0.1)
+        self.read(value, self.noise.torque, self.steps.torque)
     }
 
     /// A commanded position as it is logged.
     pub fn command(&mut self, value: f64) -> f64 {
-        self.read(value, 0.0, 0.001)
+        self.read(value, 0.0, self.steps.command)
+    }
+
+    /// How far a stamp or a task is off its tick, s, to the tenth of a millisecond.
+    pub fn jitter(&mut self, most: f64) -> f64 {
+        (self.rng.random_range(-most..=most) * 1e4).round() * 1e-4
     }
 
     /// A row of the bench: position, torque, temperature.

@@ -1,20 +1,24 @@
 //! Draws a car: its vehicle, its effects, its campaign, and recordings that the campaign does not hold.
 
 use crate::bed::Bed;
+use crate::car::{Motion, Start};
 use crate::catalogue;
 use crate::channels::Recording;
 use crate::effects::{Deviation, Dice};
+use crate::street::Street;
+use crate::vehicle::Vehicle;
 use rand::rngs::StdRng;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 
-/// How many cars, and which.
-#[derive(Clone, Copy, Debug)]
-pub struct Settings {
-    /// Seed of the whole draw.
-    pub seed: u64,
-    /// Number of cars.
-    pub cars: usize,
+/// Where a car is recorded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Place {
+    /// Short manoeuvres with temperatures known to 1 K; some with the channels of a bench.
+    #[default]
+    Bench,
+    /// Drives, as a logger on the bus of a production car gives them.
+    Road,
 }
 
 /// What a car carries.
@@ -26,6 +30,8 @@ pub enum Kind {
     Single(&'static str),
     /// Two effects of the library.
     Pair(&'static str, &'static str),
+    /// Three effects of the library.
+    Triple(&'static str, &'static str, &'static str),
     /// One effect that no library holds.
     Outside(&'static str),
 }
@@ -39,6 +45,10 @@ pub struct TrueEffect {
     pub subsystem: &'static str,
     /// Whether the library holds it.
     pub in_library: bool,
+    /// Whether it was drawn up after the diagnosis that it is to try.
+    pub is_new: bool,
+    /// Name and value of the parameters of a library's effect of this id that come nearest to it, where their meaning agrees.
+    pub parameters: Vec<(&'static str, f64)>,
     /// The shape and magnitude that it took, for people.
     pub shape: String,
 }
@@ -59,30 +69,71 @@ pub struct Campaign {
     pub recordings: Vec<Recording>,
 }
 
+/// The car itself, to be driven again.
+#[derive(Clone, Debug)]
+pub struct Real {
+    pub(crate) vehicle: Vehicle,
+    pub(crate) deviation: Deviation,
+    pub(crate) noise_rad_s: f64,
+    /// Recordings of the campaign; those that it does not hold are counted on from there.
+    pub(crate) shown: u64,
+}
+
+impl Real {
+    /// Standard deviation of what the sensors add to a speed, their steps included, rad/s.
+    pub fn noise_rad_s(&self) -> f64 {
+        self.noise_rad_s
+    }
+
+    /// The car at the start of the unseen recording of this number, as far as its files tell: temperatures as they are noted, no grade, and an
+    /// engine that gives what it reports.
+    pub fn at_start_of(&self, r: &Recording, number: u64) -> Motion {
+        let start = Start {
+            omega: [r.omega_f_rad_s[0], r.omega_c_rad_s[0]],
+            theta: [r.theta_c0_deg_c, r.theta_b0_deg_c],
+            air: r.theta_h_deg_c[0],
+            torque: r.t_e_nm[0],
+            position: r.x_to_cmd_mm[0],
+            length_s: r.time_s.last().copied().unwrap_or(0.0),
+        };
+        Motion::start(&self.vehicle, &self.deviation, crate::street::STEP_S, start, self.shown + number)
+    }
+}
+
+/// What remains of a bed once all is recorded.
+pub(crate) struct Remains {
+    pub vehicle_json: String,
+    pub real: Vehicle,
+    pub noise_rad_s: f64,
+    pub shown: usize,
+    pub seen: Deviation,
+}
+
 /// A car with its campaign, its truth, and what the campaign does not show.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Car {
     /// What the diagnosis is handed.
     pub campaign: Campaign,
-    /// Three further recordings of the same car: two launches of other strengths and a creep.
+    /// Further recordings of the same car: two launches of other strengths and a creep, or two drives.
     pub unseen: Vec<Recording>,
     /// What was withheld.
     pub truth: Truth,
+    /// The car itself.
+    pub real: Real,
 }
 
-/// All cars of a draw, one after the other.
-pub fn draw(settings: Settings) -> impl Iterator<Item = Car> {
-    (0..settings.cars).map(move |index| draw_car(settings.seed, index))
+/// The car of this index: of twenty, 3 healthy, 8 with one effect (all in turn), 4 with two, 2 with three, 3 outside the library.
+pub fn draw_car(place: Place, seed: u64, index: usize) -> Car {
+    draw_car_of(place, seed, index, kind(place, seed, index))
 }
 
-/// The car of this index: 15 % healthy, 50 % with one effect (all in turn), 20 % with two, 15 % outside the library.
-pub fn draw_car(seed: u64, index: usize) -> Car {
-    draw_car_of(seed, index, kind(seed, index))
+/// The car of this index with an effect that was not drawn while the diagnosis was made: each in turn.
+pub fn draw_new(place: Place, seed: u64, index: usize) -> Car {
+    draw_car_of(place, seed, index, Kind::Outside(turn(seed, &catalogue::NEW, index)))
 }
 
 /// What the car of this index carries, unless told otherwise.
-pub fn kind(seed: u64, index: usize) -> Kind {
-    // Each score of cars holds 3 healthy, 10 singles, 4 pairs and 3 others, in an order of its own.
+pub fn kind(place: Place, seed: u64, index: usize) -> Kind {
     let score = index / 20;
     let mut rng = StdRng::seed_from_u64(mix(seed, 0x5c0e, score));
     let mut places: Vec<usize> = (0..20).collect();
@@ -90,10 +141,18 @@ pub fn kind(seed: u64, index: usize) -> Kind {
         places.swap(i, rng.random_range(0..=i));
     }
     let mut rng = StdRng::seed_from_u64(mix(seed, 0x1d, index));
+    let library = catalogue::drawn(place);
     match places[index % 20] {
         0..3 => Kind::Healthy,
-        p @ 3..13 => Kind::Single(turn(seed, &catalogue::LIBRARY, score * 10 + p - 3)),
-        13..17 => pair(&mut rng),
+        p @ 3..11 => Kind::Single(turn(seed, &library, score * 8 + p - 3)),
+        11..15 => {
+            let [a, b] = apart(&mut rng, &library);
+            Kind::Pair(a, b)
+        }
+        15..17 => {
+            let [a, b, c] = apart(&mut rng, &library);
+            Kind::Triple(a, b, c)
+        }
         p => Kind::Outside(turn(seed, &catalogue::OUTSIDE, score * 3 + p - 17)),
     }
 }
@@ -102,43 +161,62 @@ pub fn kind(seed: u64, index: usize) -> Kind {
 ///
 /// # Panics
 /// If an id is not in the catalogue.
-pub fn draw_car_of(seed: u64, index: usize, kind: Kind) -> Car {
-    draw_car_sized(seed, index, kind, 1.0)
+pub fn draw_car_of(place: Place, seed: u64, index: usize, kind: Kind) -> Car {
+    draw_car_sized(place, seed, index, kind, 1.0)
 }
 
 /// As [`draw_car_of`], every magnitude scaled by `size`: at 0 the car is the healthy car of that index.
-pub fn draw_car_sized(seed: u64, index: usize, kind: Kind, size: f64) -> Car {
+pub fn draw_car_sized(place: Place, seed: u64, index: usize, kind: Kind, size: f64) -> Car {
     let ids: &[&'static str] = match &kind {
         Kind::Healthy => &[],
         Kind::Single(a) | Kind::Outside(a) => std::slice::from_ref(a),
         Kind::Pair(a, b) => &[*a, *b],
+        Kind::Triple(a, b, c) => &[*a, *b, *c],
     };
+    // Cars differ in how much of an effect they have, beyond the effect's own range.
+    let size = size * StdRng::seed_from_u64(mix(seed, 0x512e, index)).random_range(0.75..1.25);
     let mut deviation = Deviation::default();
-    let mut effects = Vec::new();
+    let mut effects: Vec<TrueEffect> = Vec::new();
     for id in ids {
         let (id, subsystem, in_library) = catalogue::find(id).unwrap_or_else(|| panic!("`{id}` is not in the catalogue"));
         let mut dice = Dice::new(mix(seed, hash(id), index), size);
         let shape = deviation.set(id, &mut dice);
-        effects.push(TrueEffect { id, subsystem, in_library, shape });
+        effects.push(TrueEffect {
+            id,
+            subsystem,
+            in_library,
+            is_new: catalogue::NEW.iter().any(|new| new.0 == id),
+            parameters: Vec::new(),
+            shape,
+        });
     }
-    let (campaign, unseen) = Bed::draw(seed, index, ids).record(&deviation);
-    Car { campaign, unseen, truth: Truth { effects } }
+    let (mut all, mut bed) = match place {
+        Place::Bench => Bed::draw(seed, index, ids).record(&deviation),
+        Place::Road => Street::draw(seed, index).record(&deviation),
+    };
+    for (subsystem, seen) in bed.seen.seen() {
+        effects.iter_mut().filter(|e| e.in_library && e.subsystem == subsystem).for_each(|e| e.parameters = seen.parameters());
+    }
+    let unseen = all.split_off(bed.shown);
+    let campaign = Campaign { vehicle_json: bed.vehicle_json, recordings: all };
+    let real = Real { vehicle: bed.real, deviation, noise_rad_s: bed.noise_rad_s, shown: bed.shown as u64 };
+    Car { campaign, unseen, truth: Truth { effects }, real }
 }
 
-/// Two effects of different subsystems, of which each can be told beside the other.
-fn pair(rng: &mut StdRng) -> Kind {
+/// Effects of different subsystems, of which each can be told beside the others.
+fn apart<const N: usize>(rng: &mut StdRng, library: &[(&'static str, &'static str)]) -> [&'static str; N] {
     loop {
-        let (a, in_a) = catalogue::LIBRARY[rng.random_range(0..24)];
-        let (b, in_b) = *catalogue::LIBRARY.choose(rng).unwrap_or(&catalogue::LIBRARY[0]);
+        let drawn: [_; N] = std::array::from_fn(|_| library.choose(rng).copied().unwrap_or(library[0]));
+        let subsystems: std::collections::BTreeSet<_> = drawn.iter().map(|e| e.1).collect();
         // Where the heat goes is the faintest of all: beside another effect nobody could tell.
-        if in_a != in_b && in_a != "thermal" && in_b != "thermal" {
-            return Kind::Pair(a, b);
+        if subsystems.len() == N && !subsystems.contains("thermal") {
+            return drawn.map(|e| e.0);
         }
     }
 }
 
 /// The list in an order of the seed, round and round.
-fn turn(seed: u64, list: &'static [(&'static str, &'static str)], n: usize) -> &'static str {
+fn turn(seed: u64, list: &[(&'static str, &'static str)], n: usize) -> &'static str {
     let round = n / list.len();
     let mut rng = StdRng::seed_from_u64(mix(seed, 0x7a4, round));
     let mut order: Vec<usize> = (0..list.len()).collect();

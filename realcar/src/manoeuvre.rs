@@ -4,6 +4,7 @@
 //! alone. Lengths and levels are those of test-bench practice with such cars.
 
 use crate::effects::smooth;
+use rand::{Rng, RngExt};
 
 /// A launch of one strength.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,6 +21,24 @@ pub struct Launch {
     pub reopens: bool,
     /// Length of the recording, s.
     pub length_s: f64,
+}
+
+impl Launch {
+    /// The same launch as another driver has it.
+    pub fn vary(self, rng: &mut impl Rng) -> Self {
+        let mut by = |part: f64| rng.random_range(1.0 - part..1.0 + part);
+        let (torque, ramp) = (by(0.12), by(0.15));
+        // A weaker one takes longer.
+        let later = (1.0 / torque - 1.0).max(0.0) + (ramp - 1.0).max(0.0) * 0.3;
+        Self {
+            torque: self.torque * torque,
+            base: self.base * torque,
+            ramp_s: self.ramp_s * ramp,
+            fill_s: self.fill_s * by(0.12),
+            length_s: ((self.length_s * (1.0 + 0.7 * later)) * 100.0).round() / 100.0,
+            ..self
+        }
+    }
 }
 
 /// One thing to be driven.

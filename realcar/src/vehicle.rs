@@ -58,6 +58,46 @@ pub struct Vehicle {
     pub engine_bias: f64,
     /// Factor on the reported torque: 1 in the file.
     pub engine_gain: f64,
+    /// How late flywheel and disc speed arrive, s: 0 in the file.
+    pub latency_s: [f64; 2],
+}
+
+/// What a vehicle file declares of the road beside the tolerances of the bench; standard deviations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Declared {
+    /// How late a speed may be, s: engine and disc.
+    pub latency_s: [f64; 2],
+    /// Slow error of the torque report, N·m.
+    pub wander_nm: f64,
+    /// Its correlation time, s.
+    pub wander_s: f64,
+    /// Slope of the road, new for each drive.
+    pub grade: f64,
+}
+
+impl Declared {
+    /// Draws what a file declares: half of all types declare the usual figures.
+    pub fn draw(rng: &mut impl Rng) -> Self {
+        let usual = Self { latency_s: [0.004, 0.004], wander_nm: 1.0, wander_s: 1.0, grade: 0.008 };
+        if rng.random_bool(0.5) {
+            return usual;
+        }
+        let mut of = |list: [f64; 3]| list[rng.random_range(0..3)];
+        Self {
+            latency_s: [of([0.003, 0.004, 0.006]), of([0.003, 0.004, 0.006])],
+            wander_nm: of([0.6, 1.0, 1.5]),
+            wander_s: of([0.5, 1.0, 2.5]),
+            grade: of([0.004, 0.008, 0.012]),
+        }
+    }
+
+    /// How late the speeds of one car are, s: never early.
+    pub fn draw_latency(&self, rng: &mut impl Rng) -> [f64; 2] {
+        self.latency_s.map(|sigma| {
+            let z: f64 = StandardNormal.sample(rng);
+            sigma * z.abs().min(3.0)
+        })
+    }
 }
 
 impl Vehicle {
@@ -88,6 +128,7 @@ impl Vehicle {
             mu_factor: 1.0,
             engine_bias: 0.0,
             engine_gain: 1.0,
+            latency_s: [0.0, 0.0],
         }
     }
 
@@ -136,11 +177,11 @@ impl Vehicle {
         v
     }
 
-    /// The vehicle file that the engineer is handed.
-    pub fn to_json(&self) -> Value {
+    /// The vehicle file that the engineer is handed, with what it declares of the road.
+    pub fn to_json(&self, road: Option<&Declared>) -> Value {
         let rel = |r: f64| json!({ "rel": r });
         let abs = |a: f64| json!({ "abs": a });
-        json!({
+        let mut file = json!({
             "friction": {"R_1": self.radii_m[0], "R_2": self.radii_m[1], "mu_0": self.mu_0, "alpha_1": self.alpha_1,
                 "alpha_2": self.alpha_2, "mu_d": self.mu_d},
             "actuator": {"x_cnt": [self.x_cnt], "x_cls": [self.x_cls]},
@@ -154,7 +195,15 @@ impl Vehicle {
                 "driveline.b_c": rel(0.1), "driveline.T_L0": rel(0.1), "actuator.x_cnt": abs(0.015),
                 "cushion_spring.beta": rel(0.01), "friction.mu": rel(0.015), "thermal.C_1": rel(0.05),
                 "thermal.gamma_1": rel(0.05), "engine.T_e_bias": abs(0.2), "engine.T_e_gain": rel(0.005)}
-        })
+        });
+        if let Some(d) = road {
+            let tolerance = &mut file["tolerance"];
+            tolerance["sensors.omega_f_latency"] = abs(d.latency_s[0]);
+            tolerance["sensors.omega_c_latency"] = abs(d.latency_s[1]);
+            tolerance["engine.T_e_wander"] = json!({"abs": d.wander_nm, "time_s": d.wander_s});
+            tolerance["driveline.grade"] = json!({"abs": d.grade, "per": "recording"});
+        }
+        file
     }
 }
 

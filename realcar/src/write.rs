@@ -33,8 +33,12 @@ fn write_folder(dir: &Path, vehicle: &str, recordings: &[Recording]) -> io::Resu
     for (i, r) in recordings.iter().enumerate() {
         let name = format!("r{:02}", i + 1);
         fs::write(dir.join(format!("{name}.csv")), csv(r))?;
-        let about = json!({"manoeuvre": r.manoeuvre, "sample_rate_Hz": r.sample_rate_hz as u64,
+        let mut about = json!({"manoeuvre": r.manoeuvre, "sample_rate_Hz": r.sample_rate_hz as u64,
             "theta_c0_degC": r.theta_c0_deg_c, "theta_b0_degC": r.theta_b0_deg_c});
+        if let Some([c, b]) = r.theta_sigma_k {
+            about["theta_c0_sigma_K"] = json!(c);
+            about["theta_b0_sigma_K"] = json!(b);
+        }
         index.push(format!("{}: {}", Value::from(name), about));
     }
     // Joined by hand, so that the recordings stay in their order.
@@ -44,19 +48,35 @@ fn write_folder(dir: &Path, vehicle: &str, recordings: &[Recording]) -> io::Resu
 /// A recording as text.
 pub fn csv(r: &Recording) -> String {
     let mut out = String::from("time_s,omega_f_rad_s,omega_c_rad_s,T_e_Nm,x_to_cmd_mm,theta_h_degC");
-    out.push_str(if r.bench.is_some() { ",x_to_mm,T_fc_Nm,theta_c_degC\n" } else { "\n" });
+    out.push_str(if r.bench.is_some() { ",x_to_mm,T_fc_Nm,theta_c_degC" } else { "" });
+    out.push_str(if r.brake.is_some() { ",brake\n" } else { "\n" });
+    // A logger on the road writes position and temperature as coarsely as the bus has them.
+    let (mm, kelvin) = if r.brake.is_some() { (2, 0) } else { (3, 1) };
     for i in 0..r.time_s.len() {
         let _ = write!(
             out,
-            "{:.4},{:.3},{:.3},{:.1},{:.3},{:.1}",
-            r.time_s[i], r.omega_f_rad_s[i], r.omega_c_rad_s[i], r.t_e_nm[i], r.x_to_cmd_mm[i], r.theta_h_deg_c[i]
+            "{:.4},{:.3},{},{:.1},{:.mm$},{:.kelvin$}",
+            r.time_s[i],
+            r.omega_f_rad_s[i],
+            cell(r.omega_c_rad_s[i]),
+            r.t_e_nm[i],
+            r.x_to_cmd_mm[i],
+            r.theta_h_deg_c[i]
         );
         if let Some(b) = &r.bench {
             let _ = write!(out, ",{:.3},{:.2},{:.1}", b.x_to_mm[i], b.t_fc_nm[i], b.theta_c_deg_c[i]);
         }
+        if let Some(brake) = &r.brake {
+            let _ = write!(out, ",{}", u8::from(brake[i]));
+        }
         out.push('\n');
     }
     out
+}
+
+/// A speed as text; blank where there is none.
+fn cell(omega: f64) -> String {
+    if omega.is_nan() { String::new() } else { format!("{omega:.3}") }
 }
 
 /// A value as text that people read.

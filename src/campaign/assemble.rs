@@ -5,7 +5,8 @@ use super::channel_map::ChannelMap;
 use super::channels::{Channel, Lasting};
 use super::checks;
 use super::clock::{Gap, middle};
-use super::error::RecordingError;
+use super::doubt;
+use super::error::{Defect, RecordingError};
 use super::manifest::Entry;
 use super::pick::{Signal, pick};
 use super::rows::{SAME_S, held, rows, sensed};
@@ -24,30 +25,54 @@ pub(crate) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry) -> R
     let picked = pick(&mut m, map)?;
     notes.extend(picked.notes);
     let mut signals = picked.signals;
+    within_window(&m, &mut signals, entry)?;
     set_aside(&mut signals, &mut notes);
-    let tracks = tracks(&m, signals, &mut notes)?;
+    notes.extend(signals.iter_mut().filter_map(|s| doubt::faults(&m, s)));
+    let mut tracks = tracks(&m, signals, &mut notes)?;
     check_rate(&m, &tracks, entry, &mut notes)?;
     let (start, end) = span(&m, &tracks, &mut notes)?;
     // After the clock: three samples are too short to be called a wrong unit.
     for track in &tracks {
         checks::plausible(&m, &track.signal, entry)?;
     }
+    // A sensor's dead band bounds nothing: the speed is not known there, and the recording goes on.
+    notes.extend(tracks.iter_mut().filter_map(|t| below_threshold(&mut t.signal)));
     let mut time = rows(tracks.iter().map(|t| &t.signal).filter(|s| s.channel != Channel::ThetaH), start, end);
     note_gaps(&m, &tracks, end, &mut notes);
     let labels: Vec<(Channel, String)> = tracks.iter().map(|t| (t.signal.channel, t.signal.label.clone())).collect();
     let mut recording = Recording { name: entry.name.clone(), manoeuvre: entry.manoeuvre.clone(), ..Recording::default() };
     for Track { signal, .. } in tracks {
-        let values = if signal.channel.spec().lasting == Lasting::Sensed { sensed(&signal, &time) } else { held(&signal, &time) };
-        put(&mut recording, signal.channel, values);
+        let channel = signal.channel;
+        let values = if channel.spec().lasting == Lasting::Sensed { sensed(signal, &time) } else { held(&signal, &time) };
+        put(&mut recording, channel, values);
     }
     time.iter_mut().for_each(|t| *t = (*t - start).max(0.0));
     let mut steps: Vec<f64> = time.windows(2).map(|w| w[1] - w[0]).collect();
     recording.sample_rate_hz = if steps.is_empty() { 0.0 } else { round(1.0 / middle(&mut steps)) };
     recording.time = time;
     temperatures(&mut recording, entry, &mut notes);
+    if recording.x_to_cmd.is_empty() {
+        let what = "actuator, clutch force and thermal parts can't be assessed; record the position that the TCU commands";
+        notes.push(format!("x_to_cmd_mm: not recorded: {what}"));
+    }
     let label = |channel| labels.iter().find(|(c, _)| *c == channel).map_or_else(String::new, |(_, l)| l.clone());
     checks::says_something(&m.file, label, &mut recording, &mut notes)?;
     Ok((recording, notes))
+}
+
+/// Takes out the samples outside the recording's window.
+fn within_window(m: &Measurement, signals: &mut [Signal], entry: &Entry) -> Result<(), RecordingError> {
+    let Some([from, to]) = entry.window else { return Ok(()) };
+    let ends = signals.iter().filter_map(|s| Some((*s.time.first()?, *s.time.last()?)));
+    let (first, last) = ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), (f, l)| (a.min(f), b.max(l)));
+    if from > last || to < first {
+        return Err(m.defect(Defect::EmptyWindow { from, to, first, last }));
+    }
+    for signal in signals.iter_mut().filter(|s| s.channel.spec().lasting != Lasting::Slow) {
+        let outside = signal.time.iter().zip(&mut signal.values).filter(|(t, _)| **t < from - SAME_S || **t > to + SAME_S);
+        outside.for_each(|(_, v)| *v = f64::NAN);
+    }
+    Ok(())
 }
 
 /// Takes out the samples that the channel `valid` marks as not to be believed, and that channel itself.
@@ -63,6 +88,15 @@ fn set_aside(signals: &mut Vec<Signal>, notes: &mut Vec<String>) {
     if most > 0 {
         notes.push(format!("{}: {} marked as not to be believed and left out", mark.label, plural(most, "sample")));
     }
+}
+
+/// Takes out the zeros of a speed sensor that reads nothing below its threshold.
+fn below_threshold(signal: &mut Signal) -> Option<String> {
+    let speed = matches!(signal.channel, Channel::OmegaF | Channel::OmegaC);
+    let (threshold, zeros) = doubt::dead_band(&signal.time, &signal.values, doubt::SURE).filter(|_| speed)?;
+    zeros.iter().for_each(|&i| signal.values[i] = f64::NAN);
+    let (label, count) = (&signal.label, plural(zeros.len(), "zero"));
+    Some(format!("{label}: the sensor reads 0 below {threshold:.3} rad/s; what it does there is not known ({count} left out)"))
 }
 
 /// Reports the gaps in which sensors say nothing and inputs hold their value; channels with the same gaps in one note.

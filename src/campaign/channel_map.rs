@@ -10,23 +10,36 @@
 //! scale = 0.01          # value · scale + offset is in `unit`, or in our unit if `unit` is left out
 //! offset = -0.35
 //! group = "CAN1"        # only where an MDF file has the name in several groups: its name or number
+//!
+//! [omega_c_rad_s]         # a production car has no sensor at the disc
+//! name = "vVehicle"
+//! unit = "km/h"
+//! tyre_radius_m = 0.317   # where the channel is a road speed
+//! ratio = 12.4            # gear times final drive, from the speed that is measured to the disc's
+//!
+//! [T_e_Nm]
+//! name = "TqPercent"
+//! reference_Nm = 350      # what 100 % are
+//! kind = "brake"          # at the flywheel; or "indicated", of combustion
 //! ```
 //!
-//! `T_e_Nm = "TqEng"` is short for a name alone. JSON of the same shape is read too.
+//! `theta_h_degC = { value = 35.0 }` is a constant for a channel that there is none of. `dbc = "car.dbc"`, beside the map, names the database of a CAN bus whose frames a file holds. `T_e_Nm = "TqEng"` is short for a name alone. JSON of the same shape is read too.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
 use super::channels::{CHANNELS, Channel};
 use super::error::CampaignError;
-use super::units;
+use super::units::{self, Quantity};
 
 /// Where each of our channels comes from; channels that are not named come from the contract's columns.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ChannelMap {
     entries: BTreeMap<Channel, Mapped>,
+    /// The database of a CAN bus whose frames the files hold.
+    dbc: Option<PathBuf>,
     /// The map's text, which is part of a campaign's fingerprint.
     pub(crate) text: String,
 }
@@ -44,6 +57,25 @@ pub struct Mapped {
     pub offset: Option<f64>,
     /// Group by name or number, if the name occurs in several.
     pub group: Option<String>,
+    /// A constant instead of a channel, in our unit.
+    pub value: Option<f64>,
+    /// Speeds: from the speed that is measured to that of the clutch, gear times final drive.
+    pub ratio: Option<f64>,
+    /// Speeds: rolling radius of the tyre, where a road speed is measured, m.
+    pub tyre_radius: Option<f64>,
+    /// Torques: what 100 % are, N·m.
+    pub reference: Option<f64>,
+    /// Engine torque: what the channel is.
+    pub kind: Option<TorqueKind>,
+}
+
+/// What a channel of engine torque is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TorqueKind {
+    /// At the flywheel: friction and accessories are off it already.
+    Brake,
+    /// Of combustion: friction is still in it.
+    Indicated,
 }
 
 impl ChannelMap {
@@ -75,19 +107,47 @@ impl ChannelMap {
         self.entries.get(&channel)
     }
 
+    /// The database (DBC) that turns frames into signals.
+    pub fn dbc(&self) -> Option<&Path> {
+        self.dbc.as_deref()
+    }
+
+    /// This map with the entries of another one in place of its own.
+    pub fn overlaid(&self, over: &ChannelMap) -> ChannelMap {
+        let mut map = self.clone();
+        map.entries.extend(over.entries.iter().map(|(channel, mapped)| (*channel, mapped.clone())));
+        map.dbc = over.dbc.clone().or(map.dbc);
+        map
+    }
+
+    /// This map with another ratio for the disc's speed.
+    pub fn with_ratio(&self, ratio: f64) -> ChannelMap {
+        let mut map = self.clone();
+        map.entries.entry(Channel::OmegaC).or_default().ratio = Some(ratio);
+        map
+    }
+
     /// Adds or replaces an entry.
     pub fn insert(&mut self, channel: Channel, mapped: Mapped) {
         self.text.push_str(&format!("{channel:?} {mapped:?}\n"));
         self.entries.insert(channel, mapped);
     }
 
-    fn from_value(file: &str, value: &Value, text: &str) -> Result<ChannelMap, CampaignError> {
+    /// Takes a map from JSON that is read already; `file` is what messages call it.
+    pub(crate) fn from_value(file: &str, value: &Value, text: &str) -> Result<ChannelMap, CampaignError> {
         let fail = |what: String, remedy: String| CampaignError::ChannelMap { file: file.to_string(), what, remedy };
         let Some(object) = value.as_object() else {
             return Err(fail("is not a table of channels".into(), "Write one entry per channel, e.g. T_e_Nm = \"TqEng\"".into()));
         };
         let mut entries = BTreeMap::new();
+        let mut dbc = None;
         for (column, entry) in object {
+            if column == "dbc" {
+                let name = entry.as_str().ok_or_else(|| fail("`dbc` is not a text".into(), "Give the name of a DBC file".into()))?;
+                // Beside the map, unless it says otherwise.
+                dbc = Some(Path::new(file).parent().unwrap_or(Path::new("")).join(name));
+                continue;
+            }
             let Some(channel) = Channel::from_column(column) else {
                 let known: Vec<&str> = CHANNELS.iter().map(|s| s.column).collect();
                 return Err(fail(format!("`{column}` is none of our channels"), format!("Use one of {}", known.join(", "))));
@@ -95,7 +155,7 @@ impl ChannelMap {
             let mapped = mapped(entry).and_then(|m| check(channel, m));
             entries.insert(channel, mapped.map_err(|(what, remedy)| fail(format!("entry {column}: {what}"), remedy))?);
         }
-        Ok(ChannelMap { entries, text: text.to_string() })
+        Ok(ChannelMap { entries, dbc, text: text.to_string() })
     }
 }
 
@@ -121,14 +181,60 @@ fn mapped(entry: &Value) -> Result<Mapped, (String, String)> {
             "group" => out.group = Some(text()?),
             "scale" => out.scale = Some(number()?),
             "offset" => out.offset = Some(number()?),
-            _ => return Err((format!("the key `{key}` is not known"), "Use name, unit, scale, offset or group".to_string())),
+            "value" => out.value = Some(number()?),
+            "ratio" => out.ratio = Some(number()?),
+            "tyre_radius_m" => out.tyre_radius = Some(number()?),
+            "reference_Nm" => out.reference = Some(number()?),
+            "kind" => out.kind = Some(kind(&text()?)?),
+            _ => {
+                let known = "Use name, unit, scale, offset, group, value, ratio, tyre_radius_m, reference_Nm or kind".to_string();
+                return Err((format!("the key `{key}` is not known"), known));
+            }
         }
     }
     Ok(out)
 }
 
+fn kind(text: &str) -> Result<TorqueKind, (String, String)> {
+    match text {
+        "brake" => Ok(TorqueKind::Brake),
+        "indicated" => Ok(TorqueKind::Indicated),
+        "gearbox_input" => Err((
+            "the torque at the gearbox input is the clutch's, not the engine's".to_string(),
+            "Map it to T_fc_Nm, and another channel, brake or indicated torque, to T_e_Nm".to_string(),
+        )),
+        _ => Err((
+            format!("\"{text}\" is no kind of torque"),
+            "Use brake (at the flywheel), indicated (of combustion) or gearbox_input".to_string(),
+        )),
+    }
+}
+
 fn check(channel: Channel, mapped: Mapped) -> Result<Mapped, (String, String)> {
-    let quantity = channel.spec().quantity;
+    let is_speed = channel.spec().quantity == Quantity::Speed;
+    let is_torque = channel.spec().quantity == Quantity::Torque;
+    let positive = |v: Option<f64>| v.is_none_or(|v| v > 0.0);
+    if !(positive(mapped.ratio) && positive(mapped.tyre_radius) && positive(mapped.reference)) {
+        return Err(("ratio, tyre_radius_m and reference_Nm are positive".to_string(), "Correct the one that is not".to_string()));
+    }
+    if (mapped.ratio.is_some() || mapped.tyre_radius.is_some()) && !is_speed {
+        return Err(("ratio and tyre_radius_m belong to a speed".to_string(), "Use scale for another channel".to_string()));
+    }
+    if (mapped.reference.is_some() && !is_torque) || (mapped.kind.is_some() && channel != Channel::TE) {
+        return Err(("reference_Nm belongs to a torque, kind to T_e_Nm".to_string(), "Remove them here".to_string()));
+    }
+    if mapped.reference.is_some() && channel == Channel::TE && mapped.kind.is_none() {
+        let what = "a percentage of torque has a kind that its numbers don't show".to_string();
+        return Err((what, "Add kind = \"brake\" (at the flywheel) or \"indicated\" (of combustion, with friction)".to_string()));
+    }
+    if mapped.value.is_some() && (mapped.name.is_some() || mapped.scale.is_some() || mapped.offset.is_some() || is_speed) {
+        return Err(("value stands for a channel that there is none of, and not for a speed".to_string(), "Give value alone".to_string()));
+    }
+    let quantity = match mapped {
+        Mapped { tyre_radius: Some(_), .. } => Quantity::Velocity,
+        Mapped { reference: Some(_), .. } => Quantity::Share,
+        _ => channel.spec().quantity,
+    };
     if mapped.scale == Some(0.0) {
         return Err(("scale is 0".to_string(), "Give the factor from the stored value to the unit, or leave scale out".to_string()));
     }
@@ -167,6 +273,15 @@ mod tests {
     }
 
     #[test]
+    fn a_map_may_be_overlaid() {
+        let of = |text| ChannelMap::from_toml("map", text).unwrap();
+        let both = of("T_e_Nm = \"a\"\nx_to_cmd_mm = \"x\"").overlaid(&of("T_e_Nm = \"b\"")).with_ratio(12.5);
+        let name = |channel| both.get(channel).and_then(|m| m.name.as_deref());
+        assert_eq!((name(Channel::TE), name(Channel::XToCmd)), (Some("b"), Some("x")));
+        assert_eq!(both.get(Channel::OmegaC).unwrap().ratio, Some(12.5));
+    }
+
+    #[test]
     fn faults_name_the_entry_and_the_remedy() {
         let fault = |text: &str| ChannelMap::from_toml("map.toml", text).unwrap_err().to_string();
         let cases = [
@@ -175,6 +290,11 @@ mod tests {
             ("T_e_Nm = { name = \"a\", factor = 2 }", "the key `factor` is not known"),
             ("T_e_Nm = { name = \"a\", scale = 0.0 }", "scale is 0"),
             ("T_e_Nm = { name = \"a\", scale = \"2\" }", "`scale` is not a number"),
+            ("T_e_Nm = { name = \"a\", unit = \"%\", reference_Nm = 300 }", "has a kind that its numbers don't show"),
+            ("T_e_Nm = { name = \"a\", kind = \"gearbox_input\" }", "is the clutch's, not the engine's"),
+            ("T_e_Nm = { name = \"a\", ratio = 3 }", "belong to a speed"),
+            ("omega_c_rad_s = { name = \"v\", unit = \"rpm\", tyre_radius_m = 0.3 }", "\"rpm\" is no unit of a road speed"),
+            ("omega_c_rad_s = { value = 3 }", "not for a speed"),
             ("T_e_Nm = 3", "neither a name nor a table"),
             ("x = 1\ny = = 2", "line 2"),
         ];

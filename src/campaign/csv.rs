@@ -1,80 +1,129 @@
-//! Text files: a header, optionally a row of units, then one row per sample.
+//! Text files: a header, optionally a row of units, then one row per sample; or a long table of time, channel and value.
 //!
-//! Comma, semicolon and tab are told apart by the header; with semicolons or tabs a decimal comma is understood. Lines that
-//! start with `#` are comments. A cell that is empty or says NaN is a missing sample. A last row that was cut off while
-//! writing is dropped and reported; a ragged row before it is an error.
+//! UTF-8, UTF-16 with its mark, or Latin-1. Lines that start with `#` are comments; [`super::text_shape`] says how the rest is laid out. A
+//! cell that is empty or says NaN, SNA and the like is a missing sample. A column of dates or times of day counts from its first one. A last
+//! row that was cut off while writing is dropped and reported; a ragged row before it is an error. The file is read in a stream.
 
-use csv::{ByteRecord, Position, ReaderBuilder};
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+
+use encoding_rs_io::DecodeReaderBytesBuilder;
 
 use super::error::{Defect, RecordingError};
-use super::table::{Group, Measurement, Rows, Series, Wanted};
-use super::units;
+use super::table::{Group, Measurement, Rows, Series, Tell, Wanted};
+use super::text_cells::{Cells, is_comment, number, stamp, text};
+use super::text_long;
+use super::text_shape::{Shape, shape};
 
-/// Reads a text file.
-pub(crate) fn read(file: &str, bytes: &[u8], wanted: Wanted<'_>) -> Result<Measurement, RecordingError> {
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let delimiter = delimiter(bytes);
-    let mut reader = ReaderBuilder::new().has_headers(false).flexible(true).delimiter(delimiter).comment(Some(b'#')).from_reader(bytes);
-    let mut record = ByteRecord::new();
-    let unreadable = |e: ::csv::Error| Defect::Unreadable(e.to_string()).in_file(file);
-    if !reader.read_byte_record(&mut record).map_err(unreadable)? {
-        return Err(Defect::Empty.in_file(file));
+/// How much of a file is looked at to lay it out, bytes.
+const HEAD: u64 = 256 << 10;
+
+/// Reads a text file; `file` is what messages call it.
+pub(crate) fn read(file: &str, path: &Path, wanted: Wanted<'_>, tell: Tell<'_>) -> Result<Measurement, RecordingError> {
+    let input = File::open(path).map_err(|e| Defect::Unreadable(e.to_string()).in_file(file))?;
+    let size = input.metadata().map_or(0, |m| m.len());
+    read_from(file, Counted { input, size, read: 0, tell }, wanted)
+}
+
+/// A file that tells how much of it has been read.
+struct Counted<'a> {
+    input: File,
+    size: u64,
+    read: u64,
+    tell: Tell<'a>,
+}
+
+impl Read for Counted<'_> {
+    fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
+        let n = self.input.read(into)?;
+        let before = self.read;
+        self.read += n as u64;
+        // Every few megabytes is often enough.
+        if self.read >> 22 != before >> 22 {
+            (self.tell)(self.read as f64 / self.size.max(1) as f64);
+        }
+        Ok(n)
     }
-    let mut lines = LineCounter { bytes, at: 0, line: 1 };
-    let mut table = Table::new(file, &record, wanted, delimiter != b',');
-    let mut first = true;
+}
+
+fn read_from(file: &str, input: impl Read, wanted: Wanted<'_>) -> Result<Measurement, RecordingError> {
+    let unreadable = |e: std::io::Error| Defect::Unreadable(e.to_string()).in_file(file);
+    let mut input = DecodeReaderBytesBuilder::new().utf8_passthru(true).strip_bom(true).build(input);
+    let mut head = Vec::new();
+    input.by_ref().take(HEAD).read_to_end(&mut head).map_err(unreadable)?;
+    let Some(shape) = shape(&head) else { return Err(Defect::Empty.in_file(file)) };
+    let mut lines = Lines { input: BufReader::with_capacity(1 << 20, head.chain(input)), line: Vec::new(), number: 0, ended: true };
+    for _ in 0..shape.above {
+        lines.next().map_err(unreadable)?;
+    }
+    let mut m = match text_long::roles(&shape) {
+        Some(roles) => text_long::read(file, &shape, roles, &mut lines, wanted)?,
+        None => read_wide(file, &shape, &mut lines, wanted)?,
+    };
+    if shape.preamble > 0 {
+        let plural = if shape.preamble == 1 { "line" } else { "lines" };
+        m.notes.insert(0, format!("{} {plural} in front of the header skipped", shape.preamble));
+    }
+    m.file = file.to_string();
+    Ok(m)
+}
+
+/// The lines of a file, without their ends, counted.
+pub(crate) struct Lines<R> {
+    input: BufReader<R>,
+    line: Vec<u8>,
+    /// Number of the last line, from 1.
+    pub number: u64,
+    /// Whether the last line ended with a line feed.
+    pub ended: bool,
+}
+
+impl<R: Read> Lines<R> {
+    /// The next line, or `None` at the end.
+    pub fn next(&mut self) -> std::io::Result<Option<&[u8]>> {
+        self.line.clear();
+        if self.input.read_until(b'\n', &mut self.line)? == 0 {
+            return Ok(None);
+        }
+        self.number += 1;
+        self.ended = self.line.last() == Some(&b'\n');
+        let line = self.line.strip_suffix(b"\n").unwrap_or(&self.line);
+        Ok(Some(line.strip_suffix(b"\r").unwrap_or(line)))
+    }
+}
+
+fn read_wide<R: Read>(file: &str, shape: &Shape, lines: &mut Lines<R>, wanted: Wanted<'_>) -> Result<Measurement, RecordingError> {
+    let mut cells = Cells::new(shape.separator);
+    let mut table = Table::new(file, shape, wanted);
     // A short row is judged when the next one has been seen: only the last may be short.
     let mut short: Option<(u64, usize)> = None;
-    while reader.read_byte_record(&mut record).map_err(unreadable)? {
-        let line = lines.of(record.position());
+    while let Some(line) = lines.next().map_err(|e| Defect::Unreadable(e.to_string()).in_file(file))? {
+        if is_comment(line) {
+            continue;
+        }
+        let found = cells.split(line).len();
         if let Some((line, found)) = short {
             return Err(ragged(file, line, found, table.header));
         }
-        if record.len() != table.header {
-            if record.len() > table.header {
-                return Err(ragged(file, line, record.len(), table.header));
+        match found.cmp(&table.header) {
+            std::cmp::Ordering::Less => short = Some((lines.number, found)),
+            std::cmp::Ordering::Equal => table.push(&cells, lines.number),
+            // Some tools end each row, but not the header, with a separator.
+            std::cmp::Ordering::Greater if found == table.header + 1 && cells.cell(found - 1).is_empty() => {
+                table.push(&cells, lines.number)
             }
-            short = Some((line, record.len()));
-            continue;
-        }
-        if !(std::mem::take(&mut first) && table.take_units(&record)) {
-            table.push(&record, line);
+            std::cmp::Ordering::Greater => return Err(ragged(file, lines.number, found, table.header)),
         }
     }
-    table.finish(short, bytes)
-}
-
-/// Counts lines along with the reader, whose own positions lie in front of blank lines and comments.
-struct LineCounter<'a> {
-    bytes: &'a [u8],
-    at: usize,
-    line: u64,
-}
-
-impl LineCounter<'_> {
-    /// The line, from 1, on which the record at or after a position starts.
-    fn of(&mut self, position: Option<&Position>) -> u64 {
-        let mut start = position.map_or(self.at, |p| usize::try_from(p.byte()).unwrap_or(usize::MAX)).min(self.bytes.len());
-        loop {
-            match self.bytes.get(start) {
-                Some(b'\r' | b'\n') => start += 1,
-                Some(b'#') => start += self.bytes[start..].iter().position(|&b| b == b'\n').unwrap_or(0).max(1),
-                _ => break,
-            }
-        }
-        self.line += self.bytes.get(self.at..start).map_or(0, |b| b.iter().filter(|&&b| b == b'\n').count() as u64);
-        self.at = self.at.max(start);
-        self.line
-    }
+    table.finish(short, lines.ended)
 }
 
 /// Columns under construction.
 struct Table<'a> {
     file: &'a str,
     header: usize,
-    series: Vec<Series>,
-    /// Column of the file for each series.
-    columns: Vec<usize>,
+    columns: Vec<Column>,
     names: Vec<String>,
     lines: Vec<u32>,
     decimal_comma: bool,
@@ -82,107 +131,96 @@ struct Table<'a> {
     decimals: [usize; 2],
 }
 
+/// A column that is wanted.
+pub(crate) struct Column {
+    /// What was read.
+    pub series: Series,
+    /// Its place in the file.
+    at: usize,
+    /// The first time stamp, ns, where the cells are such.
+    first: Option<i128>,
+}
+
+impl Column {
+    /// An empty one.
+    pub fn new(name: &str, unit: Option<&str>, at: usize) -> Column {
+        let series = Series { name: name.to_string(), unit: unit.map(str::to_string), ..Series::default() };
+        Column { series, at, first: None }
+    }
+
+    /// Appends a cell.
+    pub fn push(&mut self, cell: &[u8], decimal_comma: bool) {
+        let sample = self.series.values.len();
+        let value = number(cell, decimal_comma).or_else(|| self.stamped(cell)).unwrap_or_else(|| {
+            self.series.text.get_or_insert_with(|| (sample, text(cell)));
+            f64::NAN
+        });
+        self.series.values.push(value);
+    }
+
+    /// Seconds from the first time stamp of the column.
+    fn stamped(&mut self, cell: &[u8]) -> Option<f64> {
+        if self.first.is_none() && !self.series.values.is_empty() {
+            return None;
+        }
+        let at = stamp(std::str::from_utf8(cell).ok()?)?;
+        let first = *self.first.get_or_insert(at);
+        self.series.unit = Some("s".to_string());
+        Some((at - first) as f64 * 1e-9)
+    }
+}
+
 impl<'a> Table<'a> {
-    fn new(file: &'a str, header: &ByteRecord, wanted: Wanted<'_>, decimal_comma: bool) -> Self {
-        let mut series = Vec::new();
-        let mut columns = Vec::new();
-        let mut names = Vec::new();
-        for (column, cell) in header.iter().enumerate() {
-            let (name, unit) = units::split_header(&text(cell));
-            names.push(name.clone());
-            if wanted(&name) {
-                series.push(Series { name, unit, ..Series::default() });
-                columns.push(column);
-            }
+    fn new(file: &'a str, shape: &Shape, wanted: Wanted<'_>) -> Self {
+        let columns = shape.columns.iter().enumerate().filter(|(_, (name, _))| wanted(name));
+        Table {
+            file,
+            header: shape.columns.len(),
+            columns: columns.map(|(at, (name, unit))| Column::new(name, unit.as_deref(), at)).collect(),
+            names: shape.columns.iter().map(|(name, _)| name.clone()).collect(),
+            lines: Vec::new(),
+            decimal_comma: shape.decimal_comma,
+            decimals: [0; 2],
         }
-        Table { file, header: header.len(), series, columns, names, lines: Vec::new(), decimal_comma, decimals: [0; 2] }
     }
 
-    /// Some exporters put the units into the second row; it is one if no cell is a number and all are units or empty.
-    fn take_units(&mut self, record: &ByteRecord) -> bool {
-        let cells: Vec<String> = record.iter().map(|c| text(c).trim().to_string()).collect();
-        let known = |c: &String| c.is_empty() || c == "-" || units::parse(c).is_some();
-        let some = cells.iter().any(|c| units::parse(c).is_some());
-        if !some || !cells.iter().all(known) {
-            return false;
-        }
-        for (series, &column) in self.series.iter_mut().zip(&self.columns) {
-            if series.unit.is_none() && units::parse(&cells[column]).is_some() {
-                series.unit = Some(cells[column].clone());
-            }
-        }
-        true
-    }
-
-    fn push(&mut self, record: &ByteRecord, line: u64) {
-        let sample = self.lines.len();
+    fn push(&mut self, cells: &Cells, line: u64) {
         self.lines.push(u32::try_from(line).unwrap_or(u32::MAX));
-        for (series, &column) in self.series.iter_mut().zip(&self.columns) {
-            let cell = &record[column];
-            let value = number(cell, self.decimal_comma).unwrap_or_else(|| {
-                series.text.get_or_insert_with(|| (sample, text(cell)));
-                f64::NAN
-            });
-            series.values.push(value);
+        for column in &mut self.columns {
+            column.push(cells.cell(column.at), self.decimal_comma);
         }
-        let last = &record[self.header - 1];
+        let last = cells.cell(self.header - 1);
         self.decimals = [self.decimals[1], last.iter().rev().position(|&b| b == b'.').unwrap_or(0)];
     }
 
-    fn finish(mut self, short: Option<(u64, usize)>, bytes: &[u8]) -> Result<Measurement, RecordingError> {
+    fn finish(mut self, short: Option<(u64, usize)>, ended: bool) -> Result<Measurement, RecordingError> {
         let mut notes = Vec::new();
         if let Some((line, found)) = short {
             notes.push(format!("line {line} (the last) has {found} of {} cells: cut off while writing, dropped", self.header));
-        } else if !bytes.ends_with(b"\n") && self.lines.len() > 2 && self.decimals[1] < self.decimals[0] {
+        } else if !ended && self.lines.len() > 2 && self.decimals[1] < self.decimals[0] {
             let line = self.lines.pop().unwrap_or(0);
-            for series in &mut self.series {
-                series.values.pop();
+            for column in &mut self.columns {
+                column.series.values.pop();
             }
             notes.push(format!("line {line} (the last) ends inside a number: cut off while writing, dropped"));
         }
         if self.lines.is_empty() {
             return Err(Defect::NoRows.in_file(self.file));
         }
+        let mut series: Vec<Series> = self.columns.into_iter().map(|c| c.series).collect();
         // Text in the row that was dropped is no defect.
-        for series in &mut self.series {
+        for series in &mut series {
             series.text = series.text.take().filter(|(sample, _)| *sample < self.lines.len());
         }
-        let group = Group { series: self.series, ..Group::default() };
-        Ok(Measurement { file: self.file.to_string(), groups: vec![group], names: self.names, rows: Rows::Lines(self.lines), notes })
+        let group = Group { series, ..Group::default() };
+        Ok(Measurement { file: String::new(), groups: vec![group], names: self.names, rows: Rows::Lines(self.lines), notes })
     }
 }
 
-fn ragged(file: &str, line: u64, found: usize, expected: usize) -> RecordingError {
+pub(crate) fn ragged(file: &str, line: u64, found: usize, expected: usize) -> RecordingError {
     let mut error = Defect::RaggedRow { found, expected }.in_file(file);
     error.place.row = Some(("line", line));
     error
-}
-
-/// The separator that occurs most often in the header line.
-fn delimiter(bytes: &[u8]) -> u8 {
-    let header = bytes.split(|&b| b == b'\n').find(|line| !line.is_empty() && line[0] != b'#').unwrap_or(b"");
-    let count = |d: u8| header.iter().filter(|&&b| b == d).count();
-    // The comma comes last: max_by_key keeps the last of equals, and a file with one column has none of them.
-    [b'\t', b';', b','].into_iter().max_by_key(|&d| count(d)).unwrap_or(b',')
-}
-
-/// UTF-8, or Latin-1 as older tools write it.
-fn text(cell: &[u8]) -> String {
-    std::str::from_utf8(cell).map_or_else(|_| cell.iter().map(|&b| b as char).collect(), str::to_string)
-}
-
-/// A cell as a number, NaN where it says that the sample is missing, `None` where it is text.
-fn number(cell: &[u8], decimal_comma: bool) -> Option<f64> {
-    let cell = cell.trim_ascii();
-    let text = std::str::from_utf8(cell).ok()?;
-    if let Ok(value) = text.parse::<f64>() {
-        return Some(if value.is_finite() { value } else { f64::NAN });
-    }
-    if decimal_comma && cell.iter().filter(|&&b| b == b',').count() == 1 && !cell.contains(&b'.') {
-        return text.replace(',', ".").parse().ok();
-    }
-    let missing = ["", "-", "na", "n/a", "#n/a", "null", "none"];
-    missing.iter().any(|m| text.eq_ignore_ascii_case(m)).then_some(f64::NAN)
 }
 
 #[cfg(test)]
@@ -190,7 +228,7 @@ mod tests {
     use super::*;
 
     fn all(text: &[u8]) -> Result<Measurement, RecordingError> {
-        read("r.csv", text, &|_| true)
+        read_from("r.csv", text, &|_| true)
     }
 
     #[test]

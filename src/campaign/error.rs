@@ -164,7 +164,9 @@ pub struct RecordingError {
 #[derive(Clone, Debug, Error, PartialEq)]
 #[allow(missing_docs, reason = "each variant's message says what it and its fields mean")]
 pub enum Defect {
-    #[error("recordings.json lists it, but there is no such file with the ending .csv, .mf4 or .parquet. Add the file or remove the entry")]
+    #[error(
+        "recordings.json lists it, but there is no such file with the ending .csv, .txt, .dat, .mf4 or .parquet. Add the file or remove the entry"
+    )]
     NoFile,
     #[error("there are several files of that name: {0}. Keep one of them")]
     SeveralFiles(String),
@@ -182,18 +184,20 @@ pub enum Defect {
     NoRows,
     #[error("the file is {found}, not {expected}. Give it the ending that fits, or export it again")]
     WrongFormat { found: &'static str, expected: &'static str },
-    #[error(
-        "the MDF file was not finalised: the recorder stopped before it wrote the record counts, so times and values can't be trusted. Finalise it with the recorder's own tool, or open and save it with asammdf, then try again"
-    )]
-    Unfinalised,
-    #[error(
-        "the MDF file is unsorted: records of several channel groups are mixed in one data group. Sort it with the recorder's own tool, or open and save it with asammdf, then try again"
-    )]
-    Unsorted,
-    #[error("MDF version {0} is older than 4.10. Convert it, e.g. with asammdf: MDF(file).convert(\"4.10\").save(file)")]
+    #[error("MDF version {0} is older than 4. Convert it, e.g. with asammdf: MDF(file).convert(\"4.10\").save(file)")]
     OldMdf(String),
-    #[error("{0}, which is not read. Save the file as MDF 4.10 with plain or deflated data blocks")]
+    #[error("{0}. Save the file as MDF 4.10 without it, e.g. with asammdf: MDF(file).save(file)")]
     Unsupported(String),
+    #[error(
+        "the file is a workbook, which is not read. Save the sheet as CSV (UTF-8), or in Python: pandas.read_excel(file).to_csv(\"r01.csv\", index=False)"
+    )]
+    Workbook,
+    #[error(
+        "the file holds raw frames ({0}), not signals. Decode them: write them as MDF4 with python-can, `can_logconvert FILE r01.mf4`, if they are in another format, and name the bus's database with `dbc = \"car.dbc\"` in a channel map, or with --dbc"
+    )]
+    RawFrames(&'static str),
+    #[error("the database {dbc} can't be read: {why}. Give a DBC file")]
+    Database { dbc: String, why: String },
     #[error("the file is damaged or cut short: {0}. Copy it again from the recorder, or export it again")]
     Damaged(String),
     #[error(
@@ -218,6 +222,18 @@ pub enum Defect {
         "the unit \"{unit}\" can't be right: the channel is {quantity}. Use one of {known}, or check that the channel map names the right channel"
     )]
     WrongQuantity { unit: String, quantity: &'static str, known: &'static str },
+    #[error(
+        "\"{0}\" is a road speed. Give `tyre_radius_m` and `ratio`, gear times final drive, in a channel map or, gear by gear, in recordings.json; `kisspoint survey` finds both"
+    )]
+    RoadSpeed(String),
+    #[error("the torque is a percentage. Give `reference_Nm`, what 100 % are, and `kind`, \"brake\" or \"indicated\", in a channel map")]
+    Percentage,
+    #[error("the window of {from} to {to} s holds no sample; the file has {first:.3} to {last:.3} s. Correct window_s in recordings.json")]
+    EmptyWindow { from: f64, to: f64, first: f64, last: f64 },
+    #[error(
+        "{0} is taken from the same file; counting one measurement twice would make the intervals too narrow. Give both a window_s, apart from each other"
+    )]
+    SharedWindow(String),
     #[error(
         "{first} says the unit is {first_unit}, {second} says {second_unit}. Correct the one that is wrong; a channel map can state the unit together with `scale = 1` to overrule the file"
     )]

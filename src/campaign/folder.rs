@@ -1,6 +1,7 @@
 //! The folder of a campaign: which file is which recording, what is left out, the fingerprint.
 
 use std::collections::BTreeMap;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
@@ -9,11 +10,16 @@ use super::assemble::assemble;
 use super::error::{CampaignError, Defect, RecordingError};
 use super::manifest::{self, Entry};
 use super::pick;
-use super::table::{self, Format};
+use super::table::{self, Format, file_name};
 use super::{Campaign, ChannelMap, LeftOut, Note, ReadOptions, Recording};
 
 /// Reads a campaign's folder.
 pub fn read(dir: &Path, options: &ReadOptions) -> Result<Campaign, CampaignError> {
+    read_telling(dir, options, &|_, _| {})
+}
+
+/// The same; `tell` is told which file is being read, and the share of it that is.
+pub fn read_telling(dir: &Path, options: &ReadOptions, tell: &dyn Fn(&str, f64)) -> Result<Campaign, CampaignError> {
     if !dir.is_dir() {
         return Err(CampaignError::NoFolder(dir.to_path_buf()));
     }
@@ -32,14 +38,16 @@ pub fn read(dir: &Path, options: &ReadOptions) -> Result<Campaign, CampaignError
     }
     let entries = manifest::entries(&manifest_path, &manifest_text)?;
     let files = files(dir)?;
-    let mut reading = Reading::new(options);
+    let mut reading = Reading::new(options, tell);
     reading.hash("vehicle.json", vehicle_text.as_bytes());
     reading.hash("recordings.json", manifest_text.as_bytes());
     for entry in &entries {
-        let stem = files.get(&entry.name).map_or(&[][..], Vec::as_slice);
+        let stem = files.get(stem(entry)).map_or(&[][..], Vec::as_slice);
         reading.recording(entry, stem)?;
     }
-    for path in files.iter().filter(|(stem, _)| entries.iter().all(|e| &e.name != *stem)).flat_map(|(_, paths)| paths) {
+    let unlisted = files.iter().filter(|(stem, _)| entries.iter().all(|e| self::stem(e) != *stem)).flat_map(|(_, paths)| paths);
+    // A text file need not be a measurement.
+    for path in unlisted.filter(|p| !p.extension().is_some_and(|e| e.eq_ignore_ascii_case("txt"))) {
         let name = file_name(path);
         reading.left_out.push(LeftOut { reason: Defect::NotListed.in_file(&name).to_string(), recording: name });
     }
@@ -57,6 +65,13 @@ pub fn read(dir: &Path, options: &ReadOptions) -> Result<Campaign, CampaignError
     })
 }
 
+/// The name of a recording's file without its ending.
+fn stem(entry: &Entry) -> &str {
+    let file = entry.file.as_deref().unwrap_or(&entry.name);
+    let ending = file.rsplit_once('.').filter(|(_, e)| Format::from_ending(e).is_some());
+    ending.map_or(file, |(stem, _)| stem)
+}
+
 /// Reads one recording from a file of any of the formats; `like` gives name, manoeuvre, stated rate and temperatures at the start.
 pub fn read_one(path: &Path, like: &Recording, map: &ChannelMap) -> Result<(Recording, Vec<Note>), CampaignError> {
     let entry = Entry {
@@ -65,35 +80,51 @@ pub fn read_one(path: &Path, like: &Recording, map: &ChannelMap) -> Result<(Reco
         sample_rate_hz: Some(like.sample_rate_hz).filter(|rate| *rate > 0.0),
         theta_0: Some([like.theta_c0, like.theta_b0]),
         theta_0_sigma: like.theta_0_sigma,
+        ..Entry::default()
     };
-    let bytes = std::fs::read(path).map_err(|source| CampaignError::Io { file: path.to_path_buf(), source })?;
-    let (recording, notes) = from_bytes(path, bytes, &entry, map)?;
+    let (recording, notes) = from_file(path, &entry, map, &|_| {})?;
     let notes = notes.into_iter().map(|text| Note { recording: entry.name.clone(), text }).collect();
     Ok((recording, notes))
 }
 
-fn from_bytes(path: &Path, bytes: Vec<u8>, entry: &Entry, map: &ChannelMap) -> Result<(Recording, Vec<String>), RecordingError> {
-    let format = path.extension().and_then(|e| Format::from_ending(&e.to_string_lossy()));
-    let format = format.unwrap_or_else(|| Format::from_bytes(&bytes));
-    let measurement = table::read(&file_name(path), bytes, format, &|name| pick::wanted(map, name))?;
-    assemble(measurement, map, entry)
+fn from_file(path: &Path, entry: &Entry, map: &ChannelMap, tell: table::Tell<'_>) -> Result<(Recording, Vec<String>), RecordingError> {
+    let mut map = std::borrow::Cow::Borrowed(map);
+    if let Some(over) = &entry.map {
+        map = std::borrow::Cow::Owned(map.overlaid(over));
+    }
+    if let Some(ratio) = entry.ratio {
+        map = std::borrow::Cow::Owned(map.with_ratio(ratio));
+    }
+    assemble(table::read(path, map.dbc(), &|name| pick::wanted(&map, name), tell)?, &map, entry)
 }
 
 /// What has been read so far.
 struct Reading<'a> {
+    tell: &'a dyn Fn(&str, f64),
     strict: bool,
     map: std::borrow::Cow<'a, ChannelMap>,
     recordings: Vec<Recording>,
     left_out: Vec<LeftOut>,
     notes: Vec<Note>,
+    /// File, recording and window of each.
+    used: Vec<(String, String, Option<[f64; 2]>)>,
     /// Digest by file name; a map, so that the order of the directory does not count.
     digests: BTreeMap<String, [u8; 32]>,
 }
 
 impl<'a> Reading<'a> {
-    fn new(options: &'a ReadOptions) -> Self {
+    fn new(options: &'a ReadOptions, tell: &'a dyn Fn(&str, f64)) -> Self {
         let map = options.channel_map.as_ref().map(std::borrow::Cow::Borrowed).unwrap_or_default();
-        Reading { strict: options.strict, map, recordings: Vec::new(), left_out: Vec::new(), notes: Vec::new(), digests: BTreeMap::new() }
+        Reading {
+            tell,
+            strict: options.strict,
+            map,
+            recordings: Vec::new(),
+            left_out: Vec::new(),
+            notes: Vec::new(),
+            used: Vec::new(),
+            digests: BTreeMap::new(),
+        }
     }
 
     fn hash(&mut self, name: &str, bytes: &[u8]) {
@@ -123,13 +154,21 @@ impl<'a> Reading<'a> {
             return Err(defect.in_file(&entry.name));
         };
         let name = file_name(path);
-        let bytes = std::fs::read(path).map_err(|e| Defect::Unreadable(e.to_string()).in_file(&name))?;
-        self.hash(&name, &bytes);
-        let same = self.digests.iter().find(|(other, digest)| **other != name && **digest == self.digests[&name]);
-        if let Some((other, _)) = same.filter(|_| !bytes.is_empty()) {
+        let unreadable = |e: std::io::Error| Defect::Unreadable(e.to_string()).in_file(&name);
+        let digest = digest(path).map_err(unreadable)?;
+        // One file may hold several recordings, in windows apart from each other.
+        let apart = |other: &[f64; 2]| entry.window.is_some_and(|w| w[0] >= other[1] || w[1] <= other[0]);
+        let shared = self.used.iter().find(|(file, _, window)| *file == name && !window.as_ref().is_some_and(apart));
+        if let Some((_, recording, _)) = shared {
+            return Err(Defect::SharedWindow(recording.clone()).in_file(&name));
+        }
+        self.used.push((name.clone(), entry.name.clone(), entry.window));
+        let same = self.digests.iter().find(|(other, d)| **other != name && **d == digest);
+        if let Some((other, _)) = same.filter(|_| path.metadata().is_ok_and(|m| m.len() > 0)) {
             return Err(Defect::SameAs(other.clone()).in_file(&name));
         }
-        from_bytes(path, bytes, entry, &self.map)
+        self.digests.insert(name.clone(), digest);
+        from_file(path, entry, &self.map, &|share| (self.tell)(&name, share))
     }
 
     /// One digest over all.
@@ -167,8 +206,16 @@ fn files(dir: &Path) -> Result<BTreeMap<String, Vec<PathBuf>>, CampaignError> {
     Ok(files)
 }
 
-pub(super) fn file_name(path: &Path) -> String {
-    path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned())
+/// SHA-256 of a file, in a stream.
+fn digest(path: &Path) -> std::io::Result<[u8; 32]> {
+    let (mut hasher, mut file) = (Sha256::new(), std::fs::File::open(path)?);
+    let mut block = vec![0; 1 << 20];
+    loop {
+        match file.read(&mut block)? {
+            0 => return Ok(hasher.finalize().into()),
+            n => hasher.update(&block[..n]),
+        }
+    }
 }
 
 fn text(path: &Path, remedy: &'static str) -> Result<String, CampaignError> {

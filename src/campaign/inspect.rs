@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use super::CampaignError;
 use super::channels::{CHANNELS, Channel, Presence};
 use super::clock;
-use super::folder::file_name;
+use super::doubt;
 use super::guess;
 use super::table::{self, Format, Group, Series};
 use super::units;
@@ -18,7 +18,7 @@ use super::units;
 pub struct Inspection {
     /// File name.
     pub file: String,
-    /// "CSV", "MDF4" or "Parquet".
+    /// "text", "MDF4" or "Parquet".
     pub format: &'static str,
     /// Every channel, in the order of the file.
     pub channels: Vec<ChannelInfo>,
@@ -51,24 +51,25 @@ pub struct ChannelInfo {
     pub guess: Option<Channel>,
 }
 
-/// Looks into a measurement file.
-pub fn inspect(path: &Path) -> Result<Inspection, CampaignError> {
+/// Looks into a measurement file; a database (DBC) decodes the frames of a CAN bus. `tell` is told the share that is read.
+pub fn inspect(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<Inspection, CampaignError> {
     if path.is_dir() {
         let remedy = "Name one file in it; `kisspoint replay` and `kisspoint diagnose` take a folder".to_string();
         return Err(CampaignError::Shape { file: path.to_path_buf(), what: "is a folder".to_string(), remedy });
     }
-    let bytes = std::fs::read(path).map_err(|source| CampaignError::Io { file: path.to_path_buf(), source })?;
-    let ending = path.extension().and_then(|e| Format::from_ending(&e.to_string_lossy()));
-    let format = ending.unwrap_or_else(|| Format::from_bytes(&bytes));
-    let measurement = table::read(&file_name(path), bytes, format, &|_| true)?;
-    let format = match format {
-        Format::Csv => "CSV",
+    // A file that is not there is no defect of a recording.
+    std::fs::metadata(path).map_err(|source| CampaignError::Io { file: path.to_path_buf(), source })?;
+    let measurement = table::read(path, dbc, &|_| true, tell)?;
+    let format = match table::format(path)? {
+        Format::Text => "text",
         Format::Mdf => "MDF4",
         Format::Parquet => "Parquet",
     };
+    let mut notes = measurement.notes;
     let mut channels: Vec<ChannelInfo> = measurement.groups.iter().flat_map(channels_of).collect();
     mark(&mut channels);
-    Ok(Inspection { file: measurement.file, format, channels, notes: measurement.notes })
+    notes.extend(measurement.groups.iter().flat_map(|g| faults(g, &channels)));
+    Ok(Inspection { file: measurement.file, format, channels, notes })
 }
 
 impl Inspection {
@@ -157,15 +158,21 @@ fn toml_text(text: &str) -> String {
     toml::Value::String(text.to_string()).to_string()
 }
 
+/// Position of a group's clock.
+fn clock_at(group: &Group) -> Option<usize> {
+    group.master.or_else(|| group.series.iter().position(|s| guess::is_time(&s.name, s.unit.as_deref())))
+}
+
+/// A group's stamps in s, if they run forward.
+fn clock_of(group: &Group) -> Option<Vec<f64>> {
+    let series = &group.series[clock_at(group)?];
+    let factor = series.unit.as_deref().and_then(units::parse).map_or(1.0, |u| u.factor);
+    let time: Vec<f64> = series.values.iter().map(|t| t * factor).collect();
+    clock::check(&time).is_ok().then_some(time)
+}
+
 fn channels_of(group: &Group) -> Vec<ChannelInfo> {
-    let is_clock = |s: &Series| guess::is_time(&s.name, s.unit.as_deref());
-    let at = group.master.or_else(|| group.series.iter().position(is_clock));
-    let time: Option<Vec<f64>> = at.map(|at| {
-        let series = &group.series[at];
-        let factor = series.unit.as_deref().and_then(units::parse).map_or(1.0, |u| u.factor);
-        series.values.iter().map(|t| t * factor).collect()
-    });
-    let time = time.filter(|t| clock::check(t).is_ok());
+    let (at, time) = (clock_at(group), clock_of(group));
     let one = |(i, series): (usize, &Series)| {
         let valid = || series.values.iter().copied().filter(|v| !v.is_nan());
         let spacing = time.as_deref().and_then(|t| clock::spacing(t, &series.values));
@@ -183,6 +190,18 @@ fn channels_of(group: &Group) -> Vec<ChannelInfo> {
         }
     };
     group.series.iter().enumerate().map(one).collect()
+}
+
+/// What a recording of these channels would leave out.
+fn faults(group: &Group, channels: &[ChannelInfo]) -> Vec<String> {
+    let guess = |series: &Series| channels.iter().find(|c| c.group.0 == group.index && c.name == series.name).and_then(|c| c.guess);
+    let Some(time) = clock_of(group) else { return Vec::new() };
+    let fault = |series: &Series| {
+        let channel = guess(series).filter(|c| *c != Channel::Time)?;
+        let moves = matches!(channel, Channel::OmegaF | Channel::OmegaC);
+        doubt::faults_of(&series.name, &time, &mut series.values.clone(), moves)
+    };
+    group.series.iter().filter_map(fault).collect()
 }
 
 /// Adds the guesses for all channels but clocks and texts.

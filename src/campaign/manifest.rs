@@ -4,10 +4,11 @@ use std::path::Path;
 
 use serde_json::{Map, Value};
 
+use super::channel_map::ChannelMap;
 use super::error::CampaignError;
 
 /// One entry of recordings.json.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Entry {
     /// The recording's name.
     pub name: String,
@@ -19,6 +20,14 @@ pub(crate) struct Entry {
     pub theta_0: Option<[f64; 2]>,
     /// How well, K.
     pub theta_0_sigma: [f64; 2],
+    /// File, with or without its ending, where it is not called as the recording.
+    pub file: Option<String>,
+    /// Part of the file that is the recording, s on the file's clock.
+    pub window: Option<[f64; 2]>,
+    /// Ratio from the speed that is measured to the disc's, in place of the channel map's.
+    pub ratio: Option<f64>,
+    /// Entries in place of the channel map's.
+    pub map: Option<ChannelMap>,
 }
 
 /// Reads the entries, sorted by name.
@@ -84,6 +93,25 @@ fn entry(file: &Path, name: &str, fields: &Value) -> Result<Entry, CampaignError
         (None, Some(_)) => return Err(missing("theta_c0_degC", "25.0")),
         (Some(_), None) => return Err(missing("theta_b0_degC", "25.0")),
     };
+    let window = match fields.get("window_s").filter(|v| !v.is_null()) {
+        None => None,
+        Some(value) => {
+            let ends: Option<Vec<f64>> = value.as_array().map(|a| a.iter().filter_map(Value::as_f64).collect());
+            let ends = ends.filter(|e| e.len() == 2 && e[0] < e[1]);
+            let ends = ends.ok_or_else(|| wrong("window_s", value, "is no window. Give [from, to] in seconds on the file's clock"))?;
+            Some([ends[0], ends[1]])
+        }
+    };
+    let not_file = "is not the name of a file beside recordings.json. Give it with or without its ending";
+    let named = match fields.get("file").filter(|v| !v.is_null()) {
+        None => None,
+        Some(value) => match value.as_str().filter(|f| !f.is_empty() && !f.contains(['/', '\\'])) {
+            Some(text) => Some(text.to_string()),
+            None => return Err(wrong("file", value, not_file)),
+        },
+    };
+    let over = fields.get("channel_map").filter(|v| !v.is_null());
+    let over = over.map(|v| ChannelMap::from_value(&format!("{}, recording `{name}`, channel_map", file.display()), v, "")).transpose()?;
     let sigma = |key| number(key, 0.1..=200.0, not_sigma).map(|sigma| sigma.unwrap_or(1.0));
     let entry = Entry {
         name: name.to_string(),
@@ -91,6 +119,10 @@ fn entry(file: &Path, name: &str, fields: &Value) -> Result<Entry, CampaignError
         sample_rate_hz: number("sample_rate_Hz", 20.0..=1e5, not_rate)?,
         theta_0,
         theta_0_sigma: [sigma("theta_c0_sigma_K")?, sigma("theta_b0_sigma_K")?],
+        file: named,
+        window,
+        ratio: number("ratio", 0.05..=100.0, "is no ratio from 0.05 to 100. Give gear times final drive")?,
+        map: over,
     };
     match fields.keys().find(|key| !key.starts_with('_') && !KEYS.contains(&key.as_str())) {
         None => Ok(entry),
@@ -104,7 +136,18 @@ fn entry(file: &Path, name: &str, fields: &Value) -> Result<Entry, CampaignError
 }
 
 /// Keys of an entry.
-const KEYS: [&str; 6] = ["manoeuvre", "sample_rate_Hz", "theta_c0_degC", "theta_b0_degC", "theta_c0_sigma_K", "theta_b0_sigma_K"];
+const KEYS: [&str; 10] = [
+    "manoeuvre",
+    "sample_rate_Hz",
+    "theta_c0_degC",
+    "theta_b0_degC",
+    "theta_c0_sigma_K",
+    "theta_b0_sigma_K",
+    "file",
+    "window_s",
+    "ratio",
+    "channel_map",
+];
 
 fn field<'a>(
     file: &Path,
@@ -159,6 +202,9 @@ mod tests {
             ("theta_c0_degC", "1000"),
             ("theta_b0_degC", "298.15"),
             ("theta_c0_sigma_K", "0"),
+            ("window_s", "[3,2]"),
+            ("file", "\"../r02.csv\""),
+            ("ratio", "0"),
             ("manoeuvre", "3"),
         ] {
             let message = fault(&with(key, value));

@@ -1,121 +1,169 @@
-//! MDF4 files (ASAM MDF 4.10 and later): one group of channels per rate, each with its own clock.
+//! MDF4 files (ASAM MDF 4): one group of channels per rate, each with its own clock; or frames of a CAN bus with a database (DBC).
 //!
-//! The file is first made plain (see [`super::mdf_blocks`]), then `mf4-rs` decodes records, conversions and invalidation bits;
-//! an invalid sample becomes NaN. Files that were not finalised or not sorted are refused: their record counts and clocks
-//! can't be trusted. The number of decoded samples is held against the count that the group states.
+//! `falcon_mdf` decodes every layout of the records, also of unsorted files and of files that a recorder did not finalise. An invalid sample
+//! becomes NaN. A conversion to text is read as numbers: a sample with a name ("SNA") is missing, the others go through the conversion's own
+//! scale; a channel of names alone, such as a gear, has the numbers behind them.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
 
-use mf4_rs::api::channel::Channel;
-use mf4_rs::api::channel_group::ChannelGroup;
-use mf4_rs::api::mdf::MDF;
-use mf4_rs::blocks::common::{DataType, read_string_block};
-use mf4_rs::error::MdfError;
+use falcon_mdf::{CanDatabase, Channel, ChannelGroup, Conversion, Mf4Error, Mf4File, Signal, SignalValues};
 
 use super::error::{Defect, RecordingError};
-use super::mdf_blocks::{check_descriptions, make_plain};
-use super::table::{Group, Measurement, Rows, Series, Wanted};
+use super::table::{Group, Measurement, Rows, Series, Tell, Wanted};
 
-/// Reads an MDF4 file.
-pub(crate) fn read(file: &str, mut bytes: Vec<u8>, wanted: Wanted<'_>) -> Result<Measurement, RecordingError> {
-    check_identification(&bytes)
-        .and_then(|()| check_descriptions(&bytes))
-        .and_then(|()| make_plain(&mut bytes))
-        .map_err(|d| d.in_file(file))?;
-    // mf4-rs indexes some links of a damaged file without a check; a panic there is a damaged file and nothing else.
-    let (groups, names) = catch_unwind(AssertUnwindSafe(|| decode(bytes, wanted)))
+/// Reads an MDF4 file; `file` is what messages call it.
+pub(crate) fn read(file: &str, path: &Path, dbc: Option<&Path>, wanted: Wanted<'_>, tell: Tell<'_>) -> Result<Measurement, RecordingError> {
+    // The library promises errors and no panics on a damaged file; a panic would be a damaged file and nothing else.
+    let mut m = catch_unwind(AssertUnwindSafe(|| decode(path, dbc, wanted, tell)))
         .unwrap_or_else(|_| Err((None, Defect::Damaged("its blocks do not fit together".to_string()))))
         .map_err(|(channel, defect)| match channel {
             Some(channel) => defect.at(file, channel, None),
             None => defect.in_file(file),
         })?;
-    Ok(Measurement { file: file.to_string(), groups, names, rows: Rows::Records, notes: Vec::new() })
+    m.file = file.to_string();
+    Ok(m)
 }
 
-/// The first 64 bytes: what the file is, its version, and whether it was finalised.
-fn check_identification(bytes: &[u8]) -> Result<(), Defect> {
-    if bytes.len() < 168 {
-        return Err(Defect::Damaged(format!("it has {} bytes, fewer than its own header", bytes.len())));
-    }
-    if bytes.starts_with(b"UnFinMF") || bytes[60..64] != [0; 4] {
-        return Err(Defect::Unfinalised);
-    }
-    let version = String::from_utf8_lossy(&bytes[8..16]).trim_matches(['\0', ' ']).to_string();
-    let number = u16::from_le_bytes([bytes[28], bytes[29]]);
-    if number < 410 {
-        return Err(Defect::OldMdf(version));
-    }
-    Ok(())
-}
-
+/// A result whose error may be at a channel.
 type Decoded<T> = Result<T, (Option<String>, Defect)>;
 
-fn decode(bytes: Vec<u8>, wanted: Wanted<'_>) -> Decoded<(Vec<Group>, Vec<String>)> {
-    let mdf = MDF::from_bytes(bytes).map_err(|e| (None, damaged(&e)))?;
-    let (mut groups, mut names) = (Vec::new(), Vec::new());
-    for (index, group) in mdf.channel_groups().iter().enumerate() {
-        if let Some(group) = decode_group(index, group, wanted, &mut names)? {
-            groups.push(group);
+fn decode(path: &Path, dbc: Option<&Path>, wanted: Wanted<'_>, tell: Tell<'_>) -> Decoded<Measurement> {
+    let file = open(path).map_err(|e| (None, defect(e)))?;
+    let mut m = Measurement { rows: Rows::Records, ..Measurement::default() };
+    if file.unfinalized().is_some() {
+        m.notes.push("the recorder did not finalise the file: it is read up to the last whole record".to_string());
+    }
+    let groups = file.data_groups().iter().flat_map(|d| &d.channel_groups).filter(|g| !g.is_vlsd());
+    let all = groups.clone().count();
+    for (index, group) in groups.enumerate() {
+        tell(index as f64 / all as f64);
+        if let Some(group) = decode_group(&file, index, group, wanted, &mut m.names, &mut m.notes)? {
+            m.groups.push(group);
         }
     }
-    Ok((groups, names))
+    let frames = !file.can_frame_groups().is_empty();
+    match dbc {
+        Some(dbc) if frames => decode_frames(&file, dbc, wanted, &mut m)?,
+        None if frames && m.groups.is_empty() => return Err((None, Defect::RawFrames("CAN frames in MDF4"))),
+        _ => {}
+    }
+    Ok(m)
+}
+
+/// Opens a file. The blocks of version 4.30 that the library does not know are refused one by one; the version alone is no reason.
+fn open(path: &Path) -> Result<Mf4File, Mf4Error> {
+    match Mf4File::open_buffered(path) {
+        Err(Mf4Error::UnsupportedVersion { major: 4, minor: 30.. }) => {
+            let mut bytes = std::fs::read(path)?;
+            bytes[28..30].copy_from_slice(&420_u16.to_le_bytes());
+            Mf4File::from_bytes(bytes)
+        }
+        other => other,
+    }
 }
 
 /// One group, or `None` if nothing in it is wanted.
-fn decode_group(index: usize, group: &ChannelGroup<'_>, wanted: Wanted<'_>, names: &mut Vec<String>) -> Decoded<Option<Group>> {
-    let metadata = |e: MdfError| (None, damaged(&e));
-    let name = group.name().map_err(metadata)?.unwrap_or_default();
-    let cycles = group.raw_channel_group().block.cycles_nr as usize;
-    // Every record takes a byte at least: a count beyond that would only be asked memory for.
-    if cycles > group.mmap().len() {
-        return Err((None, Defect::Damaged(format!("a group claims {cycles} records, more than the file has bytes"))));
+fn decode_group(
+    file: &Mf4File,
+    index: usize,
+    group: &ChannelGroup,
+    wanted: Wanted<'_>,
+    names: &mut Vec<String>,
+    notes: &mut Vec<String>,
+) -> Decoded<Option<Group>> {
+    let name = if group.acquisition_name.is_empty() { &group.comment } else { &group.acquisition_name };
+    let mut out = Group { name: plain_text(name), index, ..Group::default() };
+    // Frames of a bus are no signals; see `decode_frames`.
+    if group.is_bus_event() {
+        return Ok(None);
     }
-    let mut out = Group { name, index, ..Group::default() };
     let mut any = false;
-    for channel in group.channels() {
-        let master = matches!(channel.block().channel_type, 2 | 3);
-        let name = channel.name().map_err(metadata)?.unwrap_or_default();
-        names.push(name.clone());
-        if !master && !wanted(&name) {
+    for channel in &group.channels {
+        names.push(channel.name.clone());
+        let (master, named) = (channel.is_master(), wanted(&channel.name));
+        if !master && !named {
             continue;
         }
-        any |= !master || wanted(&name);
+        any |= named;
         // A master that counts an angle or a distance is no clock.
-        if master && channel.block().sync_type == 1 {
+        if channel.is_time_channel() && master {
             out.master = Some(out.series.len());
         }
-        out.series.push(decode_channel(&channel, name, cycles, group.mmap())?);
+        out.series.push(decode_channel(file, channel, notes)?);
     }
     Ok(any.then_some(out))
 }
 
-fn decode_channel(channel: &Channel<'_>, name: String, cycles: usize, file: &[u8]) -> Decoded<Series> {
-    let at = |e: MdfError| (Some(name.clone()), damaged(&e));
-    let unit = unit(channel, file).map_err(at)?;
-    if !is_number(&channel.block().data_type) {
-        let text = Some((0, "text".to_string()));
-        return Ok(Series { name, unit, values: vec![f64::NAN; cycles], text });
-    }
-    let values: Vec<f64> = channel.values_as_f64().map_err(at)?;
-    if values.len() < cycles {
-        let what = format!("{} of {cycles} records are there", values.len());
-        return Err((Some(name), Defect::Damaged(what)));
+fn decode_channel(file: &Mf4File, channel: &Channel, notes: &mut Vec<String>) -> Decoded<Series> {
+    let at = |e: Mf4Error| (Some(channel.name.clone()), defect(e));
+    let unit = Some(plain_text(&channel.unit)).filter(|t| !matches!(t.as_str(), "" | "-" | "1"));
+    let signal = file.signal(channel).map_err(at)?;
+    let mut series = Series { name: channel.name.clone(), unit, ..Series::default() };
+    series.values = match &channel.conversion {
+        Conversion::ValueToText { .. } | Conversion::RangeToText { .. } => beside_text(&signal, channel, notes).map_err(at)?,
+        _ => match signal.values().map_err(at)? {
+            SignalValues::F64(values) => values,
+            SignalValues::Str(texts) => {
+                series.text = texts.first().map(|t| (0, t.clone()));
+                vec![f64::NAN; texts.len()]
+            }
+            other => {
+                let values = other.to_f64();
+                // Bytes, arrays and dates are no series of numbers.
+                if values.len() == other.len() && values.iter().any(|v| !v.is_nan()) { values } else { vec![f64::NAN; other.len()] }
+            }
+        },
+    };
+    if let Some(valid) = signal.validity() {
+        series.values.iter_mut().zip(valid).filter(|(_, valid)| !valid).for_each(|(v, _)| *v = f64::NAN);
     }
     // An infinite value is no measurement either.
-    let mut values: Vec<f64> = values.into_iter().map(|v| if v.is_finite() { v } else { f64::NAN }).collect();
-    values.truncate(cycles);
-    Ok(Series { name, unit, values, text: None })
+    series.values.iter_mut().filter(|v| v.is_infinite()).for_each(|v| *v = f64::NAN);
+    Ok(series)
 }
 
-/// The channel's unit, or that of its conversion, where some tools keep it.
-fn unit(channel: &Channel<'_>, file: &[u8]) -> Result<Option<String>, MdfError> {
-    let own = channel.unit()?;
-    let text = match (own, &channel.block().conversion) {
-        (Some(unit), _) => Some(unit),
-        (None, Some(conversion)) => read_string_block(file, conversion.cc_md_unit.unwrap_or(0))?,
-        (None, None) => None,
+/// The numbers of a channel whose conversion names some of its values.
+fn beside_text(signal: &Signal, channel: &Channel, notes: &mut Vec<String>) -> Result<Vec<f64>, Mf4Error> {
+    let raw = signal.raw_values()?.to_f64();
+    let number = |raw: f64| match &channel.conversion {
+        // Without a rule for other values these are what they are.
+        Conversion::ValueToText { keys, default: None, .. } if !keys.contains(&raw) => raw,
+        conversion => conversion.convert(raw, channel.is_float()),
     };
-    Ok(text.map(|t| plain_text(&t)).filter(|t| !matches!(t.as_str(), "" | "-" | "1")))
+    let values: Vec<f64> = raw.iter().map(|&raw| number(raw)).collect();
+    let named = values.iter().filter(|v| v.is_nan()).count();
+    if named == values.len() {
+        notes.push(format!("{}: all values are names; the numbers behind them are taken", channel.name));
+        return Ok(raw);
+    }
+    if let Some(at) = values.iter().position(|v| v.is_nan()) {
+        let text = channel.conversion.convert_text(raw[at], channel.is_float()).unwrap_or_default();
+        notes.push(format!("{}: {named} samples are a text and no number (the first is \"{text}\"), left out", channel.name));
+    }
+    Ok(values)
+}
+
+/// The signals that a database finds in the frames, each as a group with a clock of its own.
+fn decode_frames(file: &Mf4File, dbc: &Path, wanted: Wanted<'_>, m: &mut Measurement) -> Decoded<()> {
+    let database =
+        CanDatabase::from_dbc_path(dbc).map_err(|e| (None, Defect::Database { dbc: dbc.display().to_string(), why: e.to_string() }))?;
+    let signals = file.decode_bus(&database).map_err(|e| (None, defect(e)))?;
+    for (k, signal) in signals.iter().enumerate() {
+        m.names.push(signal.name.to_string());
+        if !wanted(signal.name) {
+            continue;
+        }
+        let unit = Some(signal.unit.trim().to_string()).filter(|t| !matches!(t.as_str(), "" | "-" | "1"));
+        let time = Series { name: "time".to_string(), unit: Some("s".to_string()), values: signal.timestamps.clone(), text: None };
+        let labelled = (0..signal.len()).map(|i| signal.text_at(i).is_some()).collect::<Vec<bool>>();
+        let some = labelled.iter().any(|l| !l);
+        let value = |(v, named): (&f64, &bool)| if *named && some { f64::NAN } else { *v };
+        let values = signal.values.iter().zip(&labelled).map(value).collect();
+        let series = Series { name: signal.name.to_string(), unit, values, text: None };
+        m.groups.push(Group { name: signal.message.to_string(), index: k, master: Some(0), series: vec![time, series] });
+    }
+    Ok(())
 }
 
 /// The text inside an XML comment block, or the text itself.
@@ -124,14 +172,11 @@ fn plain_text(text: &str) -> String {
     inner.unwrap_or(text).trim().to_string()
 }
 
-fn is_number(kind: &DataType) -> bool {
-    use DataType::{FloatBE, FloatLE, SignedIntegerBE, SignedIntegerLE, UnsignedIntegerBE, UnsignedIntegerLE};
-    matches!(kind, FloatBE | FloatLE | SignedIntegerBE | SignedIntegerLE | UnsignedIntegerBE | UnsignedIntegerLE)
-}
-
-fn damaged(error: &MdfError) -> Defect {
-    Defect::Damaged(match error {
-        MdfError::TooShortBuffer { .. } => "a block ends beyond the end of the file".to_string(),
-        other => other.to_string(),
-    })
+fn defect(error: Mf4Error) -> Defect {
+    match error {
+        Mf4Error::Io(e) => Defect::Unreadable(e.to_string()),
+        Mf4Error::UnsupportedVersion { major, minor } => Defect::OldMdf(format!("{major}.{minor:02}")),
+        Mf4Error::Unsupported { .. } => Defect::Unsupported(error.to_string()),
+        _ => Defect::Damaged(error.to_string()),
+    }
 }

@@ -14,30 +14,35 @@ mod channels;
 mod checks;
 mod clock;
 mod csv;
+mod doubt;
 mod error;
 mod folder;
 mod guess;
 mod inspect;
+mod log;
 mod manifest;
 mod mdf;
-mod mdf_blocks;
 mod parquet;
 mod pick;
 mod rows;
 mod span;
 mod table;
+mod text_cells;
+mod text_long;
+mod text_shape;
 mod thrift;
 mod units;
 mod write;
 
 use std::path::PathBuf;
 
-pub use channel_map::{ChannelMap, Mapped};
+pub use channel_map::{ChannelMap, Mapped, TorqueKind};
 pub use channels::{CHANNELS, Channel, Lasting, Presence, Spec};
 pub use error::{CampaignError, Defect, Place, RecordingError, lines};
-pub use folder::{read, read_one};
+pub use folder::{read, read_one, read_telling};
 pub use inspect::{ChannelInfo, Inspection, draft_channel_map, inspect};
-pub use units::Quantity;
+pub use log::{Log, LogChannel, open};
+pub use units::{Quantity, Unit, parse as parse_unit};
 pub use write::{write_csv, write_recordings_json};
 
 /// One vehicle and the recordings of it that can be used.
@@ -75,6 +80,22 @@ pub struct Note {
     pub recording: String,
     /// What was done.
     pub text: String,
+}
+
+impl Campaign {
+    /// What was left out and what was done, a line each, for a terminal; notes that several recordings share stand once.
+    pub fn remarks(&self) -> String {
+        let mut text: String = self.left_out.iter().map(|left| format!("left out: {}: {}\n", left.recording, left.reason)).collect();
+        let mut said: Vec<(&str, Vec<&str>)> = Vec::new();
+        for note in &self.notes {
+            match said.iter_mut().find(|(text, _)| *text == note.text) {
+                Some((_, recordings)) => recordings.push(&note.recording),
+                None => said.push((&note.text, vec![&note.recording])),
+            }
+        }
+        text.extend(said.iter().map(|(what, recordings)| format!("note: {}: {what}\n", recordings.join(", "))));
+        text
+    }
 }
 
 /// How to read a campaign.

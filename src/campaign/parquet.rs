@@ -1,23 +1,27 @@
 //! Parquet files: one row per sample, one column per channel.
 //!
-//! Plain columns are read without the arrow stack. A null is a missing sample. A column of time stamps counts from its first
-//! value. Units stand in brackets in the column name, or in the file's metadata as a JSON object of column to unit: under the
-//! key `units` (pyarrow's `with_metadata`) or in `units` of pandas' `DataFrame.attrs`.
+//! Plain columns are read without the arrow stack, one chunk at a time. A null is a missing sample. Numbers of every width, decimals, flags and
+//! half-precision numbers are read; time stamps (also INT96) count from their first value. Units stand in brackets in the column name, or in
+//! the file's metadata as a JSON object of column to unit: under the key `units` (pyarrow's `with_metadata`) or in `units` of pandas'
+//! `DataFrame.attrs`.
 
 use std::collections::HashMap;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
 
-use ::parquet::basic::{ConvertedType, LogicalType, TimeUnit};
+use ::parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type as PhysicalType};
 use ::parquet::column::reader::{ColumnReader, ColumnReaderImpl};
-use ::parquet::data_type::DataType;
+use ::parquet::data_type::{DataType, Int96};
 use ::parquet::errors::ParquetError;
 use ::parquet::file::metadata::ColumnChunkMetaData;
 use ::parquet::file::reader::{FileReader, SerializedFileReader};
 use ::parquet::schema::types::ColumnDescriptor;
-use bytes::Bytes;
+use half::f16;
 
 use super::error::{Defect, RecordingError};
-use super::table::{Group, Measurement, Rows, Series, Wanted};
+use super::table::{Group, Measurement, Rows, Series, Tell, Wanted};
 use super::{thrift, units};
 
 /// Rows of a file, at most: a day at a kilohertz. A count above it is damage, for a few bytes may claim any number of equal values.
@@ -25,18 +29,19 @@ const MOST_ROWS: usize = 1 << 27;
 
 const ENDLESS: &str = "a count in it is larger than the file";
 
-/// Reads a Parquet file.
-pub(crate) fn read(file: &str, bytes: Vec<u8>, wanted: Wanted<'_>) -> Result<Measurement, RecordingError> {
+/// Reads a Parquet file; `file` is what messages call it.
+pub(crate) fn read(file: &str, path: &Path, wanted: Wanted<'_>, tell: Tell<'_>) -> Result<Measurement, RecordingError> {
     // The library beneath takes some promises of a damaged file for granted; a panic there is a damaged file and nothing else.
-    catch_unwind(AssertUnwindSafe(|| decode(file, bytes, wanted)))
+    catch_unwind(AssertUnwindSafe(|| decode(file, path, wanted, tell)))
         .unwrap_or_else(|_| Err(Defect::Damaged("its pages do not fit together".into()).in_file(file)))
 }
 
-fn decode(file: &str, bytes: Vec<u8>, wanted: Wanted<'_>) -> Result<Measurement, RecordingError> {
+fn decode(file: &str, path: &Path, wanted: Wanted<'_>, tell: Tell<'_>) -> Result<Measurement, RecordingError> {
     let damaged = |e: ParquetError| Defect::Damaged(e.to_string()).in_file(file);
-    let bytes = Bytes::from(bytes);
-    thrift::check_footer(&bytes).map_err(|_| Defect::Damaged(ENDLESS.into()).in_file(file))?;
-    let reader = SerializedFileReader::new(bytes.clone()).map_err(damaged)?;
+    let unreadable = |e: std::io::Error| Defect::Unreadable(e.to_string()).in_file(file);
+    let mut pages = File::open(path).map_err(unreadable)?;
+    thrift::check_footer(&footer(&mut pages).map_err(unreadable)?).map_err(|_| Defect::Damaged(ENDLESS.into()).in_file(file))?;
+    let reader = SerializedFileReader::new(pages.try_clone().map_err(unreadable)?).map_err(damaged)?;
     let units = stated_units(&reader);
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     let rows = usize::try_from(reader.metadata().file_metadata().num_rows()).unwrap_or(0);
@@ -59,12 +64,13 @@ fn decode(file: &str, bytes: Vec<u8>, wanted: Wanted<'_>) -> Result<Measurement,
         let mut one = Series { name, unit, ..Series::default() };
         // The count is the file's claim; the values that are there decide.
         one.values.reserve(rows.min(1 << 24));
-        read_column(&reader, &bytes, index, rows, &mut one).map_err(damaged)?;
+        read_column(&reader, &mut pages, index, rows, &mut one).map_err(damaged)?;
         if one.values.len() != rows {
             let what = format!("column {path} holds {} of {rows} rows", one.values.len());
             return Err(Defect::Damaged(what).in_file(file));
         }
         series.push(one);
+        tell((index + 1) as f64 / schema.num_columns() as f64);
     }
     let group = Group { series, ..Group::default() };
     Ok(Measurement { file: file.to_string(), groups: vec![group], names, rows: Rows::Table, notes: Vec::new() })
@@ -72,43 +78,80 @@ fn decode(file: &str, bytes: Vec<u8>, wanted: Wanted<'_>) -> Result<Measurement,
 
 /// Appends every row group's part of one column.
 fn read_column(
-    reader: &SerializedFileReader<Bytes>,
-    bytes: &Bytes,
+    reader: &SerializedFileReader<File>,
+    file: &mut File,
     index: usize,
     rows: usize,
     into: &mut Series,
 ) -> Result<(), ParquetError> {
     // Time stamps since 1970 in nanoseconds need more digits than a double has; counted from the first they fit.
     let mut first: Option<i64> = None;
+    let mut since = |v: i64| v.saturating_sub(*first.get_or_insert(v)) as f64;
     for group in 0..reader.num_row_groups() {
         let part = reader.get_row_group(group)?;
         let chunk = part.metadata().column(index);
-        let pages = place(chunk).and_then(|range| bytes.get(range)).unwrap_or_default();
-        thrift::check_pages(pages).map_err(|_| ParquetError::General(ENDLESS.into()))?;
-        let descriptor = chunk.column_descr_ptr();
-        let stamp = stamp_unit(&descriptor).is_some();
+        let pages = place(chunk).map(|range| bytes_at(file, range)).transpose()?.unwrap_or_default();
+        thrift::check_pages(&pages).map_err(|_| ParquetError::General(ENDLESS.into()))?;
+        let d = chunk.column_descr_ptr();
+        let stamp = stamp_unit(&d).is_some();
+        let scale = is_decimal(&d).then(|| 10f64.powi(d.type_scale()));
         match part.get_column_reader(index)? {
-            ColumnReader::DoubleColumnReader(r) => append(r, &descriptor, rows, into, |v| v)?,
-            ColumnReader::FloatColumnReader(r) => append(r, &descriptor, rows, into, f64::from)?,
-            ColumnReader::Int32ColumnReader(r) if !is_decimal(&descriptor) => append(r, &descriptor, rows, into, f64::from)?,
-            ColumnReader::Int64ColumnReader(r) if stamp => {
-                append(r, &descriptor, rows, into, |v: i64| v.saturating_sub(*first.get_or_insert(v)) as f64)?;
+            ColumnReader::BoolColumnReader(r) => append(r, &d, rows, into, |v| f64::from(u8::from(v)))?,
+            ColumnReader::DoubleColumnReader(r) => append(r, &d, rows, into, |v| v)?,
+            ColumnReader::FloatColumnReader(r) => append(r, &d, rows, into, f64::from)?,
+            ColumnReader::Int32ColumnReader(r) => append(r, &d, rows, into, |v| f64::from(v) / scale.unwrap_or(1.0))?,
+            ColumnReader::Int64ColumnReader(r) if stamp => append(r, &d, rows, into, &mut since)?,
+            ColumnReader::Int64ColumnReader(r) => append(r, &d, rows, into, |v| v as f64 / scale.unwrap_or(1.0))?,
+            ColumnReader::Int96ColumnReader(r) => append(r, &d, rows, into, |v: Int96| since(v.to_nanos()))?,
+            ColumnReader::FixedLenByteArrayColumnReader(r) if is_half(&d) => append(r, &d, rows, into, |v| half(v.data()))?,
+            ColumnReader::FixedLenByteArrayColumnReader(r) if scale.is_some() => {
+                append(r, &d, rows, into, |v| big_endian(v.data()) / scale.unwrap_or(1.0))?;
             }
-            ColumnReader::Int64ColumnReader(r) if !is_decimal(&descriptor) => append(r, &descriptor, rows, into, |v| v as f64)?,
+            ColumnReader::ByteArrayColumnReader(r) if scale.is_some() => {
+                append(r, &d, rows, into, |v| big_endian(v.data()) / scale.unwrap_or(1.0))?;
+            }
             _ => {
-                into.text.get_or_insert_with(|| (0, format!("a value of type {}", descriptor.physical_type())));
+                into.text.get_or_insert_with(|| (0, format!("a value of type {}", d.physical_type())));
                 let here = usize::try_from(part.metadata().num_rows()).unwrap_or(0);
                 into.values.extend(std::iter::repeat_n(f64::NAN, here.min(rows - into.values.len())));
             }
         }
     }
+    // An infinite value is no measurement either.
+    into.values.iter_mut().filter(|v| v.is_infinite()).for_each(|v| *v = f64::NAN);
     Ok(())
 }
 
+/// The metadata at the end of the file, with its length and mark.
+fn footer(file: &mut File) -> std::io::Result<Vec<u8>> {
+    let size = file.seek(SeekFrom::End(0))?;
+    let tail = bytes_at(file, size.saturating_sub(8)..size)?;
+    let length = tail.first_chunk::<4>().map_or(0, |b| u64::from(u32::from_le_bytes(*b)));
+    bytes_at(file, size.saturating_sub(length.saturating_add(8))..size)
+}
+
+/// What the file has there, at most.
+fn bytes_at(file: &mut File, range: std::ops::Range<u64>) -> std::io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    file.seek(SeekFrom::Start(range.start))?;
+    file.take(range.end.saturating_sub(range.start)).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+fn half(bytes: &[u8]) -> f64 {
+    bytes.first_chunk::<2>().map_or(f64::NAN, |b| f16::from_le_bytes(*b).to_f64())
+}
+
+/// A signed integer of any width, highest byte first.
+fn big_endian(bytes: &[u8]) -> f64 {
+    let sign = if bytes.first().is_some_and(|b| b & 0x80 != 0) { -1.0 } else { 0.0 };
+    bytes.iter().fold(sign, |value, &b| value * 256.0 + f64::from(b))
+}
+
 /// Where the pages of a column chunk stand in the file.
-fn place(chunk: &ColumnChunkMetaData) -> Option<std::ops::Range<usize>> {
+fn place(chunk: &ColumnChunkMetaData) -> Option<std::ops::Range<u64>> {
     let start = chunk.dictionary_page_offset().unwrap_or(chunk.data_page_offset()).min(chunk.data_page_offset());
-    let (start, length) = (usize::try_from(start).ok()?, usize::try_from(chunk.compressed_size()).ok()?);
+    let (start, length) = (u64::try_from(start).ok()?, u64::try_from(chunk.compressed_size()).ok()?);
     Some(start..start.checked_add(length)?)
 }
 
@@ -145,7 +188,11 @@ fn append<T: DataType>(
 }
 
 fn is_decimal(descriptor: &ColumnDescriptor) -> bool {
-    descriptor.converted_type() == ConvertedType::DECIMAL
+    descriptor.converted_type() == ConvertedType::DECIMAL || matches!(descriptor.logical_type_ref(), Some(LogicalType::Decimal { .. }))
+}
+
+fn is_half(descriptor: &ColumnDescriptor) -> bool {
+    matches!(descriptor.logical_type_ref(), Some(LogicalType::Float16))
 }
 
 /// The unit of a time stamp's ticks, `None` for any other column.
@@ -158,12 +205,13 @@ fn stamp_unit(descriptor: &ColumnDescriptor) -> Option<&'static str> {
         }),
         (_, ConvertedType::TIMESTAMP_MILLIS) => Some("ms"),
         (_, ConvertedType::TIMESTAMP_MICROS) => Some("us"),
+        _ if descriptor.physical_type() == PhysicalType::INT96 => Some("ns"),
         _ => None,
     }
 }
 
 /// Units by column, as the file's metadata states them.
-fn stated_units(reader: &SerializedFileReader<Bytes>) -> HashMap<String, String> {
+fn stated_units(reader: &SerializedFileReader<File>) -> HashMap<String, String> {
     let mut units = HashMap::new();
     for pair in reader.metadata().file_metadata().key_value_metadata().into_iter().flatten() {
         let Some(json) = pair.value.as_deref().and_then(|v| serde_json::from_str::<serde_json::Value>(v).ok()) else {

@@ -10,11 +10,11 @@
 
 use std::rc::Rc;
 
-use super::channel_map::{ChannelMap, Mapped};
+use super::channel_map::{ChannelMap, Mapped, TorqueKind};
 use super::channels::{CHANNELS, Channel, Presence, Spec};
 use super::error::{Defect, RecordingError};
 use super::table::{Group, Measurement, Series};
-use super::units::{self, Unit};
+use super::units::{self, Quantity, Unit};
 
 /// One of our channels as found in a file, in our unit, with its clock.
 #[derive(Clone, Debug)]
@@ -45,6 +45,7 @@ pub(crate) fn pick(m: &mut Measurement, map: &ChannelMap) -> Result<Picked, Reco
     let mut found = Vec::new();
     for spec in &CHANNELS[1..] {
         match find(m, spec, map)? {
+            _ if constant(spec, map).is_some() => {}
             Some(place) => found.push((spec, place)),
             None if spec.presence == Presence::Always => return Err(missing(m, spec, map)),
             None => {}
@@ -70,7 +71,22 @@ pub(crate) fn pick(m: &mut Measurement, map: &ChannelMap) -> Result<Picked, Reco
         let values = convert(m, group, at, spec, map, &mut notes)?;
         signals.push(Signal { channel: spec.channel, label, time, values });
     }
+    // A constant has a sample wherever the flywheel has one.
+    let clock = signals.iter().find(|s| s.channel == Channel::OmegaF).map(|s| s.time.clone()).unwrap_or_default();
+    for (spec, value) in CHANNELS.iter().filter_map(|spec| Some((spec, constant(spec, map)?))) {
+        notes.push(format!("{}: {value} {} throughout, as the channel map says", spec.column, spec.unit));
+        let values = vec![value; clock.len()];
+        signals.push(Signal { channel: spec.channel, label: spec.column.to_string(), time: clock.clone(), values });
+    }
+    if map.get(Channel::TE).is_some_and(|m| m.kind == Some(TorqueKind::Indicated)) {
+        notes.push("T_e_Nm: indicated torque, as the channel map says: b_f has to hold the engine's friction and accessories".to_string());
+    }
     Ok(Picked { signals, notes })
+}
+
+/// The constant that stands for a channel.
+fn constant(spec: &Spec, map: &ChannelMap) -> Option<f64> {
+    map.get(spec.channel)?.value
 }
 
 /// Group and position of the one series for a channel.
@@ -183,21 +199,24 @@ fn factors(series: &Series, spec: &Spec, entry: Option<&Mapped>) -> Result<(f64,
     let stated = entry.and_then(|e| e.unit.as_deref());
     if let Some(entry) = scaled {
         let (scale, offset) = (entry.scale.unwrap_or(1.0), entry.offset.unwrap_or(0.0));
-        let unit = stated.map_or(Ok(OURS), |u| understood(u, spec))?;
+        let unit = stated.map_or(Ok(OURS), |u| understood(u, spec, Some(entry)))?;
+        let ratio = entry.ratio.unwrap_or(1.0);
+        let (scale, offset) = (scale * ratio, offset * ratio);
         let said = format!("value · {scale} + {offset} {}", stated.unwrap_or(""));
         return Ok((scale * unit.factor, offset * unit.factor + unit.offset, said.trim_end().to_string()));
     }
     let in_file = series.unit.as_deref();
+    let ratio = entry.and_then(|e| e.ratio).unwrap_or(1.0);
     let unit = match (stated, in_file) {
         (Some(stated), in_file) => {
-            let unit = understood(stated, spec)?;
-            if let Some(text) = in_file.filter(|t| units::parse(t).is_some_and(|u| !same(u, unit))) {
+            let unit = understood(stated, spec, entry)?;
+            if let Some(text) = in_file.filter(|t| understood(t, spec, entry).is_ok_and(|u| !same(u, unit))) {
                 return Err(contradiction(("the channel map", stated), ("the file", text)));
             }
             unit
         }
         (None, Some(text)) => {
-            let unit = understood(text, spec)?;
+            let unit = understood(text, spec, entry)?;
             if series.name.eq_ignore_ascii_case(spec.column) && !same(unit, OURS) {
                 return Err(contradiction(("the channel's name", spec.unit), ("the file", text)));
             }
@@ -205,7 +224,9 @@ fn factors(series: &Series, spec: &Spec, entry: Option<&Mapped>) -> Result<(f64,
         }
         (None, None) => OURS,
     };
-    Ok((unit.factor, unit.offset, stated.or(in_file).unwrap_or("").to_string()))
+    let said = stated.or(in_file).unwrap_or("");
+    let through = if ratio == 1.0 { said.to_string() } else { format!("{said} times a ratio of {ratio}") };
+    Ok((unit.factor * ratio, unit.offset * ratio, through.trim().to_string()))
 }
 
 /// The identity; the quantity is not looked at.
@@ -219,9 +240,19 @@ fn contradiction(first: (&'static str, &str), second: (&'static str, &str)) -> D
     Defect::UnitContradiction { first: first.0, first_unit: first.1.to_string(), second: second.0, second_unit: second.1.to_string() }
 }
 
-fn understood(text: &str, spec: &Spec) -> Result<Unit, Defect> {
+/// A unit of the channel, or of what the map makes it from: a road speed with a tyre, a percentage with its reference.
+fn understood(text: &str, spec: &Spec, entry: Option<&Mapped>) -> Result<Unit, Defect> {
     let (quantity, known) = (units::quantity_name(spec.quantity), units::examples(spec.quantity));
+    let (radius, reference) = (entry.and_then(|e| e.tyre_radius), entry.and_then(|e| e.reference));
     match units::parse(text) {
+        Some(unit) if unit.quantity == Quantity::Velocity && spec.quantity == Quantity::Speed => match radius {
+            Some(radius) => Ok(Unit { quantity: spec.quantity, factor: unit.factor / radius, offset: 0.0 }),
+            None => Err(Defect::RoadSpeed(text.to_string())),
+        },
+        Some(unit) if unit.quantity == Quantity::Share && spec.quantity == Quantity::Torque => match reference {
+            Some(reference) => Ok(Unit { quantity: spec.quantity, factor: unit.factor * reference / 100.0, offset: 0.0 }),
+            None => Err(Defect::Percentage),
+        },
         None => Err(Defect::UnknownUnit { unit: text.to_string(), quantity, known }),
         Some(unit) if unit.quantity != spec.quantity => Err(Defect::WrongQuantity { unit: text.to_string(), quantity, known }),
         Some(unit) => Ok(unit),

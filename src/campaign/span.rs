@@ -98,7 +98,7 @@ pub(crate) fn round(rate: f64) -> f64 {
 /// First and last time that all channels that are needed cover.
 pub(crate) fn span(m: &Measurement, tracks: &[Track], notes: &mut Vec<String>) -> Result<(f64, f64), RecordingError> {
     let needed: Vec<&Track> = tracks.iter().filter(|t| t.bounds()).collect();
-    let earliest = needed.iter().map(|t| t.signal.time[0]).fold(f64::INFINITY, f64::min);
+    let earliest = needed.iter().map(|t| t.spacing.first).fold(f64::INFINITY, f64::min);
     let start = needed.iter().map(|t| t.spacing.first).fold(f64::NEG_INFINITY, f64::max);
     if let Some(late) = needed.iter().find(|t| t.spacing.first - earliest > EDGE_S) {
         let seconds = late.spacing.first - earliest;
@@ -119,7 +119,7 @@ pub(crate) fn span(m: &Measurement, tracks: &[Track], notes: &mut Vec<String>) -
     if end - start < SHORTEST_S - SAME_S {
         return Err(too_short(m, tracks, (end - start).max(0.0)));
     }
-    let longest = needed.iter().map(|t| *t.signal.time.last().unwrap_or(&end)).fold(end, f64::max);
+    let longest = needed.iter().map(|t| t.spacing.last).fold(end, f64::max);
     let step = needed.iter().map(|t| t.spacing.step).fold(f64::INFINITY, f64::min);
     if cut.is_none() && longest - end > 1.5 * step {
         let short = needed.iter().min_by(|a, b| a.end(a.spacing.last).total_cmp(&b.end(b.spacing.last)));

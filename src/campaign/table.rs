@@ -1,6 +1,11 @@
 //! A measurement file as read, before anything is believed about it: groups of series that share a clock.
 
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
 use super::error::{Defect, RecordingError};
+use super::text_cells::text;
 
 /// What a file holds. A text or Parquet file has one group; an MDF file has one per rate.
 #[derive(Debug, Default)]
@@ -93,18 +98,25 @@ impl Measurement {
     }
 }
 
-/// Which of the three formats bytes are in.
+/// Which format a file is in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Format {
-    Csv,
+    Text,
     Mdf,
     Parquet,
 }
 
 impl Format {
     /// File endings that are read.
-    pub const ENDINGS: [(&'static str, Format); 4] =
-        [("csv", Format::Csv), ("mf4", Format::Mdf), ("parquet", Format::Parquet), ("pq", Format::Parquet)];
+    pub const ENDINGS: [(&'static str, Format); 7] = [
+        ("csv", Format::Text),
+        ("txt", Format::Text),
+        ("dat", Format::Text),
+        ("tsv", Format::Text),
+        ("mf4", Format::Mdf),
+        ("parquet", Format::Parquet),
+        ("pq", Format::Parquet),
+    ];
 
     /// By the file's ending.
     pub fn from_ending(ending: &str) -> Option<Format> {
@@ -117,33 +129,77 @@ impl Format {
         match bytes {
             [b'M', b'D', b'F', b' ', ..] | [b'U', b'n', b'F', b'i', b'n', b'M', b'F', ..] => Format::Mdf,
             [b'P', b'A', b'R', b'1', ..] => Format::Parquet,
-            _ => Format::Csv,
+            _ => Format::Text,
         }
     }
 
     /// The format in words.
     pub fn name(self) -> &'static str {
         match self {
-            Format::Csv => "a text file",
+            Format::Text => "a text file",
             Format::Mdf => "an MDF file",
             Format::Parquet => "a Parquet file",
         }
     }
 }
 
-/// Reads the bytes of a file with the reader for its format.
-pub(crate) fn read(file: &str, bytes: Vec<u8>, format: Format, wanted: Wanted<'_>) -> Result<Measurement, RecordingError> {
-    if bytes.is_empty() {
-        return Err(Defect::Empty.in_file(file));
+/// Files of other kinds, by their ending or first bytes, and what to do with them.
+fn other_kind(path: &Path, head: &[u8]) -> Option<Defect> {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    let frames = match ending.as_str() {
+        "blf" => Some("Vector BLF"),
+        "asc" => Some("Vector ASC"),
+        "trc" => Some("PCAN TRC"),
+        "log" => Some("candump"),
+        _ if head.starts_with(b"LOGG") => Some("Vector BLF"),
+        _ if head.starts_with(b";$FILEVERSION") => Some("PCAN TRC"),
+        _ => None,
+    };
+    match (frames, ending.as_str()) {
+        (Some(kind), _) => Some(Defect::RawFrames(kind)),
+        (None, "xlsx" | "xlsm" | "xls" | "ods") => Some(Defect::Workbook),
+        (None, "mdf") if head.starts_with(b"MDF     3") || head.starts_with(b"MDF     2") => Some(Defect::OldMdf(text(&head[8..12]))),
+        _ if head.starts_with(b"PK\x03\x04") => Some(Defect::Workbook),
+        _ => None,
     }
-    let found = Format::from_bytes(&bytes);
-    if found != format {
-        let found = if found == Format::Csv { "text or of an unknown kind" } else { found.name() };
-        return Err(Defect::WrongFormat { found, expected: format.name() }.in_file(file));
+}
+
+/// What messages call a file.
+pub(crate) fn file_name(path: &Path) -> String {
+    path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned())
+}
+
+/// The format of a file, by its first bytes; an ending that says otherwise is a defect.
+pub(crate) fn format(path: &Path) -> Result<Format, RecordingError> {
+    let file = file_name(path);
+    let mut head = Vec::new();
+    let read = File::open(path).and_then(|f| f.take(64).read_to_end(&mut head));
+    read.map_err(|e| Defect::Unreadable(e.to_string()).in_file(&file))?;
+    if head.is_empty() {
+        return Err(Defect::Empty.in_file(&file));
     }
-    match format {
-        Format::Csv => super::csv::read(file, &bytes, wanted),
-        Format::Mdf => super::mdf::read(file, bytes, wanted),
-        Format::Parquet => super::parquet::read(file, bytes, wanted),
+    if let Some(defect) = other_kind(path, &head) {
+        return Err(defect.in_file(&file));
+    }
+    let found = Format::from_bytes(&head);
+    match path.extension().and_then(|e| Format::from_ending(&e.to_string_lossy())) {
+        Some(expected) if expected != found => {
+            let found = if found == Format::Text { "text or of an unknown kind" } else { found.name() };
+            Err(Defect::WrongFormat { found, expected: expected.name() }.in_file(&file))
+        }
+        _ => Ok(found),
+    }
+}
+
+/// What is told of the progress, as a share.
+pub(crate) type Tell<'a> = &'a dyn Fn(f64);
+
+/// Reads a file with the reader for its format; a database (DBC) turns frames of a CAN bus into signals.
+pub(crate) fn read(path: &Path, dbc: Option<&Path>, wanted: Wanted<'_>, tell: Tell<'_>) -> Result<Measurement, RecordingError> {
+    let file = file_name(path);
+    match format(path)? {
+        Format::Text => super::csv::read(&file, path, wanted, tell),
+        Format::Mdf => super::mdf::read(&file, path, dbc, wanted, tell),
+        Format::Parquet => super::parquet::read(&file, path, wanted, tell),
     }
 }

@@ -10,6 +10,9 @@
 //! | length | mm | m, cm, µm, in |
 //! | temperature | °C | K, °F |
 //! | flag | 1 | bool |
+//! | road speed | m/s | km/h, mph |
+//! | acceleration | m/s² | |
+//! | percentage | % | |
 //!
 //! A bare `1/s` is refused on purpose: some tools mean rad/s by it and some mean revolutions.
 
@@ -30,6 +33,12 @@ pub enum Quantity {
     Temperature,
     /// 0 or 1
     Flag,
+    /// m/s
+    Velocity,
+    /// m/s²
+    Acceleration,
+    /// %
+    Share,
 }
 
 /// A unit string that is understood.
@@ -70,6 +79,12 @@ pub fn parse(text: &str) -> Option<Unit> {
         "°c" | "degc" | "c" | "celsius" | "deg_c" | "grdc" => unit(Quantity::Temperature, 1.0, 0.0),
         "k" | "kelvin" | "degk" => unit(Quantity::Temperature, 1.0, -273.15),
         "°f" | "degf" | "f" | "fahrenheit" | "deg_f" => unit(Quantity::Temperature, 5.0 / 9.0, -160.0 / 9.0),
+        "m/s" | "mps" | "ms^-1" => unit(Quantity::Velocity, 1.0, 0.0),
+        "km/h" | "kmh" | "kph" | "kmph" => unit(Quantity::Velocity, 1.0 / 3.6, 0.0),
+        "mph" | "mi/h" => unit(Quantity::Velocity, 0.447_04, 0.0),
+        "m/s²" | "m/s^2" | "m/s2" | "mps2" => unit(Quantity::Acceleration, 1.0, 0.0),
+        "g_n" => unit(Quantity::Acceleration, 9.806_65, 0.0),
+        "%" | "pct" | "percent" => unit(Quantity::Share, 1.0, 0.0),
         "1" | "-" | "bool" | "boolean" => unit(Quantity::Flag, 1.0, 0.0),
         _ => None,
     }
@@ -84,6 +99,9 @@ pub fn examples(quantity: Quantity) -> &'static str {
         Quantity::Length => "mm, m, cm, um, in",
         Quantity::Temperature => "°C, K, °F",
         Quantity::Flag => "1, bool",
+        Quantity::Velocity => "m/s, km/h, mph",
+        Quantity::Acceleration => "m/s²",
+        Quantity::Share => "%",
     }
 }
 
@@ -96,6 +114,9 @@ pub fn quantity_name(quantity: Quantity) -> &'static str {
         Quantity::Length => "a length",
         Quantity::Temperature => "a temperature",
         Quantity::Flag => "a flag",
+        Quantity::Velocity => "a road speed",
+        Quantity::Acceleration => "an acceleration",
+        Quantity::Share => "a percentage",
     }
 }
 
@@ -161,7 +182,7 @@ mod tests {
     #[test]
     fn a_bare_per_second_is_no_unit() {
         assert_eq!(parse("1/s"), None);
-        assert_eq!(parse("%"), None);
+        assert_eq!(parse("V"), None);
     }
 
     #[test]

@@ -9,16 +9,16 @@ use crate::campaign::{self, Campaign, ChannelMap, ReadOptions, Recording};
 use crate::effects::REGISTRY;
 use crate::fmu::{self, FmuError, library, ssv};
 use crate::gap::answer::plant_parameters;
-use crate::gap::balance::{HIGH_TORQUE_NM, HOT_DEGC};
 use crate::gap::diagnosis::{Diagnosis, diagnose};
+use crate::gap::map::{HIGH_TORQUE_NM, HOT_DEGC};
 use crate::report;
-use serde_json::{Value, json};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Options of `kisspoint diagnose`.
 #[derive(clap::Args, Debug)]
 #[command(
-    after_help = "Writes diagnosis.json, report.html, plant.ssv and DrivelinePlant.fmu into DIR. Exit code 0 whatever the verdict.\n\nExamples:\n  kisspoint diagnose measurements/car_17 --out out/car_17\n  kisspoint diagnose measurements/* --out out\n  kisspoint diagnose measurements/* --json > answers.jsonl"
+    after_help = "Writes diagnosis.json, report.html, plant.ssv and DrivelinePlant.fmu into DIR. Exit code 0 whatever the verdict.\n\nExamples:\n  kisspoint diagnose measurements/car_17 --out out/car_17\n  kisspoint diagnose measurements/car_17 --out out/car_17 --evidence\n  kisspoint diagnose measurements/* --out out\n  kisspoint diagnose measurements/* --json > answers.jsonl"
 )]
 pub struct Args {
     /// Folders with vehicle.json, recordings.json and the recordings
@@ -33,12 +33,15 @@ pub struct Args {
     /// Names and units of the channels, TOML or JSON
     #[arg(long, value_name = "FILE")]
     channel_map: Option<PathBuf>,
+    /// Write evidence.ssp beside the answer: retuned FMU, held-out recordings, answer and report with checksums, by the standards of SSP Traceability
+    #[arg(long, requires = "out")]
+    evidence: bool,
     /// Refuse the campaign if any recording has a defect
     #[arg(long)]
     strict: bool,
-    /// Threads; 0 takes all cores. The answer does not depend on it
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    threads: usize,
+    /// Threads, at most 256; 0 takes all cores. The answer does not depend on it
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=256))]
+    threads: u16,
     /// Shared library for the retuned FMU, one per platform; else $KISSPOINT_LIBRARY, or the one beside this program
     #[arg(long, value_name = "FILE")]
     library: Vec<PathBuf>,
@@ -53,8 +56,8 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
     let libraries = if args.out.is_some() { library::find(&args.library)? } else { Vec::new() };
     let channel_map = args.channel_map.as_deref().map(ChannelMap::from_file).transpose()?;
     let options = ReadOptions { channel_map, strict: args.strict };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
-    let answer = |path: &Path, out: Option<&Path>, label: &str| one(path, out, label, &options, &pool, &libraries);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads.into()).build()?;
+    let answer = |path: &Path, out: Option<&Path>, label: &str| one(path, out, label, args.evidence, &options, &pool, &libraries);
     let [path] = args.campaigns.as_slice() else { return several(args, answer) };
     let diagnosis = answer(path, args.out.as_deref(), "")?;
     if args.json { print_json(&diagnosis.json) } else { print(&summary(&diagnosis, args.out.as_deref())) }
@@ -99,11 +102,17 @@ fn one(
     path: &Path,
     out: Option<&Path>,
     label: &str,
+    evidence: bool,
     options: &ReadOptions,
     pool: &rayon::ThreadPool,
     libraries: &[library::Library],
 ) -> Result<Diagnosis, CommandError> {
-    let campaign = campaign::read(path, options)?;
+    let bar = Progress::new();
+    let read = campaign::read_telling(path, options, &|file, share| bar.tell(&format!("{label}reading {file}"), share));
+    bar.finish();
+    let campaign = read?;
+    // Standard output may be a machine's.
+    eprint!("{}", campaign.remarks());
     let bar = Progress::new();
     let found = pool.install(|| diagnose(&campaign, &|what, share| bar.tell(&format!("{label}{what}"), share)));
     bar.finish();
@@ -111,7 +120,11 @@ fn one(
     let diagnosis = found.map_err(refused)?;
     let shown = name(path).display().to_string();
     if let Some(out) = out {
-        write_all(out, &files(&diagnosis, &shown, &provenance(&campaign, options), libraries)?)?;
+        let mut files = files(&diagnosis, &shown, &provenance(&campaign, options), libraries)?;
+        if evidence {
+            files.push(("evidence.ssp", super::evidence::archive(&diagnosis.json, &files, &campaign)?));
+        }
+        write_all(out, &files)?;
     }
     Ok(diagnosis)
 }
@@ -135,7 +148,7 @@ fn provenance(campaign: &Campaign, options: &ReadOptions) -> Vec<(String, String
         ("kisspoint", env!("CARGO_PKG_VERSION").to_owned()),
         ("recordings", format!("{} used at {}, {} left out", recordings.len(), rates.join(" and "), campaign.left_out.len())),
         ("bench channels", if bench.is_empty() { "none".to_owned() } else { bench.join(", ") }),
-        ("candidates", format!("{} effects, alone and in pairs, with {tolerances} declared tolerances free", REGISTRY.len())),
+        ("candidates", format!("{} effects, up to three at a time, with {tolerances} declared tolerances free", REGISTRY.len())),
         ("channel map", if options.channel_map.is_some() { "yes" } else { "none: the files have the names of the contract" }.to_owned()),
         ("recordings with defects", if options.strict { "refused (--strict)" } else { "left out, with a word" }.to_owned()),
         ("data fingerprint (SHA-256)", campaign.fingerprint.clone()),
@@ -163,7 +176,7 @@ fn files(
         .description
         .variables
         .iter()
-        .filter_map(|v| named.get(v.name).and_then(Value::as_f64).map(|value| ssv::Parameter { name: v.name, value, unit: v.unit }))
+        .filter_map(|v| named.get(v.name).map(|&value| ssv::Parameter { name: v.name, value, unit: v.unit }))
         .collect();
     Ok(vec![
         ("diagnosis.json", format!("{:#}\n", diagnosis.json).into_bytes()),

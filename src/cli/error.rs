@@ -22,6 +22,9 @@ pub enum CommandError {
         /// Recordings that could not be used.
         left_out: Vec<LeftOut>,
     },
+    /// Options that do not fit the file or each other; the message says how.
+    #[error("{0}")]
+    Refused(String),
     /// Some of several campaigns; each has had its own message.
     #[error("{failed} of {all} campaigns could not be diagnosed; the messages above say why")]
     Some {
@@ -40,6 +43,17 @@ pub enum CommandError {
         path: PathBuf,
         /// What is wrong in it.
         source: VehicleError,
+    },
+    /// Evidence that cannot be put together.
+    #[error(transparent)]
+    Evidence(#[from] super::evidence::EvidenceError),
+    /// A file with faults that is not sound.
+    #[error("{}: {what}", path.display())]
+    Faults {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong in it.
+        what: String,
     },
     /// An FMU, or the shared library that goes into it.
     #[error(transparent)]

@@ -2,10 +2,13 @@
 
 use super::error::{CommandError, at};
 use crate::effects::{self, Parameters};
+use crate::faults::Faults;
 use crate::vehicle::{Vehicle, VehicleError};
 use serde_json::Value;
-use std::io::ErrorKind;
+use std::fs::File;
+use std::io::{ErrorKind, Write};
 use std::path::Path;
+use tempfile::NamedTempFile;
 
 /// What a vehicle file holds.
 pub struct VehicleFile {
@@ -32,30 +35,65 @@ pub fn read_vehicle(path: &Path) -> Result<VehicleFile, CommandError> {
     document.and_then(parse).map_err(|source| CommandError::Vehicle { path: path.to_owned(), source })
 }
 
+/// Reads a file with faults.
+///
+/// # Errors
+/// A file that cannot be read, or is not sound.
+pub fn read_faults(path: &Path) -> Result<Faults, CommandError> {
+    let text = std::fs::read_to_string(path).map_err(at(path))?;
+    let wrong = |what: String| CommandError::Faults { path: path.to_owned(), what };
+    let document = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+    Faults::from_value(&document).map_err(|e| wrong(e.to_string()))
+}
+
 /// Writes a file that is there already only with `force`.
 ///
 /// # Errors
 /// A file that exists, or cannot be written.
 pub fn write_new(path: &Path, text: &str, force: bool) -> Result<(), CommandError> {
-    if path.exists() && !force {
-        return Err(CommandError::Exists(path.to_owned()));
+    path.file_name().ok_or_else(|| at(path)(ErrorKind::InvalidFilename.into()))?;
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder).map_err(at(folder))?;
+    let file = beside(folder, text.as_bytes()).map_err(at(path))?;
+    let placed = if force { file.persist(path) } else { file.persist_noclobber(path) };
+    match placed {
+        Ok(_) => Ok(()),
+        Err(e) if !force && e.error.kind() == ErrorKind::AlreadyExists => Err(CommandError::Exists(path.to_owned())),
+        Err(e) => Err(at(path)(e.error)),
     }
-    let unnamed = || at(path)(ErrorKind::InvalidFilename.into());
-    let name = path.file_name().ok_or_else(unnamed)?.to_string_lossy();
-    write_all(path.parent().unwrap_or(Path::new("")), &[(name, text.as_bytes().to_vec())])
 }
 
-/// Writes files into a folder: every one beside its place first, and into it when it is complete, so that an interruption leaves nothing
-/// half-written under its name.
+/// Writes files into a folder as one answer: all are written beside their places first, under names of their own, and put into them when the
+/// last one is complete. A full disk or an interruption before that leaves what was there; of two runs into one folder the later one remains whole.
 ///
 /// # Errors
 /// A folder or a file that cannot be written.
 pub fn write_all(folder: &Path, files: &[(impl AsRef<str>, Vec<u8>)]) -> Result<(), CommandError> {
     std::fs::create_dir_all(folder).map_err(at(folder))?;
-    for (name, bytes) in files {
-        let name = name.as_ref();
-        let (path, partial) = (folder.join(name), folder.join(format!(".{name}.partial")));
-        std::fs::write(&partial, bytes).and_then(|()| std::fs::rename(&partial, &path)).map_err(at(path))?;
+    let place = |name: &str| folder.join(name);
+    let complete = |(name, bytes): &(_, Vec<u8>)| {
+        let path = place(AsRef::<str>::as_ref(name));
+        beside(folder, bytes).map(|file| (file, path.clone())).map_err(at(path))
+    };
+    let complete: Vec<_> = files.iter().map(complete).collect::<Result<_, _>>()?;
+    // Where a folder can be locked. It is freed when the handle is dropped.
+    let lock = File::open(folder).ok();
+    let _ = lock.as_ref().map(File::lock);
+    for (file, path) in complete {
+        file.persist(&path).map_err(|e| at(path)(e.error))?;
     }
     Ok(())
+}
+
+/// A complete file in `folder` without a place yet; dropped, it is gone.
+fn beside(folder: &Path, bytes: &[u8]) -> std::io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".kisspoint-").suffix(".partial");
+    // As any file that the user makes, not for their eyes alone.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut file = builder.tempfile_in(folder)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    Ok(file)
 }

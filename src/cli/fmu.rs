@@ -1,10 +1,11 @@
 //! `kisspoint fmu`: writes both FMUs, and their coupling for masters.
 
 use super::error::CommandError;
-use super::files::{read_vehicle, write_all};
+use super::files::{read_faults, read_vehicle, write_all};
 use super::output::{print, print_json};
 use crate::effects;
-use crate::fmu::{all, library};
+use crate::fmu::sources::Sources;
+use crate::fmu::{Extras, all, library};
 use crate::vehicle::Vehicle;
 use serde_json::json;
 use std::path::PathBuf;
@@ -26,6 +27,12 @@ pub struct Args {
     /// Shared library that goes in, one per platform; else $KISSPOINT_LIBRARY, or the one beside this program
     #[arg(long, value_name = "FILE")]
     library: Vec<PathBuf>,
+    /// C sources go in too, from the folder that `packaging/sources.sh` fills: for targets that compile FMUs for themselves
+    #[arg(long, value_name = "DIR")]
+    sources: Option<PathBuf>,
+    /// Faults that the plant plays: a JSON list of parameter, time_s, ramp_s and value
+    #[arg(long, value_name = "FILE")]
+    faults: Option<PathBuf>,
     /// Print the paths that were written and the platforms as JSON
     #[arg(long)]
     json: bool,
@@ -41,7 +48,10 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
         Some(path) => read_vehicle(path).map(|file| (file.vehicle, file.effects))?,
     };
     let libraries = library::find(&args.library)?;
-    let files = all(&libraries, &vehicle, &effects)?;
+    let sources = args.sources.as_deref().map(Sources::read).transpose()?;
+    let faults = args.faults.as_deref().map(read_faults).transpose()?;
+    let extras = Extras { sources: sources.as_ref(), faults: faults.as_ref() };
+    let files = all(&libraries, extras, &vehicle, &effects)?;
     write_all(&args.out, &files)?;
     let written: Vec<String> = files.iter().map(|(name, _)| args.out.join(name).display().to_string()).collect();
     let platforms: Vec<&str> = libraries.iter().map(|l| l.platform).collect();

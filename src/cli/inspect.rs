@@ -7,9 +7,10 @@ use clap::Args;
 use super::error::CommandError;
 use super::files::write_new;
 use super::output::{print, print_json};
+use super::progress::Progress;
 use crate::campaign::{self, ChannelInfo, Inspection};
 
-/// Show what a measurement file holds (CSV, MDF4, Parquet), and draft a channel map.
+/// Show what a measurement file holds (text, MDF4, Parquet), and draft a channel map.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:\n  \
     kisspoint inspect drive.mf4\n  \
@@ -18,6 +19,9 @@ use crate::campaign::{self, ChannelInfo, Inspection};
 pub struct InspectArgs {
     /// The file to look into
     pub file: PathBuf,
+    /// Database (DBC) of the CAN bus whose frames an MDF4 file holds
+    #[arg(long, value_name = "FILE")]
+    pub dbc: Option<PathBuf>,
     /// Print JSON instead of a table
     #[arg(long)]
     pub json: bool,
@@ -31,7 +35,12 @@ pub struct InspectArgs {
 
 /// Runs the command.
 pub fn run(args: &InspectArgs) -> Result<(), CommandError> {
-    let inspection = campaign::inspect(&args.file)?;
+    let inspection = {
+        let bar = Progress::new();
+        let found = campaign::inspect(&args.file, args.dbc.as_deref(), &|share| bar.tell("reading", share));
+        bar.finish();
+        found?
+    };
     match &args.draft_map {
         Some(target) if target.as_os_str() == "-" => print(&campaign::draft_channel_map(&inspection)),
         Some(target) => {

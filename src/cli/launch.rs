@@ -1,13 +1,13 @@
 //! `kisspoint launch`: the coupled start-up beside Table II, the paper's figures, hot launches, and many drawn cars.
 
 use super::error::CommandError;
-use super::files::{read_vehicle, write_all};
+use super::files::{read_faults, read_vehicle, write_all};
 use super::launch_drawn;
 use super::output::{print, print_json};
 use crate::control::performance::Performance;
 use crate::launch::drive::Meeting;
 use crate::launch::temperature::{self, Case};
-use crate::launch::{self, Column, Launch, TABLE_II};
+use crate::launch::{self, Column, Launch, Setup, TABLE_II};
 use crate::plots;
 use crate::vehicle::Vehicle;
 use serde_json::{Value, json};
@@ -27,6 +27,9 @@ pub struct Args {
     /// Write Figures 1 to 7 of the paper and the hot launches, or those of the Monte-Carlo, as SVG into this directory
     #[arg(long, value_name = "DIR")]
     plots: Option<PathBuf>,
+    /// Faults of the plant: a JSON list of parameter, time_s, ramp_s and value
+    #[arg(long, value_name = "FILE", conflicts_with = "monte_carlo")]
+    faults: Option<PathBuf>,
     /// Launch another vehicle than the paper's
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
@@ -48,13 +51,18 @@ struct Found {
 /// Runs the subcommand.
 ///
 /// # Errors
-/// A vehicle file that is missing or not sound; a directory that cannot be written.
+/// A file of a vehicle or of faults that is missing or not sound; a directory that cannot be written.
 pub fn run(args: &Args) -> Result<(), CommandError> {
     let vehicle = args.vehicle.as_deref().map_or(Ok(Vehicle::paper()), |path| read_vehicle(path).map(|file| file.vehicle))?;
     if let Some(count) = args.monte_carlo {
         return launch_drawn::run(&vehicle, count as usize, args.seed, args.plots.as_deref(), args.json);
     }
-    let launches = TABLE_II.map(|column| launch::simulate(&column.setup(&vehicle)));
+    let faults = args.faults.as_deref().map(read_faults).transpose()?.unwrap_or_default();
+    let setups = TABLE_II.map(|column| Setup { faults: faults.clone(), ..column.setup(&vehicle) });
+    for (setup, path) in setups.iter().zip(args.faults.iter().cycle()) {
+        setup.check_faults().map_err(|e| CommandError::Faults { path: path.clone(), what: e.to_string() })?;
+    }
+    let launches = setups.each_ref().map(launch::simulate);
     let found: Vec<Found> =
         TABLE_II.iter().zip(&launches).map(|(c, l)| Found { column: *c, performance: l.performance, meeting: l.meeting }).collect();
     let cases = temperature::cases(&vehicle);

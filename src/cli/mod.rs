@@ -6,6 +6,7 @@
 pub mod blind;
 pub mod diagnose;
 pub mod error;
+mod evidence;
 pub mod files;
 pub mod fmu;
 pub mod inspect;
@@ -16,6 +17,7 @@ pub mod plausible;
 pub mod progress;
 pub mod replay;
 pub mod summary;
+pub mod survey;
 pub mod vehicle;
 
 use clap::{CommandFactory, Parser, Subcommand};
@@ -31,6 +33,7 @@ const EXAMPLES: &str = "Examples:
   kisspoint vehicle new --out vehicle.json            a vehicle file to fill in
   kisspoint vehicle check vehicle.json                what is implausible in it
   kisspoint inspect drive.mf4 --draft-map map.toml    what a measurement holds, and a channel map for it
+  kisspoint survey drive.mf4                          gears, launches, shifts and sensors of a log
 
 Exit codes:
   0  done
@@ -63,6 +66,8 @@ enum Command {
     Vehicle(vehicle::Args),
     /// Show what a measurement file holds, and draft a channel map
     Inspect(inspect::InspectArgs),
+    /// Say what a log is worth, which gears, launches and shifts it shows, and what its torque can be
+    Survey(survey::Args),
     /// Print a completion script for a shell
     #[command(after_help = "Examples:\n  \
         kisspoint completions bash > /etc/bash_completion.d/kisspoint\n  \
@@ -84,6 +89,7 @@ pub fn run() -> ExitCode {
         Command::Blind(args) => finish("blind", blind::run(&args)),
         Command::Vehicle(args) => finish("vehicle", vehicle::run(&args)),
         Command::Inspect(args) => finish("inspect", inspect::run(&args)),
+        Command::Survey(args) => finish("survey", survey::run(&args)),
         Command::Completions { shell } => finish("completions", completions(shell)),
     }
 }

@@ -1,6 +1,6 @@
 //! What is implausible in a vehicle that can be used: contradictions that a simulation would carry on with.
 
-use crate::gap::nuisance;
+use crate::gap::model::tolerance::{self, Logger};
 use crate::physics::cushion::{self, CushionSpring};
 use crate::physics::driveline::Driveline;
 use crate::physics::{friction, map};
@@ -196,7 +196,9 @@ fn tolerances(all: &mut Vec<Finding>, document: &Value) {
     };
     for (name, size) in entries {
         let alone = json!({"tolerance": {name: size}});
-        match nuisance::read(&alone).as_deref() {
+        let read =
+            tolerance::read(&alone, Logger::UNIFORM).map(|t| t.shared.into_iter().chain(t.own).filter(|n| n.declared).collect::<Vec<_>>());
+        match read.as_deref() {
             Err(e) => add(all, &format!("tolerance of {name}"), e.to_string(), "`kisspoint vehicle new` lists names that serve"),
             Ok([n]) if n.relative && n.sigma > 0.3 => {
                 let what = format!("one standard deviation of {:.0} % forgives almost everything", 100.0 * n.sigma);

@@ -3,8 +3,9 @@
 use super::error::CommandError;
 use super::files::read_vehicle;
 use super::output::{print, print_json};
+use super::progress::Progress;
 use crate::campaign::{self, Campaign, ChannelMap, LeftOut, Note, ReadOptions, Recording};
-use crate::gap::measure::{HeldOut, evaluate, unit};
+use crate::gap::measure::{HeldOut, evaluate};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -34,7 +35,14 @@ pub struct Args {
 /// A campaign or vehicle file that cannot be read.
 pub fn run(args: &Args) -> Result<(), CommandError> {
     let channel_map = args.channel_map.as_deref().map(ChannelMap::from_file).transpose()?;
-    let campaign = campaign::read(&args.campaign, &ReadOptions { channel_map, strict: false })?;
+    let campaign = {
+        let bar = Progress::new();
+        let read = campaign::read_telling(&args.campaign, &ReadOptions { channel_map, strict: false }, &|file, share| {
+            bar.tell(&format!("reading {file}"), share);
+        });
+        bar.finish();
+        read?
+    };
     let file = read_vehicle(args.vehicle.as_deref().unwrap_or(&campaign.vehicle_path))?;
     let car = (&file.vehicle, &file.effects);
     let gaps: Vec<(&Recording, HeldOut)> =
@@ -44,15 +52,14 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
     }
     let mut text = format!("{:<12} {:<14} {:<15} {:>10} {:>10}  unit\n", "recording", "manoeuvre", "channel", "rms gap", "noise");
     for (r, gap) in &gaps {
-        let (channel, unit) = (gap.channel.column(), unit(gap.channel));
+        let (channel, unit) = (gap.channel.column(), gap.channel.unit());
         text += &format!("{:<12} {:<14} {channel:<15} {:>10.4} {:>10.4}  {unit}\n", r.name, r.manoeuvre, gap.before, gap.noise);
     }
-    text.extend(campaign.left_out.iter().map(|left| format!("left out: {}: {}\n", left.recording, left.reason)));
-    print(&text)
+    print(&(text + &campaign.remarks()))
 }
 
 fn as_json(gaps: &[(&Recording, HeldOut)], campaign: &Campaign) -> Value {
-    let row = |(r, gap): &(&Recording, HeldOut)| json!({"recording": r.name, "manoeuvre": r.manoeuvre, "channel": gap.channel.column(), "unit": unit(gap.channel), "rms": gap.before, "noise": gap.noise});
+    let row = |(r, gap): &(&Recording, HeldOut)| json!({"recording": r.name, "manoeuvre": r.manoeuvre, "channel": gap.channel.column(), "unit": gap.channel.unit(), "rms": gap.before, "noise": gap.noise});
     let left_out = |left: &LeftOut| json!({"recording": left.recording, "reason": left.reason});
     let note = |note: &Note| json!({"recording": note.recording, "text": note.text});
     json!({

@@ -5,7 +5,7 @@ use crate::report::text::{estimate, number, unit};
 use serde_json::Value;
 use std::path::Path;
 
-/// The sentence, the effects with their parameters, how far the gap shrinks, what was left out, and where the files are.
+/// The sentence, the effects with their parameters, how far the gap shrinks, and where the files are.
 pub fn summary(diagnosis: &Diagnosis, out: Option<&Path>) -> String {
     let json = &diagnosis.json;
     let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
@@ -23,7 +23,6 @@ pub fn summary(diagnosis: &Diagnosis, out: Option<&Path>) -> String {
     let far = &json["how_far"];
     let figures = ["before", "after", "noise_floor"].map(|key| far[key].as_f64().map_or_else(|| "?".to_owned(), |v| number(v, 3)));
     lines.push(format!("  speed error on held-out recordings: {} before, {} after, noise {} rad/s", figures[0], figures[1], figures[2]));
-    lines.extend(list(&json["left_out"]).iter().map(|left| format!("  left out: {}: {}", text(&left["recording"]), text(&left["reason"]))));
     lines.extend(out.map(|out| format!("  written: {}", out.join("report.html").display())));
     lines.join("\n") + "\n"
 }

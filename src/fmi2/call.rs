@@ -80,7 +80,7 @@ functions! {
     SERIALIZE_FMU_STATE = "fmi2SerializeFMUstate", ALWAYS;
     DESERIALIZE_FMU_STATE = "fmi2DeSerializeFMUstate", ALWAYS;
     GET_DIRECTIONAL_DERIVATIVE = "fmi2GetDirectionalDerivative", ALWAYS;
-    SET_REAL_INPUT_DERIVATIVES = "fmi2SetRealInputDerivatives", ALWAYS;
+    SET_REAL_INPUT_DERIVATIVES = "fmi2SetRealInputDerivatives", SETTABLE;
     GET_REAL_OUTPUT_DERIVATIVES = "fmi2GetRealOutputDerivatives", ALWAYS;
     DO_STEP = "fmi2DoStep", COMPLETE;
     CANCEL_STEP = "fmi2CancelStep", ALWAYS;

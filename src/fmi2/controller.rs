@@ -1,7 +1,7 @@
 //! `ClutchController`: the controller behind the FMU.
 //!
-//! An input that was refused counts as not finite in the next step, so that the controller's guard sees the fault and does what
-//! it documents, instead of trusting a value that merely stayed.
+//! Its measured inputs take any value, also one that is not finite: to judge them is the task of the controller's guard, and a
+//! sensor that fails must reach it.
 
 use super::model::{Event, Model, phase_event, take_vehicle};
 use super::plant::PHASES;
@@ -56,23 +56,23 @@ impl Model for ControllerModel {
     }
 
     #[inline]
-    fn step(&mut self, values: &mut [f64], doubts: u64, h: f64) {
-        let seen = |index: usize| if doubts >> index & 1 == 1 { f64::NAN } else { values[index] };
+    fn step(&mut self, values: &mut [f64], h: f64) -> Result<(), TooFast> {
         let inputs = Inputs {
-            omega_f: seen(at::omega_f),
-            omega_c: seen(at::omega_c),
-            t_e: seen(at::T_e),
-            theta_h: seen(at::theta_h),
+            omega_f: values[at::omega_f],
+            omega_c: values[at::omega_c],
+            t_e: values[at::T_e],
+            theta_h: values[at::theta_h],
             engage: values[at::engage] != 0.0,
             wish: Wish {
-                t_e_max: seen(at::T_e_max),
-                aggressiveness: seen(at::aggressiveness),
+                t_e_max: values[at::T_e_max],
+                aggressiveness: values[at::aggressiveness],
                 creep: values[at::creep] != 0.0,
                 forget: values[at::forget] != 0.0,
             },
         };
         self.controller.step(&inputs, h);
         self.publish(values);
+        Ok(())
     }
 
     fn save(&self, to: &mut Writer) {
@@ -98,10 +98,10 @@ impl Model for ControllerModel {
         SETTINGS.len() + 128
     }
 
-    fn event(&self, before: &[f64], values: &[f64]) -> Option<Event> {
+    fn event(&self, before: &dyn Fn(usize) -> f64, values: &[f64]) -> Option<Event> {
         let fault = values[at::fault];
-        if before[at::fault] == fault {
-            return phase_event(before[at::phase], values[at::phase]);
+        if before(at::fault) == fault {
+            return phase_event(before(at::phase), values[at::phase]);
         }
         let what = match FAULTS.iter().find(|f| **f as u8 as f64 == fault) {
             Some(Fault::Invalid) => "an input is not finite or absurd: its last good value is held, then the clutch opens",
@@ -128,6 +128,8 @@ impl ControllerModel {
         values[at::E_d] = o.e_d;
         values[at::phase] = o.phase as u8 as f64;
         values[at::fault] = o.fault as u8 as f64;
+        values[at::phase_code] = values[at::phase];
+        values[at::fault_code] = values[at::fault];
         values[at::T_load_hat] = o.t_load_hat;
         values[at::touch_point_offset] = o.touch_point_offset;
         values[at::friction_factor] = o.friction_factor;

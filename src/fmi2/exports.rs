@@ -4,9 +4,10 @@
 
 use super::call;
 use super::guard::{array, fill, guard, hand_out, take_back, text};
-use super::instance::Instance;
+use super::instance::{Instance, Parts};
 use super::log::{Category, Log};
 use super::refusal::Refusal;
+use super::resource::start_values;
 use super::types::{
     CO_SIMULATION, CallbackFunctions, DO_STEP_STATUS, FALSE, LAST_SUCCESSFUL_TIME, PENDING_STATUS, Status, TERMINATED, TRUE,
 };
@@ -46,33 +47,39 @@ pub extern "C" fn fmi2Instantiate(
     let (name, guid, location) = (text(instance_name), text(guid), text(resource_location));
     let made = catch_unwind(AssertUnwindSafe(|| {
         let label = name.unwrap_or(c"unnamed").to_owned();
-        let log = Log::new(callbacks.logger, callbacks.component_environment, label, logging_on != FALSE);
-        instantiate(name, fmu_type, guid, location, log).map_or(ptr::null_mut(), hand_out)
+        let mut log = Log::new(callbacks.logger, callbacks.component_environment, label, logging_on != FALSE);
+        match instantiate(name, fmu_type, guid, location, &mut log) {
+            Ok(parts) => {
+                let message = log.take();
+                (hand_out(Instance::from_parts(parts, log)), message)
+            }
+            Err(why) => {
+                log.write(Status::Error, Category::Error, format_args!("fmi2Instantiate: {why}"));
+                (ptr::null_mut(), log.take().map(|message| message.named(name.unwrap_or(c"unnamed"))))
+            }
+        }
     }));
-    made.unwrap_or(ptr::null_mut())
+    let Ok((component, message)) = made else { return ptr::null_mut() };
+    if let Some(message) = message {
+        message.send();
+    }
+    component
 }
 
-fn instantiate(name: Option<&CStr>, fmu_type: c_int, guid: Option<&CStr>, location: Option<&CStr>, log: Log) -> Option<Instance> {
-    let refuse = |why: std::fmt::Arguments| log.send(Status::Error, Category::Error, format_args!("fmi2Instantiate: {why}"));
+fn instantiate(name: Option<&CStr>, fmu_type: c_int, guid: Option<&CStr>, location: Option<&CStr>, log: &mut Log) -> Result<Parts, String> {
     if name.is_none_or(CStr::is_empty) {
-        refuse(format_args!("instanceName is NULL or empty"));
-        return None;
+        return Err("instanceName is NULL or empty".into());
     }
     if fmu_type != CO_SIMULATION {
-        refuse(format_args!("fmuType is {fmu_type}; this FMU is for co-simulation ({CO_SIMULATION}) alone"));
-        return None;
+        return Err(format!("fmuType is {fmu_type}; this FMU is for co-simulation ({CO_SIMULATION}) alone"));
     }
-    let Some(guid) = guid else {
-        refuse(format_args!("fmuGUID is NULL"));
-        return None;
-    };
-    let Some(registered) = guid.to_str().ok().and_then(model::find) else {
+    let guid = guid.ok_or("fmuGUID is NULL")?;
+    let Some((registered, text)) = guid.to_str().ok().and_then(|text| Some((model::find(text)?, text))) else {
         let known = model::MODELS.each_ref().map(|m| m.description.guid);
-        refuse(format_args!("fmuGUID {guid:?} is none of this library's, {known:?}; the modelDescription.xml is of another version"));
-        return None;
+        return Err(format!("fmuGUID {guid:?} is none of this library's, {known:?}; the modelDescription.xml is of another version"));
     };
-    let location = location.map(CStr::to_string_lossy);
-    Instance::new(registered, location.as_deref(), log)
+    let (fresh, faults) = start_values(registered.description, text, location.map(CStr::to_bytes), log)?;
+    Ok(Parts { registered, fresh, faults })
 }
 
 #[unsafe(no_mangle)]
@@ -243,14 +250,11 @@ pub extern "C" fn fmi2GetDirectionalDerivative(
 }
 
 #[unsafe(no_mangle)]
-pub extern "C" fn fmi2SetRealInputDerivatives(
-    c: *mut c_void,
-    _vr: *const u32,
-    _nvr: usize,
-    _order: *const i32,
-    _value: *const f64,
-) -> Status {
-    guard(c, call::SET_REAL_INPUT_DERIVATIVES, |_| Err(Refusal::NotOffered("inputs are held over a step: canInterpolateInputs is false")))
+pub extern "C" fn fmi2SetRealInputDerivatives(c: *mut c_void, vr: *const u32, nvr: usize, order: *const i32, value: *const f64) -> Status {
+    guard(c, call::SET_REAL_INPUT_DERIVATIVES, |instance| {
+        let (vr, order, value) = (array(vr, nvr, "vr")?, array(order, nvr, "order")?, array(value, nvr, "value")?);
+        instance.set_slopes((0..nvr).map(|k| (vr[k], order[k], value[k])))
+    })
 }
 
 #[unsafe(no_mangle)]

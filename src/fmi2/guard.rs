@@ -1,4 +1,4 @@
-//! The one way in from C: null check, identity check, call-sequence mask, `catch_unwind`, and the log line of a refusal.
+//! The one way in from C: null check, identity check, call-sequence mask, `catch_unwind`, and, at the very end, the log line.
 
 use super::call::{CallState, Function};
 use super::instance::Instance;
@@ -20,7 +20,7 @@ const MOST_VALUES: usize = 1 << 20;
 #[repr(C)]
 pub(super) struct Component {
     magic: u64,
-    /// A call is running; seen when a logger calls back.
+    /// A call is running: another thread is in here.
     busy: AtomicBool,
     instance: UnsafeCell<Instance>,
 }
@@ -65,7 +65,7 @@ pub(super) fn guard(
     body: impl FnOnce(&mut Instance) -> Result<Status, Refusal>,
 ) -> Status {
     let Some(component) = component(pointer) else { return Status::Error };
-    // Plain loads and stores: an instance belongs to one thread at a time, this is about loggers that call back.
+    // Plain loads and stores: an instance belongs to one thread at a time. Loggers may call back, for they are called when all is done.
     if component.busy.load(Ordering::Relaxed) {
         return Status::Error;
     }
@@ -81,14 +81,19 @@ pub(super) fn guard(
         })
     };
     let status = outcome.unwrap_or_else(|refusal| report(instance, function, &refusal));
+    let message = instance.log.take();
     component.busy.store(false, Ordering::Relaxed);
+    // Nothing is touched after this: the logger may have freed the instance, or may never return.
+    if let Some(message) = message {
+        message.send();
+    }
     status
 }
 
 #[cold]
-fn report(instance: &Instance, function: &Function, refusal: &Refusal) -> Status {
+fn report(instance: &mut Instance, function: &Function, refusal: &Refusal) -> Status {
     let status = refusal.status();
-    instance.log.send(status, Category::Error, format_args!("{}: {refusal}", function.name));
+    instance.log.write(status, Category::Error, format_args!("{}: {refusal}", function.name));
     status
 }
 

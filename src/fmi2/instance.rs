@@ -2,29 +2,37 @@
 
 use super::call::CallState;
 use super::log::{Category, Log};
-use super::model::{Model, Registered, put_vehicle};
+use super::model::{Model, Registered};
 use super::refusal::Refusal;
-use super::resource;
 use super::types::Status;
 use super::variables::{Causality, Description, Kind, Variability, Variable};
 use super::words::{Reader, Words, Writer};
-use crate::effects::{self, Parameters};
-use crate::vehicle::{Vehicle, VehicleError};
-use std::fs;
+use crate::faults::Faults;
+use crate::plant::pace::TooFast;
 use std::ops::Range;
 
 /// Longest communication step, s: it bounds the work of a call.
 pub const LONGEST_STEP: f64 = 1000.0;
 
-/// Rounding allowed between the importer's clock and ours: relative to the time, and to the step.
-const CLOCK_TOLERANCE: f64 = 1e-9;
-const CLOCK_SHARE_OF_STEP: f64 = 1e-6;
+/// Rounding allowed between the importer's clock and ours: a few last places of the time, and a share of the step.
+const CLOCK_ROUNDING: f64 = 8.0 * f64::EPSILON;
+const CLOCK_SHARE_OF_STEP: f64 = 1e-4;
 
-/// File with the vehicle's numbers in the resources.
-const VEHICLE_FILE: &str = "vehicle.json";
+/// Longest piece of a step over which an input with a derivative is held, at its value in the middle, s.
+const PIECE: f64 = 1e-3;
 
-/// Variables whose refused values are remembered: the inputs stand among the first.
-const DOUBTABLE: usize = 64;
+/// Room for the inputs of any model.
+const MOST_INPUTS: usize = 8;
+
+/// What an instance is made of.
+pub struct Parts {
+    /// The model.
+    pub registered: &'static Registered,
+    /// Its start values.
+    pub fresh: Box<[f64]>,
+    /// Faults that it plays.
+    pub faults: Faults,
+}
 
 /// An instance.
 pub struct Instance {
@@ -37,10 +45,16 @@ pub struct Instance {
     model: Box<dyn Model>,
     /// Values after instantiation and reset.
     fresh: Box<[f64]>,
+    faults: Faults,
     values: Box<[f64]>,
-    /// Values before the last step, to tell events.
+    /// Outputs before the last step, to tell events.
     before: Box<[f64]>,
-    /// Where the outputs stand among the values.
+    /// Derivatives of the inputs in the next step, per second.
+    slopes: Box<[f64]>,
+    /// Values as they were checked last; none unless an importer has their address.
+    checked: Option<Box<[f64]>>,
+    /// Where inputs and outputs stand among the values.
+    inputs: Range<usize>,
     outputs: Range<usize>,
     moving: Moving,
 }
@@ -51,45 +65,48 @@ struct Moving {
     /// End of the last step, s.
     time: f64,
     stop: f64,
-    /// Bit k: the last value offered for variable k was refused.
-    doubts: u64,
+    /// An input has a derivative.
+    sloped: bool,
     /// The model has not yet started from the values that stand.
     stale: bool,
     /// Tunable parameters were set since the last step.
     tuned: bool,
 }
 
-const AT_REST: Moving = Moving { time: 0.0, stop: f64::MAX, doubts: 0, stale: false, tuned: false };
+const AT_REST: Moving = Moving { time: 0.0, stop: f64::MAX, sloped: false, stale: false, tuned: false };
 
 impl Instance {
-    /// A new instance, with the vehicle of the resources; none if its file is there but wrong, which has then been logged.
-    pub fn new(registered: &'static Registered, resource_location: Option<&str>, log: Log) -> Option<Self> {
-        let description = registered.description;
-        let mut fresh: Box<[f64]> = description.variables.iter().map(|v| v.start).collect();
-        match vehicle_of_resources(resource_location) {
-            Ok((vehicle, effects)) => put_vehicle(description, &vehicle, &effects, &mut fresh),
-            Err(Missing::Absent(why)) => log.send(
-                Status::Warning,
-                Category::Warning,
-                format_args!("{why}; the start values of the paper's car are used, unless others are set"),
-            ),
-            Err(Missing::Wrong(why)) => {
-                log.send(Status::Error, Category::Error, format_args!("fmi2Instantiate: {why}"));
-                return None;
-            }
-        }
-        Some(Self::with_values(registered, fresh, log))
-    }
-
-    /// An instance that starts from these values.
-    fn with_values(registered: &'static Registered, fresh: Box<[f64]>, log: Log) -> Self {
+    /// A new instance.
+    ///
+    /// # Panics
+    /// Inputs that do not stand first, or too many.
+    pub fn from_parts(Parts { registered, fresh, faults }: Parts, log: Log) -> Self {
         let variables = registered.description.variables;
-        let is_output = |v: &Variable| v.causality == Causality::Output;
-        let first = variables.iter().position(is_output).unwrap_or(0);
-        let last = variables.iter().rposition(is_output).map_or(0, |k| k + 1);
-        let (values, before, call_state) = (fresh.clone(), fresh.clone(), CallState::Instantiated);
-        let (description, model, outputs) = (registered.description, (registered.make)(), first..last);
-        let mut made = Self { description, call_state, log, model, fresh, values, before, outputs, moving: AT_REST };
+        let range = |wanted: Causality| {
+            let first = variables.iter().position(|v| v.causality == wanted).unwrap_or(0);
+            first..variables.iter().rposition(|v| v.causality == wanted).map_or(0, |k| k + 1)
+        };
+        let (inputs, outputs) = (range(Causality::Input), range(Causality::Output));
+        assert!(inputs.start == 0 && inputs.end <= MOST_INPUTS, "the inputs stand first");
+        let (slopes, before) = (vec![0.0; inputs.len()].into(), vec![0.0; outputs.len()].into());
+        let (description, mut model, values) = (registered.description, (registered.make)(), fresh.clone());
+        model.take_faults(faults.clone());
+        let call_state = CallState::Instantiated;
+        let mut made = Self {
+            description,
+            call_state,
+            log,
+            model,
+            fresh,
+            faults,
+            values,
+            before,
+            slopes,
+            checked: None,
+            inputs,
+            outputs,
+            moving: AT_REST,
+        };
         made.reset();
         made
     }
@@ -128,6 +145,10 @@ impl Instance {
         self.values.copy_from_slice(&self.fresh);
         // The start values agree with each other: those of the XML do, and a vehicle file is checked when it is read.
         self.moving = Moving { stale: self.model.start(&mut self.values).is_err(), ..AT_REST };
+        self.slopes.fill(0.0);
+        if let Some(checked) = &mut self.checked {
+            checked.copy_from_slice(&self.values);
+        }
         self.call_state = CallState::Instantiated;
     }
 
@@ -165,20 +186,15 @@ impl Instance {
     /// The first variable or value that is refused.
     pub fn set(&mut self, kinds: &[Kind], pairs: impl Iterator<Item = (u32, f64)> + Clone) -> Result<Status, Refusal> {
         for (reference, value) in pairs.clone() {
-            let (index, variable) = self.find(reference, kinds)?;
-            if let Err(refusal) = self.check(variable, value) {
-                if index < DOUBTABLE && variable.causality == Causality::Input {
-                    self.moving.doubts |= 1 << index;
-                }
-                return Err(refusal);
-            }
+            let (_, variable) = self.find(reference, kinds)?;
+            self.check(variable, value)?;
         }
         let running = self.call_state == CallState::StepComplete;
         for (reference, value) in pairs {
             let (index, variable) = self.find(reference, kinds)?;
             self.values[index] = value;
-            if index < DOUBTABLE {
-                self.moving.doubts &= !(1 << index);
+            if let Some(checked) = &mut self.checked {
+                checked[index] = value;
             }
             self.moving.tuned |= running && variable.causality == Causality::Parameter;
         }
@@ -196,6 +212,9 @@ impl Instance {
         if !settable {
             return Err(Refusal::NotSettable(variable));
         }
+        if variable.is_measurement() {
+            return Ok(());
+        }
         if !value.is_finite() {
             return Err(Refusal::NotFinite(variable, value));
         }
@@ -208,22 +227,52 @@ impl Instance {
         }
     }
 
+    /// Sets derivatives of inputs that hold over the next step, all or none.
+    ///
+    /// # Errors
+    /// A variable that is no continuous input, an order that is not 1, or a derivative that is no number.
+    pub fn set_slopes(&mut self, triples: impl Iterator<Item = (u32, i32, f64)> + Clone) -> Result<Status, Refusal> {
+        for (reference, order, value) in triples.clone() {
+            let (_, variable) = self.find(reference, &[Kind::Real])?;
+            if variable.causality != Causality::Input {
+                return Err(Refusal::NotSettable(variable));
+            }
+            check_order(order)?;
+            if !value.is_finite() {
+                return Err(Refusal::NotFinite(variable, value));
+            }
+        }
+        for (reference, _, value) in triples {
+            let (index, _) = self.find(reference, &[Kind::Real])?;
+            self.slopes[index - self.inputs.start] = value;
+        }
+        self.moving.sloped = self.slopes.iter().any(|slope| *slope != 0.0);
+        Ok(Status::Ok)
+    }
+
     /// `fmi2DoStep`.
     ///
     /// # Errors
     /// A step that is none, or that left no numbers.
     pub fn do_step(&mut self, point: f64, h: f64) -> Result<Status, Refusal> {
         let end = self.check_step(point, h)?;
+        if self.checked.is_some() {
+            self.check_direct_writes()?;
+        }
         if self.moving.tuned {
             self.model.tune(&self.values)?;
             self.moving.tuned = false;
         }
         let logs_events = self.log.wants(Category::Events) || self.log.wants(Category::Warning);
         if logs_events {
-            let outputs = self.outputs.clone();
-            self.before[outputs.clone()].copy_from_slice(&self.values[outputs]);
+            self.before.copy_from_slice(&self.values[self.outputs.clone()]);
         }
-        self.model.step(&mut self.values, self.moving.doubts, h);
+        let made = if self.moving.sloped { self.step_along_slopes(h) } else { self.model.step(&mut self.values, h) };
+        if let Err(too_fast) = made {
+            // A part of the step was made: only a reset or a saved state leads on.
+            self.call_state = CallState::Failed;
+            return Err(too_fast.into());
+        }
         // The importer's clock leads: ours would drift from it by the sum of all roundings.
         self.moving.time = end;
         if let Some(place) = self.values[self.outputs.clone()].iter().position(|v| !v.is_finite()) {
@@ -231,11 +280,61 @@ impl Instance {
             self.call_state = CallState::Failed;
             return Err(Refusal::Diverged(&self.description.variables[index], self.values[index]));
         }
-        if logs_events && let Some(event) = self.model.event(&self.before, &self.values) {
-            let (status, category) = if event.warning { (Status::Warning, Category::Warning) } else { (Status::Ok, Category::Events) };
-            self.log.send(status, category, format_args!("step to {end} s: {}", event.what));
+        if logs_events {
+            self.log_event(end);
         }
         Ok(Status::Ok)
+    }
+
+    fn log_event(&mut self, end: f64) {
+        let was = |index: usize| self.before[index - self.outputs.start];
+        if let Some(event) = self.model.event(&was, &self.values) {
+            let (status, category) = if event.warning { (Status::Warning, Category::Warning) } else { (Status::Ok, Category::Events) };
+            self.log.write(status, category, format_args!("step to {end:?} s: {}", event.what));
+        }
+    }
+
+    /// Steps in pieces, each with the inputs that stand in its middle: second order in the piece.
+    fn step_along_slopes(&mut self, h: f64) -> Result<(), TooFast> {
+        let pieces = (h / PIECE * (1.0 - 1e-9)).ceil().max(1.0);
+        let piece = h / pieces;
+        let range = self.inputs.clone();
+        let begin: [f64; MOST_INPUTS] = std::array::from_fn(|k| if k < range.len() { self.values[range.start + k] } else { 0.0 });
+        for k in 0..pieces as u64 {
+            for (input, index) in range.clone().enumerate() {
+                let variable = &self.description.variables[index];
+                let along = begin[input] + self.slopes[input] * (k as f64 + 0.5) * piece;
+                self.values[index] = if variable.is_measurement() { along } else { along.clamp(variable.min, variable.max) };
+            }
+            self.model.step(&mut self.values, piece)?;
+        }
+        self.values[range.clone()].copy_from_slice(&begin[..range.len()]);
+        self.slopes.fill(0.0);
+        self.moving.sloped = false;
+        Ok(())
+    }
+
+    /// Address of the values, for a calibration tool that reads and writes them between calls.
+    pub fn share_values(&mut self) -> &mut [f64] {
+        self.checked = Some(self.values.clone());
+        &mut self.values
+    }
+
+    /// Takes what was written to the values directly as if it had been set; what cannot be set is put back.
+    fn check_direct_writes(&mut self) -> Result<(), Refusal> {
+        let Some(mut checked) = self.checked.take() else { return Ok(()) };
+        let mut outcome = Ok(());
+        for (index, variable) in self.description.variables.iter().enumerate() {
+            let value = self.values[index];
+            if variable.causality == Causality::Output || value.to_bits() == checked[index].to_bits() {
+                continue;
+            }
+            self.values[index] = checked[index];
+            outcome = outcome.and(self.set(&[variable.kind], std::iter::once((variable.value_reference, value))).map(drop));
+            checked[index] = self.values[index];
+        }
+        self.checked = Some(checked);
+        outcome
     }
 
     /// End of the step, if it can be made.
@@ -253,7 +352,7 @@ impl Instance {
             return Err(Refusal::StepSize(h, reason));
         }
         let time = self.moving.time;
-        let tolerance = CLOCK_TOLERANCE * (1.0 + time.abs()) + CLOCK_SHARE_OF_STEP * h;
+        let tolerance = CLOCK_ROUNDING * time.abs().max(point.abs()) + CLOCK_SHARE_OF_STEP * h;
         if (point - time).abs() > tolerance {
             return Err(Refusal::CommunicationPoint(point, time));
         }
@@ -274,7 +373,7 @@ impl Instance {
 
     /// Room that a saved state may need, in words.
     pub fn most_words(&self) -> usize {
-        self.values.len() + 8 + self.model.most_words()
+        self.values.len() + self.slopes.len() + 8 + self.model.most_words()
     }
 
     /// Appends everything that determines what follows.
@@ -282,11 +381,11 @@ impl Instance {
         let mut writer = Writer(payload);
         writer.choice(&mut self.call_state.clone(), |s| s as u64, &[]);
         walk_moving(&mut self.moving.clone(), &mut writer);
-        self.values.iter().for_each(|v| writer.real(&mut v.clone()));
+        writer.0.extend(self.values.iter().chain(&self.slopes).map(|v| v.to_bits()));
         self.model.save(&mut writer);
     }
 
-    /// Takes up what [`Instance::save`] appended.
+    /// Takes up what [`Instance::save`] appended, or what [`Instance::check_state`] has found sound.
     ///
     /// # Errors
     /// Words that no instance of this model saved; then the instance must be reset.
@@ -295,11 +394,15 @@ impl Instance {
         let mut number = 0;
         reader.word(&mut number, |n| CallState::from_number(n).is_some());
         walk_moving(&mut self.moving, &mut reader);
-        self.values.iter_mut().for_each(|v| reader.real(v));
-        let variables = self.description.variables.iter();
-        let out_of_bounds = variables.zip(&self.values).any(|(v, x)| v.causality != Causality::Output && (*x < v.min || *x > v.max));
+        let inputs = self.inputs.clone();
+        self.values[inputs.clone()].iter_mut().for_each(|v| reader.any_real(v));
+        reader.reals(&mut self.values[inputs.end..]);
+        reader.reals(&mut self.slopes);
+        if let Some(checked) = &mut self.checked {
+            checked.copy_from_slice(&self.values);
+        }
         self.model.load(&self.values, &mut reader);
-        if reader.failed || !reader.words.is_empty() || out_of_bounds {
+        if reader.failed || !reader.words.is_empty() {
             self.call_state = CallState::Failed;
             return Err(Refusal::DamagedState("its content is no state of this model"));
         }
@@ -314,33 +417,25 @@ impl Instance {
     pub fn check_state(&self, payload: &[u64]) -> Result<Status, Refusal> {
         let registered = super::model::find(self.description.guid).ok_or(Refusal::Panic)?;
         let silent = Log::new(None, std::ptr::null_mut(), std::ffi::CString::default(), false);
-        Self::with_values(registered, self.fresh.clone(), silent).load(payload)
+        let mut scratch = Self::from_parts(Parts { registered, fresh: self.fresh.clone(), faults: self.faults.clone() }, silent);
+        scratch.load(payload)?;
+        let sound = |(v, x): (&Variable, &f64)| v.is_measurement() || v.causality == Causality::Output || (*x >= v.min && *x <= v.max);
+        if self.description.variables.iter().zip(&scratch.values).all(sound) {
+            return Ok(Status::Ok);
+        }
+        Err(Refusal::DamagedState("its content is no state of this model"))
     }
 }
 
+fn check_order(order: i32) -> Result<(), Refusal> {
+    if order == 1 { Ok(()) } else { Err(Refusal::Argument("order", f64::from(order), "not 1, the only order that is offered")) }
+}
+
 fn walk_moving(moving: &mut Moving, words: &mut impl Words) {
-    let Moving { time, stop, doubts, stale, tuned } = moving;
+    let Moving { time, stop, sloped, stale, tuned } = moving;
     words.real(time);
     words.real(stop);
-    words.word(doubts, |_| true);
+    words.flag(sloped);
     words.flag(stale);
     words.flag(tuned);
-}
-
-enum Missing {
-    /// There is none to read.
-    Absent(String),
-    /// It was read and is wrong.
-    Wrong(String),
-}
-
-fn vehicle_of_resources(location: Option<&str>) -> Result<(Vehicle, Parameters), Missing> {
-    let location = location.ok_or_else(|| Missing::Absent("fmuResourceLocation is NULL".into()))?;
-    let folder = resource::folder(location)
-        .ok_or_else(|| Missing::Absent(format!("fmuResourceLocation \"{location}\" names no folder on this machine")))?;
-    let path = folder.join(VEHICLE_FILE);
-    let text = fs::read_to_string(&path).map_err(|e| Missing::Absent(format!("{} cannot be read: {e}", path.display())))?;
-    let wrong = |e: VehicleError| Missing::Wrong(format!("{}: {e}", path.display()));
-    let document = serde_json::from_str(&text).map_err(|e| wrong(VehicleError::Json(e.to_string())))?;
-    Ok((Vehicle::from_value(&document).map_err(wrong)?, effects::from_value(&document).map_err(wrong)?))
 }

@@ -1,11 +1,12 @@
 //! The importer's logger.
 //!
-//! The message is preformatted into a buffer on the stack: `%` is doubled, because the logger is called in the manner of `printf`,
-//! and the category is always one that the model description declares.
+//! A call leaves at most one message. It is preformatted: `%` is doubled, because the logger is called in the manner of `printf`,
+//! and the category is always one that the model description declares. The logger is called when the call has done everything else
+//! and the instance is free again: a logger may call back, or jump away and never return.
 
 use super::refusal::Refusal;
 use super::types::{LoggerFn, Status};
-use std::ffi::{CStr, CString, c_int, c_void};
+use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::fmt::{self, Write};
 
 /// A declared log category.
@@ -37,12 +38,15 @@ pub struct Log {
     environment: *mut c_void,
     instance: CString,
     enabled: [bool; 4],
+    /// Status and category of the message in `line`, if one waits.
+    waiting: Option<(Status, Category)>,
+    line: Line,
 }
 
 impl Log {
     /// Errors and warnings are always on at first, events if `debug`.
     pub fn new(logger: Option<LoggerFn>, environment: *mut c_void, instance: CString, debug: bool) -> Self {
-        Self { logger, environment, instance, enabled: [true, true, debug, debug] }
+        Self { logger, environment, instance, enabled: [true, true, debug, debug], waiting: None, line: Line::EMPTY }
     }
 
     /// Whether messages of this category are wanted.
@@ -68,24 +72,63 @@ impl Log {
         Ok(())
     }
 
-    /// Sends a message if its category is wanted.
-    pub fn send(&self, status: Status, category: Category, message: fmt::Arguments) {
-        let Some(logger) = self.logger.filter(|_| self.enabled[category as usize]) else { return };
-        let mut line = Line { bytes: [0; LONGEST], len: 0 };
-        // A message that is too long ends early, which is no error.
-        let _ = line.write_fmt(message);
-        let name = CATEGORIES[category as usize].1;
-        // SAFETY: the importer promises a logger of this type; all pointers are NUL-terminated and live through the call.
-        unsafe {
-            logger(self.environment, self.instance.as_ptr(), status as c_int, name.as_ptr(), line.bytes.as_ptr().cast());
+    /// Leaves a message if its category is wanted.
+    pub fn write(&mut self, status: Status, category: Category, message: fmt::Arguments) {
+        if self.wants(category) {
+            self.line = Line::EMPTY;
+            // A message that is too long ends early, which is no error.
+            let _ = self.line.write_fmt(message);
+            self.waiting = Some((status, category));
         }
+    }
+
+    /// Takes the message that waits, if one does.
+    #[inline]
+    pub fn take(&mut self) -> Option<Message> {
+        self.waiting.is_some().then(|| self.taken()).flatten()
+    }
+
+    #[cold]
+    fn taken(&mut self) -> Option<Message> {
+        let ((status, category), logger) = (self.waiting.take()?, self.logger?);
+        Some(Message { logger, environment: self.environment, instance: self.instance.as_ptr(), status, category, line: self.line })
+    }
+}
+
+/// A message on its way: it needs nothing of the instance but its name, which lives until the importer frees the instance.
+#[derive(Clone, Copy)]
+pub struct Message {
+    logger: LoggerFn,
+    environment: *mut c_void,
+    instance: *const c_char,
+    status: Status,
+    category: Category,
+    line: Line,
+}
+
+impl Message {
+    /// The message under the importer's own copy of the instance's name, for an instance that was never made.
+    pub fn named(self, name: &CStr) -> Self {
+        Self { instance: name.as_ptr(), ..self }
+    }
+
+    /// Calls the logger.
+    pub fn send(&self) {
+        let name = CATEGORIES[self.category as usize].1;
+        // SAFETY: the importer promises a logger of this type; all pointers are NUL-terminated and live through the call.
+        unsafe { (self.logger)(self.environment, self.instance, self.status as c_int, name.as_ptr(), self.line.bytes.as_ptr().cast()) }
     }
 }
 
 /// A message under construction; its last byte is always NUL.
+#[derive(Clone, Copy)]
 struct Line {
     bytes: [u8; LONGEST],
     len: usize,
+}
+
+impl Line {
+    const EMPTY: Self = Self { bytes: [0; LONGEST], len: 0 };
 }
 
 impl Write for Line {
@@ -109,7 +152,7 @@ mod tests {
 
     #[test]
     fn messages_double_percent_signs_and_end_in_time() {
-        let mut line = Line { bytes: [0; LONGEST], len: 0 };
+        let mut line = Line::EMPTY;
         write!(line, "100 % of\n%s").unwrap();
         assert_eq!(CStr::from_bytes_until_nul(&line.bytes).unwrap(), c"100 %% of %%s");
         assert!(write!(line, "{}", "ä%".repeat(LONGEST)).is_err());

@@ -1,8 +1,10 @@
 //! What the generic layer asks of a model.
 
+use super::guid;
 use super::variables::{Description, Variable};
 use super::words::{Reader, Writer};
 use crate::effects::{PARAMETERS, Parameters};
+use crate::faults::Faults;
 use crate::plant::pace::TooFast;
 use crate::vehicle::{NUMBERS, Vehicle};
 
@@ -26,9 +28,14 @@ pub trait Model: Send {
     /// Parameters that make no plant; those before stay.
     fn tune(&mut self, values: &[f64]) -> Result<(), TooFast>;
 
-    /// Advances by `h` seconds with the inputs held, and writes the outputs. Bit k of `doubts` says that the last value offered for
-    /// the k-th variable was refused, so that an older one stands there.
-    fn step(&mut self, values: &mut [f64], doubts: u64, h: f64);
+    /// Takes faults to play, before the start; a model without effects has none.
+    fn take_faults(&mut self, _faults: Faults) {}
+
+    /// Advances by `h` seconds with the inputs held, and writes the outputs.
+    ///
+    /// # Errors
+    /// Faults that make no plant; then the step ends where they begin.
+    fn step(&mut self, values: &mut [f64], h: f64) -> Result<(), TooFast>;
 
     /// Appends the state.
     fn save(&self, to: &mut Writer);
@@ -40,7 +47,8 @@ pub trait Model: Send {
     fn most_words(&self) -> usize;
 
     /// What happened in the last step that is worth a line in the log.
-    fn event(&self, before: &[f64], values: &[f64]) -> Option<Event>;
+    /// `before` gives the outputs before it.
+    fn event(&self, before: &dyn Fn(usize) -> f64, values: &[f64]) -> Option<Event>;
 }
 
 /// Something worth a line in the log.
@@ -51,20 +59,12 @@ pub struct Event {
     pub warning: bool,
 }
 
-/// Length of a GUID.
-const GUID_LENGTH: usize = 36;
-
-/// Characters of a GUID that name the model and its interface. The twelve after them tell FMUs with other start values apart, so that no
-/// importer takes one for the other; the library serves them all.
-pub const GUID_OF_INTERFACE: usize = 24;
-
-/// A model by the GUID of one of its FMUs.
+/// A model by the GUID of one of its FMUs, whatever its start values.
 pub fn find(guid: &str) -> Option<&'static Registered> {
-    let tail = guid.as_bytes().get(GUID_OF_INTERFACE..)?;
-    if guid.len() != GUID_LENGTH || !tail.iter().all(|c| matches!(c, b'0'..=b'9' | b'a'..=b'f')) {
+    let (interface, tail) = guid.as_bytes().split_at_checked(guid::OF_INTERFACE)?;
+    if guid.len() != guid::LENGTH || !tail.iter().all(|c| matches!(c, b'0'..=b'9' | b'a'..=b'f')) {
         return None;
     }
-    let (interface, _) = guid.as_bytes().split_at(GUID_OF_INTERFACE);
     MODELS.iter().find(|model| model.description.guid.as_bytes().starts_with(interface))
 }
 
@@ -84,14 +84,12 @@ pub static MODELS: [Registered; 2] = [
 
 /// Writes the vehicle's numbers and the effects' parameters into the values, as far as the model has them.
 pub fn put_vehicle(description: &Description, vehicle: &Vehicle, effects: &Parameters, values: &mut [f64]) {
-    for (parameter, value) in PARAMETERS.iter().zip(effects) {
-        if let Some(index) = description.variables.iter().position(|v| v.name == parameter.variable) {
-            values[index] = *value;
-        }
-    }
-    for number in &NUMBERS {
-        if let Some(index) = description.variables.iter().position(|v| v.name == number.name) {
-            values[index] = (number.get)(vehicle);
+    let effects = PARAMETERS.iter().zip(effects).map(|(p, value)| (p.value_reference, p.variable, *value));
+    let numbers = NUMBERS.iter().map(|n| (n.value_reference, n.name, (n.get)(vehicle)));
+    for (reference, name, value) in effects.chain(numbers) {
+        if let Some(index) = description.find(reference) {
+            debug_assert_eq!(description.variables[index].name, name, "both models give a number the same reference");
+            values[index] = value;
         }
     }
 }

@@ -4,13 +4,15 @@ use super::model::{Event, Model, take_vehicle};
 use super::variables::{Causality, Description, Kind, Variability, Variable};
 use super::words::{Reader, Words, Writer};
 use crate::effects::{self, PARAMETERS, Parameters};
+use crate::faults::Faults;
 use crate::physics::lag::LagState;
 use crate::physics::phase::Phase;
 use crate::plant::clutch::Branch;
 use crate::plant::history::CAPACITY;
 use crate::plant::pace::TooFast;
 use crate::plant::{Inputs, Plant, Start, State};
-use crate::vehicle::Vehicle;
+use crate::vehicle::{NUMBERS, Vehicle};
+use std::ops::Range;
 
 include!(concat!(env!("OUT_DIR"), "/DrivelinePlant.rs"));
 
@@ -20,16 +22,25 @@ pub static DESCRIPTION: Description = Description { name: "DrivelinePlant", guid
 /// Shafts stiffer than this are rigid, rad/(N·m).
 const LEAST_COMPLIANCE: f64 = 1e-6;
 
+/// Where the vehicle's numbers stand among the values.
+const NUMBERS_AT: Range<usize> = at::friction_R_1..at::driveline_mgR_over_i + 1;
+
 struct PlantModel {
     plant: Plant,
     vehicle: Vehicle,
+    /// The values that `vehicle` was taken from.
+    numbers: [f64; NUMBERS.len()],
+    faults: Faults,
+    /// Effects at the start, from which faults depart.
+    base: Parameters,
 }
 
 /// A plant of the paper's car, to be started.
 pub fn make() -> Box<dyn Model> {
     let vehicle = Vehicle::paper();
     let start = Start { omega_f: 0.0, omega_c: 0.0, theta_c: 25.0, theta_b: 25.0 };
-    Box::new(PlantModel { plant: Plant::new(&vehicle, &effects::null(), &start, &Inputs::default()), vehicle })
+    let plant = Plant::new(&vehicle, &effects::null(), &start, &Inputs::default());
+    Box::new(PlantModel { plant, vehicle, numbers: [f64::NAN; NUMBERS.len()], faults: Faults::default(), base: effects::null() })
 }
 
 impl Model for PlantModel {
@@ -43,8 +54,13 @@ impl Model for PlantModel {
             theta_b: values[at::theta_b_start],
         };
         self.vehicle = vehicle;
-        self.plant = Plant::new(&vehicle, &parameters(values), &start, &inputs(values));
+        self.numbers.copy_from_slice(&values[NUMBERS_AT]);
+        self.base = parameters(values);
+        // In place: a new plant would pass over the stack.
+        let state = *self.plant.state();
+        self.plant.take_up(&vehicle, &parameters(values), &state);
         self.plant.config().pace.check().map_err(|e| e.to_string())?;
+        self.plant.restart(&start, &inputs(values));
         self.publish(values);
         Ok(())
     }
@@ -58,13 +74,25 @@ impl Model for PlantModel {
         self.plant.set_effects(&self.vehicle, &parameters(values))
     }
 
+    fn take_faults(&mut self, faults: Faults) {
+        self.faults = faults;
+    }
+
     #[inline]
-    fn step(&mut self, values: &mut [f64], _: u64, h: f64) {
-        self.plant.step(&inputs(values), h);
+    fn step(&mut self, values: &mut [f64], h: f64) -> Result<(), TooFast> {
+        if self.faults.is_empty() {
+            self.plant.step(&inputs(values), h);
+        } else {
+            self.step_through_faults(values, h)?;
+        }
         self.publish(values);
+        Ok(())
     }
 
     fn save(&self, to: &mut Writer) {
+        if !self.faults.is_empty() {
+            walk_parameters(&mut self.base.clone(), to);
+        }
         walk_parameters(&mut self.plant.config().parameters.clone(), to);
         walk_state(&mut self.plant.state().clone(), to);
         for line in self.plant.delay_lines() {
@@ -77,10 +105,16 @@ impl Model for PlantModel {
     }
 
     fn load(&mut self, values: &[f64], from: &mut Reader) {
+        if !self.faults.is_empty() {
+            walk_parameters(&mut self.base, from);
+        }
         let (mut parameters, mut state) = (self.plant.config().parameters, *self.plant.state());
         walk_parameters(&mut parameters, from);
         walk_state(&mut state, from);
-        self.vehicle = take_vehicle(&DESCRIPTION, values);
+        if values[NUMBERS_AT] != self.numbers {
+            self.vehicle = take_vehicle(&DESCRIPTION, values);
+            self.numbers.copy_from_slice(&values[NUMBERS_AT]);
+        }
         self.plant.take_up(&self.vehicle, &parameters, &state);
         for line in self.plant.delay_lines_mut() {
             line.clear();
@@ -96,15 +130,41 @@ impl Model for PlantModel {
     }
 
     fn most_words(&self) -> usize {
-        PARAMETERS.len() + 64 + 3 * (1 + 2 * CAPACITY)
+        2 * PARAMETERS.len() + 64 + 3 * (1 + 2 * CAPACITY)
     }
 
-    fn event(&self, before: &[f64], values: &[f64]) -> Option<Event> {
-        super::model::phase_event(before[at::phase], values[at::phase])
+    fn event(&self, before: &dyn Fn(usize) -> f64, values: &[f64]) -> Option<Event> {
+        super::model::phase_event(before(at::phase), values[at::phase])
     }
 }
 
 impl PlantModel {
+    /// Steps from one change of the faults to the next. From its onset on a fault owns its parameter, also among the values.
+    fn step_through_faults(&mut self, values: &mut [f64], h: f64) -> Result<(), TooFast> {
+        let mut left = h;
+        loop {
+            let now = self.plant.state().time;
+            let driven = self.faults.at(now, &self.base);
+            let mut changed = false;
+            for fault in self.faults.iter().filter(|fault| fault.time <= now) {
+                if let Some(index) = DESCRIPTION.find(PARAMETERS[fault.parameter].value_reference) {
+                    changed |= values[index] != driven[fault.parameter];
+                    values[index] = driven[fault.parameter];
+                }
+            }
+            if changed {
+                self.tune(values)?;
+            }
+            let piece = self.faults.next_change(now) - now;
+            if piece >= left {
+                self.plant.step(&inputs(values), left);
+                return Ok(());
+            }
+            self.plant.step(&inputs(values), piece);
+            left -= piece;
+        }
+    }
+
     #[inline]
     fn publish(&self, values: &mut [f64]) {
         let o = self.plant.outputs();
@@ -117,6 +177,7 @@ impl PlantModel {
         values[at::x_to_actual] = o.x_to_actual;
         values[at::E_d] = o.e_d;
         values[at::phase] = o.phase as u8 as f64;
+        values[at::phase_code] = values[at::phase];
     }
 }
 
@@ -131,7 +192,7 @@ fn parameters(values: &[f64]) -> Parameters {
 }
 
 fn walk_parameters(parameters: &mut Parameters, words: &mut impl Words) {
-    parameters.iter_mut().for_each(|p| words.real(p));
+    words.reals(parameters);
 }
 
 /// Every field by name: a new field does not compile until it is saved too.
@@ -139,7 +200,7 @@ fn walk_state(state: &mut State, words: &mut impl Words) {
     let State { time, y, stuck, direction, engine, limited, lagged, bearing, memory, inputs } = state;
     let Inputs { x_to, t_e_ref, theta_h, t_load } = inputs;
     words.real(time);
-    y.iter_mut().for_each(|x| words.real(x));
+    words.reals(y);
     words.flag(stuck);
     words.real(direction);
     for LagState { value, rate } in [engine, lagged] {

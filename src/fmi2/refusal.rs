@@ -14,7 +14,7 @@ pub enum Refusal {
     CallSequence(CallState),
     #[error("argument {0} is NULL")]
     Null(&'static str),
-    #[error("argument {0} = {1} is {2}")]
+    #[error("argument {} = {} is {}", .0, number(.1), .2)]
     Argument(&'static str, f64, &'static str),
     #[error("argument {0} does not point to memory of its type")]
     Pointer(&'static str),
@@ -24,19 +24,19 @@ pub enum Refusal {
     WrongKind(&'static Variable),
     #[error("{} cannot be set now: it is {}", .0.name, settability(.0))]
     NotSettable(&'static Variable),
-    #[error("{} = {} {} is not finite; the value before stays", .0.name, .1, .0.unit)]
+    #[error("{} = {} {} is not finite; the value before stays", .0.name, number(.1), .0.unit)]
     NotFinite(&'static Variable, f64),
-    #[error("{} = {} {} is outside {} to {}; the value before stays", .0.name, .1, .0.unit, .0.min, .0.max)]
+    #[error("{} = {} {} is outside {} to {}; the value before stays", .0.name, number(.1), .0.unit, number(&.0.min), number(&.0.max))]
     OutOfBounds(&'static Variable, f64),
-    #[error("{} = {} {} {}; the value before stays", .0.name, .1, .0.unit, .2)]
+    #[error("{} = {} {} {}; the value before stays", .0.name, number(.1), .0.unit, .2)]
     Inadmissible(&'static Variable, f64, &'static str),
-    #[error("communicationStepSize = {0} s is {1}; the step was not made")]
+    #[error("communicationStepSize = {} s is {}; the step was not made", number(.0), .1)]
     StepSize(f64, &'static str),
-    #[error("currentCommunicationPoint = {0} s is not where the last step ended, {1} s; the step was not made")]
+    #[error("currentCommunicationPoint = {} s is not where the last step ended, {} s; the step was not made", number(.0), number(.1))]
     CommunicationPoint(f64, f64),
-    #[error("the step to {0} s passes stopTime = {1} s; the step was not made")]
+    #[error("the step to {} s passes stopTime = {} s; the step was not made", number(.0), number(.1))]
     BeyondStop(f64, f64),
-    #[error("{} = {} after the step is no number: with these parameters and inputs the plant runs away; reset, or set a saved state", .0.name, .1)]
+    #[error("{} = {} after the step is no number: with these parameters and inputs the plant runs away; reset, or set a saved state", .0.name, number(.1))]
     Diverged(&'static Variable, f64),
     #[error("parameters contradict each other: {0}")]
     Parameters(String),
@@ -69,4 +69,15 @@ fn settability(variable: &Variable) -> impl fmt::Display + use<> {
         Causality::Output => "an output",
         Causality::Local | Causality::Input => "calculated",
     }
+}
+
+/// A number in as few digits as tell it: 5e-324 rather than 324 of them. NaN is compared with nothing, for an importer may trap that.
+fn number(value: &f64) -> impl fmt::Display {
+    struct Number(f64);
+    impl fmt::Display for Number {
+        fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+            if self.0.is_finite() { write!(f, "{:?}", self.0) } else { write!(f, "{}", self.0) }
+        }
+    }
+    Number(*value)
 }

@@ -1,44 +1,144 @@
-//! From `fmuResourceLocation` to a folder.
+//! From `fmuResourceLocation` to the start values.
+//!
+//! The vehicle of the resources must be the one that the GUID names. Where none can be read, the values of the source serve if the GUID names
+//! those; any other car is refused, for it would be the wrong one.
 //!
 //! Importers write the URI as `file:///dir`, `file:/dir` or `file://localhost/dir`, percent-encoded or not, some as a plain path.
+//! In what encoding its bytes stand is the file system's affair: on Unix any bytes are a path, elsewhere they must be UTF-8.
 
+use super::guid;
+use super::log::{Category, Log};
+use super::model::put_vehicle;
+use super::types::Status;
+use super::variables::Description;
+use crate::effects::{self, Parameters};
+use crate::faults::Faults;
+use crate::vehicle::{Vehicle, VehicleError};
+use std::borrow::Cow;
+use std::fs;
 use std::path::PathBuf;
 
-/// Folder that the URI names; none if it is no file URI.
-pub fn folder(uri: &str) -> Option<PathBuf> {
-    let path = match uri.get(..5) {
-        Some(scheme) if scheme.eq_ignore_ascii_case("file:") => percent_decoded(without_authority(&uri[5..]))?,
-        _ if uri.contains("://") || uri.is_empty() => return None,
-        _ => uri.to_owned(),
-    };
-    Some(PathBuf::from(without_slash_before_drive(&path)))
+/// File with the vehicle's numbers in the resources.
+const VEHICLE_FILE: &str = "vehicle.json";
+
+/// Begin of a URI that holds the vehicle file's text as it stands.
+const IN_ITSELF: &[u8] = b"data:application/json,";
+
+enum Missing {
+    /// There is none to read.
+    Absent(String),
+    /// It was read and is wrong.
+    Wrong(String),
 }
 
-fn without_authority(rest: &str) -> &str {
-    match rest.strip_prefix("//") {
-        Some(after) if after.starts_with('/') => after,
-        Some(after) => after.strip_prefix("localhost").filter(|path| path.starts_with('/')).unwrap_or(rest),
+/// Start values of the FMU with this GUID.
+///
+/// # Errors
+/// A vehicle file that is unsound, or values that are not those of the GUID.
+pub fn start_values(description: &Description, guid: &str, location: Option<&[u8]>, log: &mut Log) -> Result<(Box<[f64]>, Faults), String> {
+    let mut fresh: Box<[f64]> = description.variables.iter().map(|v| v.start).collect();
+    let mut faults = Faults::default();
+    let absent = match vehicle_of_resources(location) {
+        Ok((vehicle, effects, read)) => {
+            put_vehicle(description, &vehicle, &effects, &mut fresh);
+            // Only a model with effects plays them.
+            if description.has_effects() {
+                faults = read;
+            }
+            None
+        }
+        Err(Missing::Absent(why)) => Some(why),
+        Err(Missing::Wrong(why)) => return Err(why),
+    };
+    let is_meant = guid.as_bytes().ends_with(&guid::tail(fresh.iter().copied().chain(faults.numbers())));
+    match absent {
+        None if is_meant => {}
+        Some(why) if is_meant => log.write(
+            Status::Warning,
+            Category::Warning,
+            format_args!("{why}; the start values of the paper's car are used, which are those of this FMU"),
+        ),
+        None => {
+            return Err(format!(
+                "{VEHICLE_FILE} in fmuResourceLocation is another car's than fmuGUID \"{guid}\" names; pass the resources of the same FMU, or write it anew with `kisspoint fmu --vehicle`"
+            ));
+        }
+        Some(why) => {
+            return Err(format!(
+                "{why}; without it this FMU, \"{guid}\", would start as another car: pass the folder `resources` of the unpacked FMU"
+            ));
+        }
+    }
+    Ok((fresh, faults))
+}
+
+fn vehicle_of_resources(location: Option<&[u8]>) -> Result<(Vehicle, Parameters, Faults), Missing> {
+    let (place, text) = vehicle_file(location)?;
+    let wrong = |e: VehicleError| Missing::Wrong(format!("{place}: {e}"));
+    let document: serde_json::Value = serde_json::from_str(&text).map_err(|e| wrong(VehicleError::Json(e.to_string())))?;
+    let faults = Faults::from_value(&document["faults"]).map_err(|e| Missing::Wrong(format!("{place}: {e}")))?;
+    Ok((Vehicle::from_value(&document).map_err(wrong)?, effects::from_value(&document).map_err(wrong)?, faults))
+}
+
+/// Place and text of the vehicle file. An FMU built from C sources, which may have no file system, hands the text over in the URI itself.
+fn vehicle_file(location: Option<&[u8]>) -> Result<(String, Cow<'_, str>), Missing> {
+    let location = location.ok_or_else(|| Missing::Absent("fmuResourceLocation is NULL".into()))?;
+    if let Some(text) = location.strip_prefix(IN_ITSELF) {
+        return Ok((VEHICLE_FILE.into(), String::from_utf8_lossy(text)));
+    }
+    let folder = folder(location).ok_or_else(|| {
+        Missing::Absent(format!("fmuResourceLocation \"{}\" names no folder on this machine", String::from_utf8_lossy(location)))
+    })?;
+    let path = folder.join(VEHICLE_FILE);
+    let text = fs::read_to_string(&path).map_err(|e| Missing::Absent(format!("{} cannot be read: {e}", path.display())))?;
+    Ok((path.display().to_string(), text.into()))
+}
+
+/// Folder that the URI names; none if it is no file URI.
+pub fn folder(uri: &[u8]) -> Option<PathBuf> {
+    let path = match uri.split_at_checked(5) {
+        Some((scheme, rest)) if scheme.eq_ignore_ascii_case(b"file:") => Cow::Owned(percent_decoded(without_authority(rest))),
+        _ if uri.is_empty() || uri.windows(3).any(|three| three == b"://") => return None,
+        _ => Cow::Borrowed(uri),
+    };
+    as_path(without_slash_before_drive(&path))
+}
+
+#[cfg(unix)]
+fn as_path(bytes: &[u8]) -> Option<PathBuf> {
+    use std::os::unix::ffi::OsStrExt;
+    Some(PathBuf::from(std::ffi::OsStr::from_bytes(bytes)))
+}
+
+#[cfg(not(unix))]
+fn as_path(bytes: &[u8]) -> Option<PathBuf> {
+    std::str::from_utf8(bytes).ok().map(PathBuf::from)
+}
+
+fn without_authority(rest: &[u8]) -> &[u8] {
+    match rest.strip_prefix(b"//") {
+        Some(after) if after.starts_with(b"/") => after,
+        Some(after) => after.strip_prefix(b"localhost").filter(|path| path.starts_with(b"/")).unwrap_or(rest),
         None => rest,
     }
 }
 
 /// `/C:/dir` is `C:/dir`.
-fn without_slash_before_drive(path: &str) -> &str {
-    let bytes = path.as_bytes();
-    let drive = bytes.len() > 2 && bytes[0] == b'/' && bytes[1].is_ascii_alphabetic() && bytes[2] == b':';
+fn without_slash_before_drive(path: &[u8]) -> &[u8] {
+    let drive = path.len() > 2 && path[0] == b'/' && path[1].is_ascii_alphabetic() && path[2] == b':';
     if drive { &path[1..] } else { path }
 }
 
-fn percent_decoded(text: &str) -> Option<String> {
+fn percent_decoded(text: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(text.len());
-    let mut rest = text.as_bytes();
+    let mut rest = text;
     while let [first, tail @ ..] = rest {
         let code = (*first == b'%').then(|| tail.get(..2)).flatten().and_then(|d| Some(hex(d[0])? * 16 + hex(d[1])?));
         // A lone percent sign stands for itself: some importers do not encode.
         bytes.push(code.unwrap_or(*first));
         rest = if code.is_some() { &tail[2..] } else { tail };
     }
-    String::from_utf8(bytes).ok()
+    bytes
 }
 
 fn hex(digit: u8) -> Option<u8> {
@@ -60,12 +160,14 @@ mod tests {
             ("file://server/share", Some("//server/share")),
             ("/tmp/100%/x", Some("/tmp/100%/x")),
             ("file:///tmp/100%zz", Some("/tmp/100%zz")),
-            ("file:///%ff", None),
             ("http://example.org/x", None),
             ("", None),
             ("fil", Some("fil")),
         ] {
-            assert_eq!(folder(uri), path.map(PathBuf::from), "{uri}");
+            assert_eq!(folder(uri.as_bytes()), path.map(PathBuf::from), "{uri}");
         }
+        // A folder named in Latin-1, as an old file system has it, encoded or not.
+        #[cfg(unix)]
+        assert_eq!((folder(b"file:///m\xfcll"), folder(b"file:///m%fcll")), (as_path(b"/m\xfcll"), as_path(b"/m\xfcll")));
     }
 }

@@ -53,12 +53,20 @@ pub struct Variable {
     pub max: f64,
 }
 
+impl Variable {
+    /// An input without bounds: a measurement, of which the model judges by itself whether it is one. It takes any value, also NaN.
+    #[inline]
+    pub fn is_measurement(&self) -> bool {
+        self.causality == Causality::Input && self.kind == Kind::Real && self.min == f64::NEG_INFINITY && self.max == f64::INFINITY
+    }
+}
+
 /// A model description.
 #[derive(Debug)]
 pub struct Description {
     /// Name of the model.
     pub name: &'static str,
-    /// GUID: a hash of the XML; FMUs with other start values have another tail, see [`super::model::find`].
+    /// GUID: a hash of the XML; FMUs with other start values have another tail, see [`super::guid`].
     pub guid: &'static str,
     /// All variables, in the order of the XML.
     pub variables: &'static [Variable],
@@ -70,6 +78,11 @@ pub struct Description {
 pub const NOWHERE: u16 = u16::MAX;
 
 impl Description {
+    /// Whether the model has effects, which faults can drive.
+    pub fn has_effects(&self) -> bool {
+        self.variables.iter().any(|v| v.name.starts_with("effect."))
+    }
+
     /// Index of the variable with this value reference.
     #[inline]
     pub fn find(&self, value_reference: u32) -> Option<usize> {

@@ -19,6 +19,16 @@ const FRAME: usize = 4;
 pub trait Words {
     /// A number.
     fn real(&mut self, value: &mut f64);
+    /// Numbers in a row.
+    fn reals(&mut self, values: &mut [f64]) {
+        values.iter_mut().for_each(|value| self.real(value));
+    }
+    /// A number that may be none.
+    fn any_real(&mut self, value: &mut f64) {
+        let mut word = value.to_bits();
+        self.word(&mut word, |_| true);
+        *value = f64::from_bits(word);
+    }
     /// A word; it must pass `valid` when read.
     fn word(&mut self, value: &mut u64, valid: impl Fn(u64) -> bool);
     /// A flag.
@@ -43,6 +53,9 @@ pub struct Writer<'a>(pub &'a mut Vec<u64>);
 impl Words for Writer<'_> {
     fn real(&mut self, value: &mut f64) {
         self.0.push(value.to_bits());
+    }
+    fn reals(&mut self, values: &mut [f64]) {
+        self.0.extend(values.iter().map(|value| value.to_bits()));
     }
     fn word(&mut self, value: &mut u64, _: impl Fn(u64) -> bool) {
         self.0.push(*value);
@@ -71,6 +84,19 @@ impl Words for Reader<'_> {
             Some(read) if read.is_finite() => *value = read,
             _ => self.failed = true,
         }
+    }
+    fn reals(&mut self, values: &mut [f64]) {
+        let Some((taken, rest)) = self.words.split_at_checked(values.len()) else {
+            self.failed = true;
+            return;
+        };
+        self.words = rest;
+        let mut finite = true;
+        for (value, word) in values.iter_mut().zip(taken) {
+            *value = f64::from_bits(*word);
+            finite &= value.is_finite();
+        }
+        self.failed |= !finite;
     }
     fn word(&mut self, value: &mut u64, valid: impl Fn(u64) -> bool) {
         match self.next() {

@@ -2,23 +2,40 @@
 
 use super::Model;
 use crate::effects::{PARAMETERS, Parameters};
-use crate::fmi2::model::GUID_OF_INTERFACE;
+use crate::faults::Faults;
+use crate::fmi2::{guid, model::put_vehicle};
 use crate::vehicle::{NUMBERS, Vehicle};
-use sha2::{Digest, Sha256};
 
-/// The text with GUID and version filled in, and the vehicle's numbers as start values.
+/// The text with GUID, version and the indices of ModelStructure filled in, and the vehicle's numbers as start values.
 pub fn complete(model: &Model, vehicle: &Vehicle, effects: &Parameters) -> String {
-    let filled = model.xml.replace("@VERSION@", env!("CARGO_PKG_VERSION"));
-    let mut text: String = filled.lines().map(|line| with_start(line, vehicle, effects) + "\n").collect();
-    text.truncate(text.trim_end().len());
-    text.replace("@GUID@", &guid(model, &text)) + "\n"
+    complete_with(model, vehicle, effects, &Faults::default())
 }
 
-/// The GUID of an FMU with this text: the interface's, and in its last twelve digits a hash of all start values.
-fn guid(model: &Model, text: &str) -> String {
-    let digest = Sha256::digest(text.as_bytes());
-    let tail: String = digest.iter().take(6).map(|byte| format!("{byte:02x}")).collect();
-    format!("{}{tail}", &model.description.guid[..GUID_OF_INTERFACE])
+/// The same for an FMU that plays faults.
+pub fn complete_with(model: &Model, vehicle: &Vehicle, effects: &Parameters, faults: &Faults) -> String {
+    let filled = model.xml.replace("@VERSION@", env!("CARGO_PKG_VERSION")).replace("@GUID@", &guid(model, vehicle, effects, faults));
+    filled.lines().map(|line| with_index(model, &with_start(line, vehicle, effects)) + "\n").collect()
+}
+
+/// The GUID of an FMU with these start values.
+fn guid(model: &Model, vehicle: &Vehicle, effects: &Parameters, faults: &Faults) -> String {
+    let description = model.description;
+    let mut starts: Vec<f64> = description.variables.iter().map(|v| v.start).collect();
+    put_vehicle(description, vehicle, effects, &mut starts);
+    let tail = guid::tail(starts.into_iter().chain(faults.numbers())).map(char::from);
+    description.guid[..guid::OF_INTERFACE].chars().chain(tail).collect()
+}
+
+/// An `Unknown` with indices instead of names; any other line as it is.
+fn with_index(model: &Model, line: &str) -> String {
+    let Some(name) = attribute(line, "name").filter(|_| line.contains("<Unknown ")) else { return line.to_owned() };
+    let index = |name: &str| {
+        let place = model.description.variables.iter().position(|v| v.name == name);
+        (place.unwrap_or_else(|| panic!("ModelStructure of {} names {name}, which is no variable", model.description.name)) + 1).to_string()
+    };
+    let dependencies = attribute(line, "dependencies").map(|names| names.split_whitespace().map(index).collect::<Vec<_>>().join(" "));
+    let dependencies = dependencies.map_or(String::new(), |indices| format!(" dependencies=\"{indices}\""));
+    format!("      <Unknown index=\"{}\"{dependencies}/>", index(name))
 }
 
 /// The line of a vehicle's number or of an effect's parameter with its start value; any other line as it is.
@@ -57,17 +74,18 @@ mod tests {
                 attribute(line, "start").unwrap().parse::<f64>().unwrap()
             };
             assert_eq!((start("friction.m_2"), start("driveline.J_c")), (-1.25e-7, 0.75));
-            assert!(!xml.contains('@') && xml.contains(&model.description.guid[..GUID_OF_INTERFACE]));
+            assert!(!xml.contains('@') && xml.contains(&model.description.guid[..guid::OF_INTERFACE]));
             // The library serves this FMU, and it is told from the paper's car.
-            let guid = |xml: &str| xml.lines().find_map(|l| attribute(l, "guid").map(str::to_owned)).unwrap();
-            let of_paper = guid(&complete(model, &Vehicle::paper(), &crate::effects::null()));
-            assert_ne!(guid(&xml), of_paper);
-            for each in [guid(&xml), of_paper] {
+            let read_guid = |xml: &str| xml.lines().find_map(|l| attribute(l, "guid").map(str::to_owned)).unwrap();
+            let of_paper = read_guid(&complete(model, &Vehicle::paper(), &crate::effects::null()));
+            assert_ne!(read_guid(&xml), of_paper);
+            assert_eq!(of_paper, model.description.guid);
+            for each in [read_guid(&xml), of_paper] {
                 assert_eq!(crate::fmi2::model::find(&each).unwrap().description.name, model.description.name);
             }
             // The paper's car is what the source holds: nothing but GUID and version changes.
             let same = complete(model, &Vehicle::paper(), &crate::effects::null());
-            let changed = same.lines().zip(model.xml.lines()).filter(|(a, b)| a != b && !b.contains('@'));
+            let changed = same.lines().zip(model.xml.lines()).filter(|(a, b)| a != b && !b.contains('@') && !b.contains("<Unknown "));
             for (a, b) in changed {
                 let number = |line| attribute(line, "start").and_then(|s: &str| s.parse::<f64>().ok());
                 assert_eq!(number(a), number(b), "{a}");

@@ -19,10 +19,10 @@ const CONTROLLER: &str = "<p>Engagement controller: two speed references, PI con
 torque map at the estimated temperature, and feedback of the observed clutch torque. At lock-up the position goes to its maximum. \
 <code>engage</code> opens and closes the clutch at any moment.</p>\
 <p>Implausible inputs do not reach its states: they are bridged with the last good values, then the clutch opens; the output \
-<code>fault</code> says what is wrong. A value that <code>fmi2SetReal</code> refuses counts as implausible too.</p>";
+<code>fault</code> says what is wrong. The measured inputs take any value, also NaN, so that what a failed sensor says gets there.</p>";
 
 const COMMON: &str = "<h2>Use</h2><ul>\
-<li>FMI 2.0 for co-simulation. Any communication step, also a varying one, up to 1000 s; inputs are held over a step.</li>\
+<li>FMI 2.0 for co-simulation. Any communication step, also a varying one, up to 1000 s; inputs are held over a step, or follow their derivatives.</li>\
 <li>Outputs change in initialization and with steps, not when inputs are set: there is no direct feedthrough, so no algebraic loop.</li>\
 <li>States can be saved, restored and serialized; instances are independent of each other, in any number of threads.</li>\
 <li>Values that are not finite or out of bounds are refused with a log message that names variable, value and bounds; the instance \

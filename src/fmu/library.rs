@@ -4,9 +4,6 @@ use super::{FmuError, Model};
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-/// Name of the library within the FMU: the model identifier.
-pub const MODEL_IDENTIFIER: &str = "kisspoint";
-
 /// Environment variable that names a library.
 pub const VARIABLE: &str = "KISSPOINT_LIBRARY";
 
@@ -32,13 +29,13 @@ impl Library {
     pub fn read(path: &Path) -> Result<Self, FmuError> {
         let bytes = fs::read(path).map_err(|source| FmuError::File { path: path.to_owned(), source })?;
         let platform = platform(&bytes).map_err(|what| FmuError::NotALibrary { path: path.to_owned(), what })?;
-        Ok(Self { path: path.to_owned(), platform, bytes })
+        Ok(Self { path: path.to_owned(), platform, bytes: without_places(bytes) })
     }
 
-    /// Its name in the archive.
-    pub fn entry(&self) -> String {
+    /// Its name in the archive of a model: the model identifier, which is the model's name.
+    pub fn entry(&self, model: &Model) -> String {
         let ending = if self.platform.starts_with("win") { "dll" } else { "so" };
-        format!("binaries/{}/{MODEL_IDENTIFIER}.{ending}", self.platform)
+        format!("binaries/{}/{}.{ending}", self.platform, model.description.name)
     }
 
     /// The library must answer to the model's GUID, which stands among its constants.
@@ -49,6 +46,19 @@ impl Library {
         }
         Err(FmuError::Outdated { path: self.path.clone(), model: model.description.name })
     }
+}
+
+/// Overwrites the names of the folders that it was built in with slashes, which keeps every length: an FMU tells nothing of the machine that made it.
+fn without_places(mut bytes: Vec<u8>) -> Vec<u8> {
+    for place in env!("KISSPOINT_PLACES").split('|').filter(|place| place.len() > 1) {
+        let finder = |bytes: &[u8], from: usize| bytes[from..].windows(place.len()).position(|w| w == place.as_bytes()).map(|k| from + k);
+        let mut from = 0;
+        while let Some(found) = finder(&bytes, from) {
+            bytes[found..found + place.len()].fill(b'/');
+            from = found + place.len();
+        }
+    }
+    bytes
 }
 
 /// Folder of FMI 2.0 by the file's header; AArch64 has none in the standard and gets the name that tools use.
@@ -72,12 +82,13 @@ fn platform(bytes: &[u8]) -> Result<&'static str, &'static str> {
     Err("not a shared library")
 }
 
-/// The libraries named, or the first one found: in the environment, beside the executable, installed beside it.
+/// The libraries named, or those found: the one in the environment, all in the folder `libraries` beside the executable, the one beside it or
+/// installed beside it.
 ///
 /// # Errors
 /// None at all, one that is unsound, or two for one platform.
 pub fn find(named: &[PathBuf]) -> Result<Vec<Library>, FmuError> {
-    let paths = if named.is_empty() { vec![search()?] } else { named.to_vec() };
+    let paths = if named.is_empty() { search()? } else { named.to_vec() };
     let mut libraries: Vec<Library> = Vec::new();
     for path in paths {
         let library = Library::read(&path)?;
@@ -91,20 +102,37 @@ pub fn find(named: &[PathBuf]) -> Result<Vec<Library>, FmuError> {
     Ok(libraries)
 }
 
-fn search() -> Result<PathBuf, FmuError> {
+fn search() -> Result<Vec<PathBuf>, FmuError> {
     if let Some(path) = env::var_os(VARIABLE) {
-        return Ok(PathBuf::from(path));
+        return Ok(vec![PathBuf::from(path)]);
     }
     let name = if cfg!(windows) { "kisspoint.dll" } else { "libkisspoint.so" };
     let beside = env::current_exe().ok().and_then(|exe| Some(exe.parent()?.to_owned())).unwrap_or_default();
+    let every =
+        |platform: &str| fs::read_dir(beside.join("libraries").join(platform)).into_iter().flatten().flatten().map(|entry| entry.path());
+    let all: Vec<PathBuf> = PLATFORMS.into_iter().flat_map(every).collect();
+    if !all.is_empty() {
+        return Ok(all);
+    }
     let places = [beside.join(name), beside.join("../lib/kisspoint").join(name)];
     let looked_at = || places.each_ref().map(|p| p.display().to_string()).join(", ");
-    places.iter().find(|p| p.is_file()).cloned().ok_or_else(|| FmuError::NoLibrary(format!("${VARIABLE}, {}", looked_at())))
+    places.iter().find(|p| p.is_file()).map(|p| vec![p.clone()]).ok_or_else(|| FmuError::NoLibrary(format!("${VARIABLE}, {}", looked_at())))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_place_of_the_build_is_wiped_out() {
+        let text = concat!("before ", env!("CARGO_MANIFEST_DIR"), "/src/lib.rs after").as_bytes().to_vec();
+        let wiped = String::from_utf8(without_places(text.clone())).unwrap();
+        assert_eq!(wiped.len(), text.len());
+        assert!(
+            wiped.starts_with("before //") && wiped.ends_with("//src/lib.rs after") && !wiped.contains(env!("CARGO_MANIFEST_DIR")),
+            "{wiped}"
+        );
+    }
 
     #[test]
     fn platforms_are_recognised() {

@@ -2,23 +2,29 @@
 //!
 //! - [`library`]: which shared libraries go in, and for which platform each is
 //! - [`description`]: the model description with GUID, version and a vehicle's start values
+//! - [`sources`]: the same as C99, for targets that compile FMUs for themselves
 //! - [`html`]: the documentation
+//! - [`a2l`]: addresses for the calibration bench
 //! - [`ssv`]: parameter sets of SSP 1.0
 //! - [`system`]: both FMUs coupled, for masters
 //!
 //! The bytes are reproducible: fixed order, fixed times, no `./` before names.
 
+pub mod a2l;
 pub mod description;
 pub mod html;
 pub mod library;
+pub mod sources;
 pub mod ssv;
 pub mod system;
 
 use crate::effects::{self, Parameters};
+use crate::faults::Faults;
 use crate::fmi2::{controller, plant, variables};
 use crate::vehicle::Vehicle;
 use library::Library;
-use std::io::{Cursor, Write};
+use sources::Sources;
+use std::io::{Cursor, Read, Write};
 use std::path::PathBuf;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
@@ -80,6 +86,22 @@ pub enum FmuError {
         /// The other.
         second: PathBuf,
     },
+    /// C sources are not there.
+    #[error("{}: {source}; packaging/sources.sh makes the C sources, --sources names their folder", path.display())]
+    Sources {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// C sources of another version.
+    #[error(
+        "the C sources do not hold the GUID of {model}: they were made from another model description; make them again with `packaging/sources.sh`"
+    )]
+    SourcesOutdated {
+        /// The model.
+        model: &'static str,
+    },
     /// A file cannot be read or written.
     #[error("{}: {source}; check path and permissions", path.display())]
     File {
@@ -103,10 +125,10 @@ pub type File = (String, Vec<u8>);
 ///
 /// # Errors
 /// A library that does not fit the models.
-pub fn all(libraries: &[Library], vehicle: &Vehicle, effects: &Parameters) -> Result<Vec<File>, FmuError> {
+pub fn all(libraries: &[Library], extras: Extras, vehicle: &Vehicle, effects: &Parameters) -> Result<Vec<File>, FmuError> {
     let mut fmus = Vec::new();
     for model in &MODELS {
-        fmus.push((model, archive(model, libraries, vehicle, effects)?));
+        fmus.push((model, with_extras(model, libraries, extras, vehicle, effects)?));
     }
     let mut files: Vec<File> =
         vec![("launch.ssp".into(), system::ssp(&fmus, vehicle)?), ("OspSystemStructure.xml".into(), system::osp(vehicle).into_bytes())];
@@ -114,11 +136,14 @@ pub fn all(libraries: &[Library], vehicle: &Vehicle, effects: &Parameters) -> Re
     Ok(files)
 }
 
-/// The vehicle document of the resources; effects that are set stand in it too, so that the FMU starts with them in every importer.
-fn document(vehicle: &Vehicle, effects: &Parameters) -> serde_json::Value {
+/// The vehicle document of the resources; effects that are set, and faults, stand in it too, so that the FMU starts with them in every importer.
+fn document(vehicle: &Vehicle, effects: &Parameters, faults: &Faults) -> serde_json::Value {
     let mut document = vehicle.to_value();
     if *effects != effects::null() {
         document["effects"] = effects::to_value(effects);
+    }
+    if !faults.is_empty() {
+        document["faults"] = faults.to_value();
     }
     document
 }
@@ -128,23 +153,62 @@ fn document(vehicle: &Vehicle, effects: &Parameters) -> serde_json::Value {
 /// # Errors
 /// A library that does not hold this model.
 pub fn archive(model: &Model, libraries: &[Library], vehicle: &Vehicle, effects: &Parameters) -> Result<Vec<u8>, FmuError> {
-    let xml = description::complete(model, vehicle, effects);
+    with_extras(model, libraries, Extras::default(), vehicle, effects)
+}
+
+/// What an FMU may hold beyond binaries and a vehicle.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Extras<'a> {
+    /// C sources.
+    pub sources: Option<&'a Sources>,
+    /// Faults that the plant plays.
+    pub faults: Option<&'a Faults>,
+}
+
+/// The bytes of an FMU with these extras.
+///
+/// # Errors
+/// A library that does not hold this model, or sources that do not.
+pub fn with_extras(
+    model: &Model,
+    libraries: &[Library],
+    extras: Extras,
+    vehicle: &Vehicle,
+    effects: &Parameters,
+) -> Result<Vec<u8>, FmuError> {
+    let none = Faults::default();
+    let faults = extras.faults.filter(|_| model.description.has_effects()).unwrap_or(&none);
+    let mut xml = description::complete_with(model, vehicle, effects, faults);
+    if extras.sources.is_some() {
+        xml = sources::declared(&xml);
+    }
     let mut files: Vec<File> = vec![
         ("modelDescription.xml".into(), xml.clone().into_bytes()),
         ("model.png".into(), ICON.to_vec()),
         ("documentation/index.html".into(), html::page(model, &xml).into_bytes()),
-        ("resources/vehicle.json".into(), format!("{:#}\n", document(vehicle, effects)).into_bytes()),
+        ("resources/vehicle.json".into(), format!("{:#}\n", document(vehicle, effects, faults)).into_bytes()),
     ];
+    files.push((format!("{}/fmi-ls-manifest.xml", a2l::FOLDER), a2l::manifest(model).into_bytes()));
+    for library in libraries {
+        let folder = format!("{}/{}", a2l::FOLDER, library.platform);
+        files.push((format!("{folder}/{}.a2l", model.description.name), a2l::write(model, &xml).into_bytes()));
+    }
     files.extend(LICENCES.map(|(name, text)| (name.to_owned(), text.as_bytes().to_vec())));
     for library in libraries {
         library.check(model)?;
-        files.push((library.entry(), library.bytes.clone()));
+        files.push((library.entry(model), library.bytes.clone()));
     }
-    zipped(&files)
+    if let Some(sources) = extras.sources {
+        files.extend(sources.files(model, &document(vehicle, effects, faults))?);
+    }
+    archive_of(&files)
 }
 
 /// An archive of these files. The time of every entry is the format's earliest, so that equal contents give equal bytes.
-fn zipped(files: &[File]) -> Result<Vec<u8>, FmuError> {
+///
+/// # Errors
+/// Names or sizes that no archive can have.
+pub fn archive_of(files: &[File]) -> Result<Vec<u8>, FmuError> {
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated).last_modified_time(zip::DateTime::default());
     for (name, bytes) in files {
@@ -153,4 +217,20 @@ fn zipped(files: &[File]) -> Result<Vec<u8>, FmuError> {
         zip.write_all(bytes)?;
     }
     Ok(zip.finish()?.into_inner())
+}
+
+/// The files of an archive, in its order.
+///
+/// # Errors
+/// Bytes that are no archive.
+pub fn files_of(archive: &[u8]) -> Result<Vec<File>, FmuError> {
+    let mut zip = zip::ZipArchive::new(Cursor::new(archive))?;
+    let mut files = Vec::with_capacity(zip.len());
+    for index in 0..zip.len() {
+        let mut entry = zip.by_index(index)?;
+        let mut bytes = Vec::new();
+        entry.read_to_end(&mut bytes)?;
+        files.push((entry.name()?.into_owned(), bytes));
+    }
+    Ok(files)
 }

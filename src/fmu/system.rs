@@ -4,7 +4,7 @@
 //! variables have the same unit on both sides, for not every master converts.
 
 use super::ssv::{self, Parameter};
-use super::{FmuError, Model, zipped};
+use super::{FmuError, Model, archive_of};
 use crate::control::settings::SETTINGS;
 use crate::effects::PARAMETERS;
 use crate::fmi2::{controller, plant};
@@ -20,6 +20,9 @@ pub const TO_PLANT: [&str; 2] = ["x_to", "T_e_ref"];
 
 /// Communication step of the launch, s.
 const STEP: f64 = 1e-3;
+
+/// Names of the components. Neither begins a variable's name, as `controller` would: `controller.kp_engine` in it is ambiguous for OMSimulator.
+pub const COMPONENTS: [&str; 2] = ["plant", "clutch_controller"];
 
 /// The two parameter sets of the launch.
 pub struct Sets {
@@ -47,30 +50,48 @@ pub fn ssp(fmus: &[(&Model, Vec<u8>)], vehicle: &Vehicle) -> Result<Vec<u8>, Fmu
     let sets = sets(vehicle);
     let mut files = vec![
         ("SystemStructure.ssd".to_owned(), ssd().into_bytes()),
-        ("resources/plant.ssv".to_owned(), ssv::write("plant", &sets.plant).into_bytes()),
-        ("resources/controller.ssv".to_owned(), ssv::write("controller", &sets.controller).into_bytes()),
+        (format!("resources/{}.ssv", COMPONENTS[0]), ssv::write(COMPONENTS[0], &sets.plant).into_bytes()),
+        (format!("resources/{}.ssv", COMPONENTS[1]), ssv::write(COMPONENTS[1], &sets.controller).into_bytes()),
     ];
     files.extend(fmus.iter().map(|(model, bytes)| (format!("resources/{}.fmu", model.description.name), bytes.clone())));
-    zipped(&files)
+    archive_of(&files)
 }
 
 const HEAD: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<ssd:SystemStructureDescription \
 xmlns:ssd=\"http://ssp-standard.org/SSP1/SystemStructureDescription\" \
 xmlns:ssc=\"http://ssp-standard.org/SSP1/SystemStructureCommon\" \
 xmlns:ssv=\"http://ssp-standard.org/SSP1/SystemStructureParameterValues\" \
+xmlns:oms=\"https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd\" \
 version=\"1.0\" name=\"launch\">\n  <ssd:System name=\"launch\">\n    <ssd:Elements>\n";
 
 fn ssd() -> String {
     let mut text = HEAD.to_owned();
-    component(&mut text, "plant", plant::DESCRIPTION.name, &TO_PLANT, &TO_CONTROLLER);
-    component(&mut text, "controller", controller::DESCRIPTION.name, &TO_CONTROLLER, &TO_PLANT);
+    component(&mut text, COMPONENTS[0], plant::DESCRIPTION.name, &TO_PLANT, &TO_CONTROLLER);
+    component(&mut text, COMPONENTS[1], controller::DESCRIPTION.name, &TO_CONTROLLER, &TO_PLANT);
     text.push_str("    </ssd:Elements>\n    <ssd:Connections>\n");
     for (from, to, name) in connections() {
         let line = format!("startElement=\"{from}\" startConnector=\"{name}\" endElement=\"{to}\" endConnector=\"{name}\"");
         add(&mut text, &format!("      <ssd:Connection {line}/>"));
     }
-    text.push_str("    </ssd:Connections>\n  </ssd:System>\n  <ssd:DefaultExperiment startTime=\"0.0\" stopTime=\"2.5\"/>\n");
+    add(&mut text, &format!("    </ssd:Connections>\n{}  </ssd:System>", oms_master()));
+    text.push_str("  <ssd:DefaultExperiment startTime=\"0.0\" stopTime=\"2.5\"/>\n");
     text + "</ssd:SystemStructureDescription>\n"
+}
+
+/// `SystemStructure.ssd` of one component, whose parameters are in `resources/<component>.ssv`.
+pub fn single(system: &str, name: &str, model: &str) -> String {
+    let mut text = HEAD.replace("launch", system);
+    component(&mut text, name, model, &TO_PLANT, &TO_CONTROLLER);
+    text + "    </ssd:Elements>\n  </ssd:System>\n</ssd:SystemStructureDescription>\n"
+}
+
+/// Which master OMSimulator takes for the system, and its step: it imports no system without.
+fn oms_master() -> String {
+    format!(
+        "    <ssd:Annotations>\n      <ssc:Annotation type=\"org.openmodelica\">\n        <oms:Annotations>\n          <oms:SimulationInformation>\n            \
+         <oms:FixedStepMaster description=\"oms-ma\" stepSize=\"{STEP:?}\" absoluteTolerance=\"1e-4\" relativeTolerance=\"1e-4\"/>\n          \
+         </oms:SimulationInformation>\n        </oms:Annotations>\n      </ssc:Annotation>\n    </ssd:Annotations>\n"
+    )
 }
 
 fn component(text: &mut String, name: &str, model: &str, inputs: &[&str], outputs: &[&str]) {
@@ -94,7 +115,8 @@ pub fn osp(vehicle: &Vehicle) -> String {
          <OspSystemStructure xmlns=\"http://opensimulationplatform.com/MSMI/OSPSystemStructure\" version=\"0.1\">\n  \
          <StartTime>0.0</StartTime>\n  <BaseStepSize>{STEP:?}</BaseStepSize>\n  <Algorithm>fixedStep</Algorithm>\n  <Simulators>\n"
     );
-    let simulators = [("plant", plant::DESCRIPTION.name, &sets.plant), ("controller", controller::DESCRIPTION.name, &sets.controller)];
+    let simulators =
+        [(COMPONENTS[0], plant::DESCRIPTION.name, &sets.plant), (COMPONENTS[1], controller::DESCRIPTION.name, &sets.controller)];
     for (name, model, parameters) in simulators {
         add(&mut text, &format!("    <Simulator name=\"{name}\" source=\"{model}.fmu\" stepSize=\"{STEP:?}\">\n      <InitialValues>"));
         for Parameter { name, value, .. } in parameters {
@@ -111,8 +133,9 @@ pub fn osp(vehicle: &Vehicle) -> String {
 }
 
 fn connections() -> impl Iterator<Item = (&'static str, &'static str, &'static str)> {
-    let there = TO_CONTROLLER.iter().map(|name| ("plant", "controller", *name));
-    there.chain(TO_PLANT.iter().map(|name| ("controller", "plant", *name)))
+    let [plant, controller] = COMPONENTS;
+    let there = TO_CONTROLLER.iter().map(move |name| (plant, controller, *name));
+    there.chain(TO_PLANT.iter().map(move |name| (controller, plant, *name)))
 }
 
 fn add(text: &mut String, line: &str) {

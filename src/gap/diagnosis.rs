@@ -1,19 +1,21 @@
 //! The diagnosis of one campaign: where, which, how far, and what stays in doubt.
 
-use super::answer;
-use super::decide::{Decision, FIRST_GAIN, STRUCTURED, Unseen, Verdict, decide};
-use super::fit::{Fit, fit};
-use super::locate::{self, Location};
-use super::measure::{self, HeldOut};
-use super::nuisance::{self, ToleranceError};
-use super::predict::{Follow, HORIZON_S};
-use super::problem::{Point, Problem};
-use super::screen;
-use super::select::{Hypothesis, Search, search};
-use super::series::Series;
+use super::answer::Answer;
+use super::compose::{self, Findings};
+use super::held_out::{Split, split};
+use super::infer::density::{Point, Problem};
+use super::infer::posterior::posterior;
+use super::infer::screen::{Anchor, screen};
+use super::infer::search::{Search, search};
+use super::infer::sensors;
+use super::map;
+use super::measure::{self, Overlay};
+use super::model::filter::Disturbances;
+use super::model::prepare;
+use super::model::tolerance::{ToleranceError, Tolerances};
+use super::verdict::{Conclusion, Verdict, conclude};
 use crate::campaign::{Campaign, Recording};
 use crate::effects::{self, Parameters};
-use crate::report::Overlay;
 use crate::vehicle::{Vehicle, VehicleError};
 
 /// Why a campaign cannot be diagnosed.
@@ -26,16 +28,25 @@ pub enum DiagnosisError {
     #[error(transparent)]
     Tolerance(#[from] ToleranceError),
     /// Too little to hold anything out.
-    #[error("the campaign has {0} usable recording(s); at least 2 are needed, one of them to judge on what took no part in the fit")]
+    #[error(
+        "the campaign has {0} usable recording(s); at least 2 are needed, or a drive with two engagements, so that something is left to judge on what took no part in the fit"
+    )]
     TooFew(usize),
+    /// No position command.
+    #[error(
+        "{0} has no x_to_cmd_mm, the commanded position of the throwout bearing: without it the clutch torque cannot be replayed; record it, or leave that recording out"
+    )]
+    NoPosition(String),
 }
 
 /// The answer, and what the report shows beside it.
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
-    /// Content of diagnosis.json.
+    /// The answer.
+    pub answer: Answer,
+    /// The answer as diagnosis.json has it.
     pub json: serde_json::Value,
-    /// Real, before and after, per recording.
+    /// Real, before and after, per recording or engagement.
     pub overlays: Vec<Overlay>,
     /// The retuned car.
     pub vehicle: Vehicle,
@@ -45,138 +56,132 @@ pub struct Diagnosis {
     pub nominal: Vehicle,
 }
 
-/// What the parts of the answer are made from.
-pub(super) struct Findings<'a> {
-    pub campaign: &'a Campaign,
-    pub problem: &'a Problem,
-    pub search: &'a Search,
-    pub decision: &'a Decision,
-    pub location: &'a Location,
-    pub blind_spots: &'a [usize],
-    pub held_out: &'a [HeldOut],
-    pub unseen: &'a Unseen,
-    pub retuned: (&'a Vehicle, &'a Parameters),
-}
-
-/// Recordings that take no part in choosing or fitting: of a manoeuvre with at least three recordings, the one whose start temperature is in the
-/// middle; without one, the last.
-fn hold_out(recordings: &[Recording]) -> usize {
-    let siblings = |r: &Recording| recordings.iter().filter(|o| o.manoeuvre == r.manoeuvre).count();
-    let most = recordings.iter().map(siblings).max().unwrap_or(0);
-    if most < 3 {
-        return recordings.len() - 1;
-    }
-    let mut family: Vec<usize> = (0..recordings.len()).filter(|&k| siblings(&recordings[k]) == most).collect();
-    family.sort_by(|&a, &b| recordings[a].theta_c0.total_cmp(&recordings[b].theta_c0).then(a.cmp(&b)));
-    family[family.len() / 2]
-}
-
-/// Gain in cost around the threshold that is worth a second look at the full rate.
-const BORDERLINE: std::ops::Range<f64> = 0.5 * FIRST_GAIN..5.0 * FIRST_GAIN;
+/// Gain in the cost that makes an effect visible: its price, and as much again.
+const VISIBLE_GAIN: f64 = 24.0;
 
 /// Diagnoses a campaign. `progress` is told what is being done, with the share of the work done.
 ///
 /// # Errors
-/// A vehicle file or tolerances that are not sound; fewer than two recordings.
+/// A vehicle file or tolerances that are not sound; too few recordings, or one without a position.
 pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> Result<Diagnosis, DiagnosisError> {
     let vehicle = Vehicle::from_value(&campaign.vehicle_json)?;
-    let nuisances = nuisance::read(&campaign.vehicle_json)?;
-    if campaign.recordings.len() < 2 {
+    if let Some(r) = campaign.recordings.iter().find(|r| r.x_to_cmd.is_empty()) {
+        return Err(DiagnosisError::NoPosition(r.name.clone()));
+    }
+    let split = split(&campaign.recordings);
+    if split.taught.is_empty() {
         return Err(DiagnosisError::TooFew(campaign.recordings.len()));
     }
-    let held = hold_out(&campaign.recordings);
-    let taught: Vec<&Recording> = campaign.recordings.iter().enumerate().filter(|(k, _)| *k != held).map(|(_, r)| r).collect();
-    let of = |recordings: &[&Recording], prepare: fn(&Recording) -> Series| Problem {
-        series: recordings.iter().map(|r| prepare(r)).collect(),
-        vehicle,
-        nuisances: nuisances.clone(),
-        follow: Follow::Horizon(HORIZON_S),
-    };
-    let coarse = of(&taught, Series::coarse);
-    let mut search = search(&coarse, &|what, share| progress(what, 0.85 * share));
-    progress("decision", 0.85);
-    let native = of(&taught, Series::native);
-    let fast = native.series.iter().any(|s| s.block > 1);
-    if fast {
-        look_again(&native, &mut search);
+    let taught: Vec<&Recording> = split.taught.iter().collect();
+    let (tracks, tolerances) = prepare::read(&taught, &campaign.vehicle_json)?;
+    let with = prepare::disturbances(&tracks, &tolerances);
+    let mut problem = prepare::problem(tracks, &vehicle, &tolerances, &with);
+    let mut notes: Vec<String> = campaign.notes.iter().map(|n| format!("{}: {}", n.recording, n.text)).collect();
+    let mut found = search(&problem, &|what, share| progress(what, 0.7 * share));
+    // What the first search found of the sensors (how late, how noisy) makes a better filter of the second.
+    let late = late(&problem, &found);
+    let known = Disturbances { late, ..with };
+    let best = found.best();
+    let coloured = sensors::refined(&problem, &best.fit.point, &best.fit.residuals, &known);
+    if coloured.is_some() || late.iter().any(|l| *l > LATE_INTERVALS * interval_of(&problem)) {
+        notes.extend(coloured.as_ref().map(colour_note));
+        problem = prepare::problem(problem.tracks, &vehicle, &tolerances, &coloured.unwrap_or(known));
+        found = search(&problem, &|what, share| progress(what, 0.7 + 0.1 * share));
     }
-    let decided = decide(&search);
-    let problem = if fast { &native } else { &coarse };
-    progress("held-out recordings", 0.9);
-    let nominal = (vehicle, effects::null());
-    let unseen = Unseen::of(&of(&[&campaign.recordings[held]], Series::coarse), &decided.chosen.fit.point);
-    let decision = decided.tested(&search, &unseen);
-    let point = &decision.chosen.fit.point;
-    // Nuisances that a gap of unknown cause has dragged along retune nothing: the car is handed back as it came.
-    let retuned = decision.verdict != Verdict::Unexplained;
-    let (tuned, effects) = if retuned { coarse.plant_at(point) } else { nominal };
-    let held_out = measure::evaluate(&campaign.recordings[held], (&nominal.0, &nominal.1), (&tuned, &effects));
-    progress("location", 0.95);
-    let location = locate::locate(&coarse, &search, &decision);
-    let blind_spots = screen::blind_spots(&coarse, &search.base.fit, FIRST_GAIN);
-    let findings = Findings {
+    progress("missing laws", 0.8);
+    let weights = posterior(&problem, &found);
+    let conclusion = conclude(&problem, &found, &weights);
+    progress("held-out data", 0.9);
+    let point = &conclusion.explanation.fit.as_ref().expect("the best was fitted").point;
+    // Tolerances beside a law that nobody has a formula for retune nothing: the car is handed back as it came.
+    let retuned = !matches!(conclusion.verdict, Verdict::Unexplained | Verdict::InputsDoNotFit);
+    // The FMU has no law beside its effects: it gets the numbers that suit best without one.
+    let alone = found.of(&conclusion.explanation.effects).map_or(point, |h| &h.fit.point);
+    let tuned = if retuned { problem.car(alone, None) } else { super::model::tolerance::Car::nominal(&vehicle) };
+    let null = effects::null();
+    let (before, after) = ((&vehicle, &null), (&tuned.vehicle, &tuned.effects));
+    let judge = &campaign.recordings[split.judge];
+    let held_out = measure::evaluate_part(judge, before, after, split.last_engagement);
+    let declared: Vec<_> = tolerances.own.iter().filter(|n| n.declared).cloned().collect();
+    let floor = measure::floor(judge, after, &declared, tolerances.declared_report, split.last_engagement);
+    progress("residual map", 0.95);
+    let cells = cells(&problem, &conclusion);
+    let visible = visible(&problem, &found);
+    let answer = compose::answer(&Findings {
         campaign,
-        problem,
-        search: &search,
-        decision: &decision,
-        location: &location,
-        blind_spots: &blind_spots,
+        problem: &problem,
+        search: &found,
+        posterior: &weights,
+        conclusion: &conclusion,
+        cells: &cells,
+        visible: &visible,
         held_out: &held_out,
-        unseen: &unseen,
-        retuned: (&tuned, &effects),
-    };
-    let json = answer::json(&findings);
-    let shift = |r: &Recording| taught.iter().position(|t| retuned && t.name == r.name).map_or([0.0; 2], |k| point.theta_shift[k]);
-    let overlays = campaign
-        .recordings
-        .iter()
-        .enumerate()
-        .map(|(k, r)| measure::overlay(r, k == held, (&vehicle, &effects::null()), (&tuned, &effects), shift(r)))
-        .collect();
+        held_out_name: split.name.clone(),
+        floor,
+        retuned: after,
+        notes,
+    });
+    let json = serde_json::to_value(&answer).expect("an answer is plain data");
+    let overlays = overlays(campaign, &split, &problem, point, before, after, &tolerances);
     progress("done", 1.0);
-    Ok(Diagnosis { json, overlays, vehicle: tuned, effects, nominal: vehicle })
+    Ok(Diagnosis { answer, json, overlays, vehicle: tuned.vehicle, effects: tuned.effects, nominal: vehicle })
 }
 
-/// A fast campaign was searched at a lower rate. Where its first or its second effect hangs in the balance, the hypotheses are fitted
-/// again at the full rate.
-fn look_again(native: &Problem, search: &mut Search) {
-    let cost = |h: Option<&Hypothesis>| h.map_or(f64::NAN, |h| h.fit.cost);
-    let (single, pair) = (cost(search.singles.first()), cost(search.pairs.first()));
-    let least = [search.base.fit.cost, single, pair].into_iter().fold(f64::INFINITY, f64::min);
-    let structured = (STRUCTURED..LARGE_STRUCTURE).contains(&(least / search.noise_cost));
-    if !structured && !BORDERLINE.contains(&(search.base.fit.cost - single)) && !BORDERLINE.contains(&(single - pair)) {
-        return;
-    }
-    let again = |h: &Hypothesis| Hypothesis { effects: h.effects.clone(), fit: refit(native, &h.effects, &h.fit.point) };
-    let best = |all: &[Hypothesis]| {
-        let mut again: Vec<Hypothesis> = all.iter().take(LOOKED_AT_AGAIN).map(again).collect();
-        again.sort_by(|a, b| a.score().total_cmp(&b.score()));
-        again
+/// Intervals of the logger from which a sensor's delay changes when the clutch is seen to lock.
+const LATE_INTERVALS: f64 = 1.5;
+
+fn interval_of(problem: &Problem) -> f64 {
+    prepare::logger(&problem.tracks).interval_s
+}
+
+/// How late the speeds are sensed in the most probable explanation, s.
+fn late(problem: &Problem, found: &Search) -> [f64; 2] {
+    use crate::effects::param::{clutch_speed_delay, engine_speed_delay};
+    let effects = problem.car(&found.best().fit.point, None).effects;
+    [
+        effects[engine_speed_delay::delay] + effects[engine_speed_delay::smoothing],
+        effects[clutch_speed_delay::delay] + effects[clutch_speed_delay::smoothing],
+    ]
+}
+
+fn colour_note(with: &Disturbances) -> String {
+    let one = |name: &str, n: super::model::noise::Noise| {
+        (n.coloured > 0.0).then(|| format!("{name} {:.2} rad/s for {:.2} s", n.coloured, n.memory_s))
     };
-    search.base = again(&search.base);
-    search.singles = best(&search.singles);
-    search.pairs = best(&search.pairs);
-    search.noise_cost = native.noise_cost();
+    let all: Vec<String> = [one("omega_f", with.noise[0]), one("omega_c", with.noise[1])].into_iter().flatten().collect();
+    format!("sensor noise has a memory, which is allowed for: {}", all.join(", "))
 }
 
-/// Cost per residual above which structure is there at any rate.
-const LARGE_STRUCTURE: f64 = 4.0;
-
-/// Hypotheses of each size that are fitted again at the full rate.
-const LOOKED_AT_AGAIN: usize = 2;
-/// Iterations of a fit that starts near its end.
-const REFIT_ITERATIONS: usize = 4;
-
-fn refit(problem: &Problem, effects: &[usize], point: &Point) -> Fit {
-    fit(problem, effects, point, REFIT_ITERATIONS, None)
+/// The map without any effect, at the tolerances that go with the conclusion: fitted alone they would have bent towards the gap and hidden it.
+fn cells(problem: &Problem, conclusion: &Conclusion) -> Vec<map::Cell> {
+    let last = &conclusion.explanation.fit.as_ref().expect("the best was fitted").point;
+    let strip = |p: &Point| Point { missing: Vec::new(), ..p.clone() };
+    let without = Point { effects: effects::null(), ..strip(last) };
+    map::cells(problem, &without, &strip(last))
 }
 
-/// Name of a verdict in diagnosis.json.
-pub fn verdict_id(verdict: Verdict) -> &'static str {
-    match verdict {
-        Verdict::NoGap => "no_gap",
-        Verdict::Explained => "explained",
-        Verdict::PartlyExplained => "partly_explained",
-        Verdict::Unexplained => "unexplained",
-    }
+/// Smallest sizes that the recordings would show, at the car within its tolerances.
+fn visible(problem: &Problem, found: &Search) -> Vec<(usize, usize, f64)> {
+    let best = found.best();
+    let point = Point { effects: effects::null(), ..best.fit.point.clone() };
+    Anchor::new(problem, &point, &[], None, None).map_or_else(Vec::new, |anchor| screen(problem, &anchor, &[]).visible(VISIBLE_GAIN))
+}
+
+fn overlays(
+    campaign: &Campaign,
+    split: &Split,
+    problem: &Problem,
+    point: &Point,
+    before: measure::Car,
+    after: measure::Car,
+    _: &Tolerances,
+) -> Vec<Overlay> {
+    let of = |k: usize, r: &Recording| {
+        let judge = k == split.judge;
+        let held_out = |engagement: usize, count: usize| judge && (!split.last_engagement || engagement + 1 == count);
+        let place = problem.tracks.iter().position(|t| t.name == r.name);
+        let theta = place.map_or([r.theta_c0, r.theta_b0], |k| problem.temperatures(point, k));
+        measure::overlays(r, held_out, before, after, theta)
+    };
+    campaign.recordings.iter().enumerate().flat_map(|(k, r)| of(k, r)).collect()
 }

@@ -1,14 +1,27 @@
 //! How far the simulation is from the car: free replays of a recording, before and after, and engagement figures.
 //!
-//! A free replay starts from the first sample and is driven by recorded torque and position alone; its errors are what an
-//! engineer sees who plays the recording through the FMU.
+//! A free replay starts from measured speeds and is driven by recorded torque and position alone; its errors are what an engineer sees who plays the
+//! recording through the FMU. A bench recording is replayed as a whole. Of a drive single engagements are: from the release of the brake at rest to the next
+//! braking, [`LONGEST_S`] at most; the temperatures there are those of the same car in a corrected replay of all that came before.
 
-use super::predict::{Follow, Prediction, predict};
-use super::series::{Channel, Series};
+use super::model::filter::Filter;
+use super::model::prepare;
+use super::model::replay;
+use super::model::tolerance::{self, Nuisance, Wander};
+use super::model::track::{Channel, Track};
 use crate::campaign::Recording;
 use crate::effects::Parameters;
-use crate::report::{Overlay, OverlayChannel};
 use crate::vehicle::Vehicle;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Longest free replay of an engagement, s.
+pub const LONGEST_S: f64 = 5.0;
+/// Disc speed, rad/s, below which a car counts as at rest.
+const AT_REST: f64 = 2.0;
+
+/// A car: its numbers and its effects.
+pub type Car<'a> = (&'a Vehicle, &'a Parameters);
 
 /// Gap of one channel of one recording.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,30 +51,232 @@ pub struct Engagement {
     pub slip_acceleration: f64,
 }
 
-/// A car: its numbers and its effects.
-pub type Car<'a> = (&'a Vehicle, &'a Parameters);
+/// One recording, or one engagement of a drive: the car beside the model as it was and as it is now.
+#[derive(Clone, Debug)]
+pub struct Overlay {
+    /// Name of the recording.
+    pub recording: String,
+    /// What was driven.
+    pub manoeuvre: String,
+    /// Took no part in choosing or fitting.
+    pub held_out: bool,
+    /// Time between samples, s.
+    pub dt: f64,
+    /// Channels measured.
+    pub channels: Vec<OverlayChannel>,
+}
 
-/// Unit of a channel.
-pub fn unit(channel: Channel) -> &'static str {
-    match channel {
-        Channel::OmegaF | Channel::OmegaC => "rad/s",
-        Channel::XTo => "mm",
-        Channel::TFc => "N.m",
-        Channel::ThetaC => "degC",
+/// One channel of a recording.
+#[derive(Clone, Debug)]
+pub struct OverlayChannel {
+    /// Column of the recording.
+    pub column: &'static str,
+    /// Unit of the values.
+    pub unit: &'static str,
+    /// As measured; a value that is not finite is a gap.
+    pub real: Vec<f64>,
+    /// As the nominal model says.
+    pub before: Vec<f64>,
+    /// As the retuned model says.
+    pub after: Vec<f64>,
+}
+
+/// Rows of a recording that are replayed freely.
+pub fn stretches(track: &Track) -> Vec<Range<usize>> {
+    if track.brake.iter().all(|b| !b) {
+        return vec![0..track.rows()];
+    }
+    let rests = |row: usize| {
+        let v = track.measured[Channel::OmegaC as usize][row];
+        !v.is_finite() || v.abs() < AT_REST
+    };
+    let mut all: Vec<Range<usize>> = Vec::new();
+    let mut row = 0;
+    while row < track.rows() {
+        let released = !track.brake[row] && (row == 0 || track.brake[row - 1]) && rests(row);
+        if !released {
+            row += 1;
+            continue;
+        }
+        let begin = row;
+        while row < track.rows() && !track.brake[row] && track.time[row] - track.time[begin] < LONGEST_S {
+            row += 1;
+        }
+        if track.time[row - 1] - track.time[begin] > 0.5 {
+            all.push(begin..row);
+        }
+    }
+    all
+}
+
+/// What a free replay shows, by [`Channel`] and row of the stretch.
+#[derive(Clone, Debug, Default)]
+pub struct Free {
+    value: [Vec<f64>; 5],
+}
+
+/// Start temperatures of a recording for a replay of it, °C.
+fn temperatures_along(track: &Track, filter: &Filter, car: &tolerance::Car, theta: [f64; 2]) -> Vec<[f64; 2]> {
+    let mut all = vec![theta; track.rows()];
+    replay::corrected(track, filter, car, theta, None, |row, now| all[row] = [now.theta_c, now.theta_b]);
+    all
+}
+
+fn free(track: &Track, rows: &Range<usize>, car: &tolerance::Car, theta: [f64; 2], noise: f64) -> Free {
+    let start = replay::start(track, car, rows.start, theta, noise);
+    let mut found = Free::default();
+    replay::replay(track, car, &start, rows.clone(), None, |_, now, _, _| {
+        for (column, v) in found.value.iter_mut().zip([now.omega_f, now.omega_c, now.x_to_actual, now.t_fc, now.theta_c]) {
+            column.push(v);
+        }
+    });
+    found
+}
+
+/// A recording with what its replays need.
+struct Prepared {
+    track: Track,
+    filter: Filter,
+    noise: [f64; 5],
+    stretches: Vec<Range<usize>>,
+}
+
+fn prepare(recording: &Recording, vehicle: &Vehicle) -> Prepared {
+    let track = Track::new(recording);
+    let none = tolerance::Tolerances {
+        shared: Vec::new(),
+        own: Vec::new(),
+        report: tolerance::defaults::REPORT,
+        declared_report: tolerance::defaults::REPORT,
+    };
+    let with = prepare::disturbances(std::slice::from_ref(&track), &none);
+    let filter = prepare::filter_of(&track, vehicle, &with);
+    let stretches = stretches(&track);
+    Prepared { noise: with.noise.map(|n| n.white), track, filter, stretches }
+}
+
+impl Prepared {
+    fn replays(&self, car: Car, theta: [f64; 2]) -> Vec<Free> {
+        let car = tolerance::Car { effects: *car.1, ..tolerance::Car::nominal(car.0) };
+        let whole = self.stretches.len() == 1 && self.stretches[0] == (0..self.track.rows());
+        let along = if whole { Vec::new() } else { temperatures_along(&self.track, &self.filter, &car, theta) };
+        let theta_at = |row: usize| if whole { theta } else { along[row] };
+        self.stretches.iter().map(|rows| free(&self.track, rows, &car, theta_at(rows.start), self.noise[0])).collect()
+    }
+
+    fn rms(&self, channel: Channel, replays: &[Free]) -> f64 {
+        let measured = &self.track.measured[channel as usize];
+        let errors = self.stretches.iter().zip(replays).flat_map(|(rows, f)| measured[rows.clone()].iter().zip(&f.value[channel as usize]));
+        let (sum, count) = errors.filter(|(y, _)| y.is_finite()).fold((0.0, 0), |(s, n), (y, p)| (s + (y - p).powi(2), n + 1));
+        (sum / f64::from(count.max(1))).sqrt()
     }
 }
 
-/// Free replay of a recording through a car.
-pub fn free_replay(series: &Series, car: Car, theta_shift: [f64; 2]) -> Prediction {
-    predict(series, car.0, car.1, theta_shift, Follow::Open)
+/// Gaps of every channel that the recording has; of a drive, over all its engagements, or the `last` of them alone.
+pub fn evaluate_part(recording: &Recording, before: Car, after: Car, last: bool) -> Vec<HeldOut> {
+    let mut p = prepare(recording, before.0);
+    if last {
+        p.stretches = p.stretches.split_off(p.stretches.len().saturating_sub(1));
+    }
+    let theta = [recording.theta_c0, recording.theta_b0];
+    let (b, a) = (p.replays(before, theta), p.replays(after, theta));
+    let figures = p.stretches.first().map_or([None; 3], |rows| {
+        [
+            engagement(&p.track, rows, None, before.0),
+            engagement(&p.track, rows, b.first(), before.0),
+            engagement(&p.track, rows, a.first(), after.0),
+        ]
+    });
+    let present = Channel::ALL.into_iter().filter(|c| !p.track.measured[*c as usize].is_empty());
+    present
+        .map(|channel| HeldOut {
+            recording: recording.name.clone(),
+            channel,
+            before: p.rms(channel, &b),
+            after: p.rms(channel, &a),
+            noise: p.noise[channel as usize],
+            engagement: figures,
+        })
+        .collect()
 }
 
-/// Root mean square of the differences.
-pub fn rms(a: &[f64], b: &[f64]) -> f64 {
-    (a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>() / a.len().max(1) as f64).sqrt()
+/// Gaps of every channel that the recording has.
+pub fn evaluate(recording: &Recording, before: Car, after: Car) -> Vec<HeldOut> {
+    evaluate_part(recording, before, after, false)
 }
 
-/// Gap of both speeds on recordings that took no part: mean over channels, rad/s.
+/// Curves of a recording: one overlay, or one of each engagement of a drive. `theta` are its start temperatures as the retuned car has them.
+pub fn overlays(recording: &Recording, held_out: impl Fn(usize, usize) -> bool, before: Car, after: Car, theta: [f64; 2]) -> Vec<Overlay> {
+    let p = prepare(recording, before.0);
+    let (b, a) = (p.replays(before, [recording.theta_c0, recording.theta_b0]), p.replays(after, theta));
+    let single = p.stretches.len() == 1 && p.stretches[0] == (0..p.track.rows());
+    let count = p.stretches.len();
+    let one = |(k, rows): (usize, &Range<usize>)| {
+        let channels = Channel::ALL
+            .into_iter()
+            .filter(|c| !p.track.measured[*c as usize].is_empty())
+            .map(|c| OverlayChannel {
+                column: c.column(),
+                unit: c.unit(),
+                real: p.track.measured[c as usize][rows.clone()].to_vec(),
+                before: b[k].value[c as usize].clone(),
+                after: a[k].value[c as usize].clone(),
+            })
+            .collect();
+        Overlay {
+            recording: if single { recording.name.clone() } else { format!("{} at {:.1} s", recording.name, p.track.time[rows.start]) },
+            manoeuvre: if single { recording.manoeuvre.clone() } else { "engagement".to_owned() },
+            held_out: held_out(k, count),
+            dt: p.track.interval(),
+            channels,
+        }
+    };
+    p.stretches.iter().enumerate().map(one).collect()
+}
+
+/// Root mean square error, rad/s, that a free replay of the true car would be expected to show all the same: noise, and what no file knows of a recording
+/// (its temperatures, drift, grade, the wander of the report). Mean of both speeds.
+pub fn floor(recording: &Recording, after: Car, own: &[Nuisance], report: Wander, last: bool) -> f64 {
+    let mut p = prepare(recording, after.0);
+    if last {
+        p.stretches = p.stretches.split_off(p.stretches.len().saturating_sub(1));
+    }
+    let theta = [recording.theta_c0, recording.theta_b0];
+    let reference = p.replays(after, theta);
+    let base = tolerance::Car { effects: *after.1, ..tolerance::Car::nominal(after.0) };
+    let mut moved: Vec<Vec<Free>> = own
+        .par_iter()
+        .map(|n| {
+            let mut car = base;
+            car.apply(std::slice::from_ref(n), &[1.0]);
+            p.replays((&car.vehicle, &car.effects), theta)
+        })
+        .collect();
+    for node in 0..2 {
+        let mut warmer = theta;
+        warmer[node] += recording.theta_0_sigma[node];
+        moved.push(p.replays(after, warmer));
+    }
+    let d = &after.0.driveline;
+    let of_channel = |channel: Channel| {
+        let c = channel as usize;
+        let pairs = |m: &[Free]| -> f64 {
+            let (sum, count) = m
+                .iter()
+                .zip(&reference)
+                .flat_map(|(a, b)| a.value[c].iter().zip(&b.value[c]))
+                .fold((0.0, 0), |(s, n), (a, b)| (s + (a - b).powi(2), n + 1));
+            sum / f64::from(count.max(1))
+        };
+        // A wander that is integrated: variance 2 σ² τ t / J² once t is longer than its time, its mean over a stretch.
+        let seconds = p.stretches.iter().map(|r| p.track.time[r.end - 1] - p.track.time[r.start]).fold(0.0, f64::max);
+        let wander = (report.sigma / (d.J_f + d.J_c)).powi(2) * report.time_s * seconds.min(LONGEST_S);
+        (p.noise[c].powi(2) + moved.iter().map(|m| pairs(m)).sum::<f64>() + wander).sqrt()
+    };
+    0.5 * (of_channel(Channel::OmegaF) + of_channel(Channel::OmegaC))
+}
+
+/// Gap of both speeds on data that took no part: mean over channels, rad/s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Closed {
     /// Of the nominal plant.
@@ -73,56 +288,17 @@ pub struct Closed {
 }
 
 impl Closed {
-    /// Sums up held-out recordings.
+    /// Sums up held-out data, with the noise of the sensors as the floor.
     pub fn of(held_out: &[HeldOut]) -> Self {
         let speeds: Vec<&HeldOut> = held_out.iter().filter(|h| matches!(h.channel, Channel::OmegaF | Channel::OmegaC)).collect();
         let mean = |get: fn(&HeldOut) -> f64| speeds.iter().map(|h| get(h)).sum::<f64>() / speeds.len().max(1) as f64;
         Self { before: mean(|h| h.before), after: mean(|h| h.after), noise: mean(|h| h.noise) }
     }
 
-    /// Share of the gap that is gone; zero where there was none.
+    /// Share of the gap above the floor that is gone; zero where there was none.
     pub fn fraction(&self) -> f64 {
         if self.before > self.noise { ((self.before - self.after) / (self.before - self.noise)).min(1.0) } else { 0.0 }
     }
-}
-
-/// Gaps of every channel that the recording has.
-pub fn evaluate(recording: &Recording, before: Car, after: Car) -> Vec<HeldOut> {
-    let series = Series::native(recording);
-    let (b, a) = (free_replay(&series, before, [0.0; 2]), free_replay(&series, after, [0.0; 2]));
-    let figures = [engagement(&series, None, before.0), engagement(&series, Some(&b), before.0), engagement(&series, Some(&a), after.0)];
-    let present = Channel::ALL.into_iter().filter(|c| !series.measured[*c as usize].is_empty());
-    present
-        .map(|channel| {
-            let k = channel as usize;
-            HeldOut {
-                recording: recording.name.clone(),
-                channel,
-                before: rms(&series.measured[k], &b.value[k]),
-                after: rms(&series.measured[k], &a.value[k]),
-                noise: series.noise[k],
-                engagement: figures,
-            }
-        })
-        .collect()
-}
-
-/// Curves of a recording for the report.
-pub fn overlay(recording: &Recording, held_out: bool, before: Car, after: Car, theta_shift: [f64; 2]) -> Overlay {
-    let series = Series::native(recording);
-    let (b, a) = (free_replay(&series, before, [0.0; 2]), free_replay(&series, after, theta_shift));
-    let channels = Channel::ALL
-        .into_iter()
-        .filter(|c| !series.measured[*c as usize].is_empty())
-        .map(|c| OverlayChannel {
-            column: c.column(),
-            unit: unit(c),
-            real: series.measured[c as usize].clone(),
-            before: b.value[c as usize].clone(),
-            after: a.value[c as usize].clone(),
-        })
-        .collect();
-    Overlay { recording: recording.name.clone(), manoeuvre: recording.manoeuvre.clone(), held_out, dt: series.dt, channels }
 }
 
 /// Slip in rad/s under which a clutch counts as engaged.
@@ -131,29 +307,48 @@ const ENGAGED_SLIP: f64 = 1.5;
 /// Time over which slip acceleration and engine acceleration are taken, s.
 const SLOPE_S: f64 = 0.1;
 
-/// Figures of the first engagement, measured (`replay` none) or replayed; none if the slip does not begin or does not end.
+/// Figures of the first engagement of a stretch, measured (`replay` none) or replayed; none if the slip does not begin or does not end.
 ///
 /// The measured clutch torque is the transducer's; without one, the engine balance (8a) gives it.
-fn engagement(series: &Series, replay: Option<&Prediction>, vehicle: &Vehicle) -> Option<Engagement> {
-    let of = |c: Channel| replay.map_or(series.measured[c as usize].as_slice(), |p| p.value[c as usize].as_slice());
+fn engagement(track: &Track, rows: &Range<usize>, replay: Option<&Free>, vehicle: &Vehicle) -> Option<Engagement> {
+    let of = |c: Channel| -> Vec<f64> {
+        let measured = &track.measured[c as usize];
+        replay
+            .map_or_else(|| if measured.is_empty() { Vec::new() } else { filled(&measured[rows.clone()]) }, |f| f.value[c as usize].clone())
+    };
     let (omega_f, omega_c) = (of(Channel::OmegaF), of(Channel::OmegaC));
-    let slip: Vec<f64> = omega_f.iter().zip(omega_c).map(|(f, c)| f - c).collect();
+    let slip: Vec<f64> = omega_f.iter().zip(&omega_c).map(|(f, c)| f - c).collect();
     if slip.first().is_none_or(|s| *s < 10.0 * ENGAGED_SLIP) {
         return None;
     }
     let end = slip.iter().position(|s| *s < ENGAGED_SLIP)?;
-    let reach = ((SLOPE_S / series.dt).round() as usize).max(1);
+    let dt = track.interval();
+    let reach = ((SLOPE_S / dt).round() as usize).max(1);
     if end < 2 * reach {
         return None;
     }
     let d = &vehicle.driveline;
     let slope = |v: &[f64], k: usize| {
         let (a, b) = (k.saturating_sub(reach / 2), (k + reach / 2 + 1).min(v.len() - 1));
-        (v[b] - v[a]) / ((b - a) as f64 * series.dt)
+        (v[b] - v[a]) / ((b - a) as f64 * dt)
     };
     let torque = of(Channel::TFc);
-    let at = |k: usize| if torque.is_empty() { series.t_e[k] - d.b_f * omega_f[k] - d.J_f * slope(omega_f, k) } else { torque[k] };
-    let energy_j = (0..end).map(|k| at(k) * slip[k] * series.dt).sum();
-    let slip_acceleration = (slip[end] - slip[end - reach]) / (reach as f64 * series.dt);
-    Some(Engagement { time_s: end as f64 * series.dt, energy_j, slip_acceleration })
+    let report = |k: usize| track.ticks[track.tick_of_row[rows.start + k]].t_e;
+    let at = |k: usize| if torque.is_empty() { report(k) - d.b_f * omega_f[k] - d.J_f * slope(&omega_f, k) } else { torque[k] };
+    let energy_j = (0..end).map(|k| at(k) * slip[k] * dt).sum();
+    let slip_acceleration = (slip[end] - slip[end - reach]) / (reach as f64 * dt);
+    Some(Engagement { time_s: end as f64 * dt, energy_j, slip_acceleration })
+}
+
+/// The last known value where there is none.
+fn filled(v: &[f64]) -> Vec<f64> {
+    let mut last = v.iter().copied().find(|x| x.is_finite()).unwrap_or(0.0);
+    v.iter()
+        .map(|x| {
+            if x.is_finite() {
+                last = *x;
+            }
+            last
+        })
+        .collect()
 }

@@ -1,20 +1,21 @@
 //! Diagnosis of the sim-to-real gap: where the simulation departs from a car, which effect causes it, how far it shrinks.
+//!
+//! The way of the data:
+//!
+//! 1. [`held_out`]: what takes no part in choosing or fitting, and judges at the end
+//! 2. [`model`]: recordings as tracks of real samples; noise; tolerances as priors; a replay that a Kalman filter corrects, whose innovations are white
+//!    where the model is right; laws that no effect holds
+//! 3. [`infer`]: one joint density of recordings and unknowns; its mode and evidence; the search over sets of effects; the posterior over these and over
+//!    missing laws
+//! 4. [`verdict`]: what the posterior says; [`map`]: where the balances do not close; [`measure`]: how far off free replays are, before and after
+//! 5. [`compose`]: the [`answer`], in its words; [`diagnosis`] runs all of it
 
 pub mod answer;
-pub mod balance;
-pub mod coordinate;
-pub mod decide;
-pub mod derivatives;
+pub mod compose;
 pub mod diagnosis;
-pub mod fit;
-pub mod freeform;
-pub mod locate;
+pub mod held_out;
+pub mod infer;
+pub mod map;
 pub mod measure;
-pub mod mechanisms;
-pub mod nuisance;
-pub mod predict;
-pub mod problem;
-pub mod pulsation;
-pub mod screen;
-pub mod select;
-pub mod series;
+pub mod model;
+pub mod verdict;

@@ -6,7 +6,7 @@ use crate::control::Controller;
 use crate::physics::driveline;
 use crate::physics::phase::Phase;
 use crate::plant::motion::index;
-use crate::plant::{self, Plant, Start, clutch};
+use crate::plant::{Plant, Start, clutch};
 
 /// Step of the plant between two samples of the controller, s.
 const STEP: f64 = 1e-3;
@@ -82,13 +82,13 @@ pub struct Meeting {
     pub into: f64,
 }
 
-/// How the slip vanishes within the step at whose start `plant` stands.
-pub fn meeting(mut plant: Plant, inputs: &plant::Inputs, step: f64) -> Meeting {
+/// How the slip vanishes within the step of `step` seconds at whose start `plant` stands; `advance` moves it on by the seconds given.
+pub fn meeting(mut plant: Plant, step: f64, advance: impl Fn(&mut Plant, f64)) -> Meeting {
     let mut before = slip(&plant);
     let fine = step / FINE as f64;
     let mut found = Meeting { into: step, ..Meeting::default() };
     for k in 0..FINE {
-        plant.step(inputs, fine);
+        advance(&mut plant, fine);
         if plant.outputs().phase == Phase::Locked || slip(&plant) * before < 0.0 {
             found.into = k as f64 * fine;
             break;
@@ -160,7 +160,7 @@ pub fn drive(car: &Car, controller: &mut Controller, seconds: f64) -> Figures {
             let y = plant.state().y;
             if let Some(before) = before.filter(|_| has_met(&plant, slip_before)) {
                 gone = true;
-                let met = meeting(before, &inputs, STEP);
+                let met = meeting(before, STEP, |plant, h| plant.step(&inputs, h));
                 found.slip_acceleration = met.slip_acceleration;
                 found.time = (k * within + i) as f64 * STEP + met.into;
             }

@@ -26,8 +26,11 @@ pub mod temperature;
 use crate::control::performance::{self, Performance};
 use crate::control::{self, Controller, Settings};
 use crate::effects::{self, Parameters, param};
+use crate::faults::Faults;
 use crate::physics::phase::Phase;
 use crate::plant::clutch;
+use crate::plant::config::Config;
+use crate::plant::pace::TooFast;
 use crate::plant::{self, Plant, Start};
 use crate::vehicle::Vehicle;
 use drive::Meeting;
@@ -39,7 +42,7 @@ pub const IDLE: f64 = 1000.0 * std::f64::consts::PI / 30.0;
 pub const AMBIENT: f64 = 25.0;
 
 /// One coupled simulation.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Setup {
     /// The vehicle, as the plant has it.
     pub vehicle: Vehicle,
@@ -55,6 +58,8 @@ pub struct Setup {
     pub step: f64,
     /// End, s.
     pub stop: f64,
+    /// Faults of the plant.
+    pub faults: Faults,
 }
 
 /// One communication point.
@@ -85,7 +90,29 @@ impl Setup {
     /// The paper's launch of `vehicle`: from standstill at 1000 rpm, all at ambient temperature.
     pub fn new(vehicle: &Vehicle, effects: &Parameters, settings: &Settings) -> Self {
         let start = Start { omega_f: IDLE, omega_c: 0.0, theta_c: settings.theta_c_start, theta_b: settings.theta_b_start };
-        Self { vehicle: *vehicle, believed: *vehicle, effects: *effects, settings: *settings, start, step: 1e-3, stop: 2.5 }
+        Self {
+            vehicle: *vehicle,
+            believed: *vehicle,
+            effects: *effects,
+            settings: *settings,
+            start,
+            step: 1e-3,
+            stop: 2.5,
+            faults: Faults::default(),
+        }
+    }
+
+    /// Whether the plant can be followed through all of its faults.
+    ///
+    /// # Errors
+    /// The first part that becomes too fast.
+    pub fn check_faults(&self) -> Result<(), TooFast> {
+        let mut time = 0.0;
+        while time < self.stop {
+            Config::new(&self.vehicle, &self.faults.at(time, &self.effects)).pace.check()?;
+            time = self.faults.next_change(time);
+        }
+        Ok(())
     }
 }
 
@@ -150,6 +177,9 @@ impl Column {
 }
 
 /// Runs the coupled simulation.
+///
+/// # Panics
+/// Faults that [`Setup::check_faults`] refuses.
 pub fn simulate(setup: &Setup) -> Launch {
     let mut controller = Controller::new(&setup.believed, &setup.settings);
     let mut inputs = plant_inputs(controller.outputs());
@@ -161,9 +191,9 @@ pub fn simulate(setup: &Setup) -> Launch {
     for k in 1..=steps {
         let slip = drive::slip(&plant);
         let before = (meeting.is_none() && slip.abs() < drive::NEAR).then(|| plant.clone());
-        plant.step(&inputs, setup.step);
+        step_through_faults(&mut plant, setup, &inputs, setup.step);
         if let Some(before) = before.filter(|_| drive::has_met(&plant, slip)) {
-            meeting = Some(drive::meeting(before, &inputs, setup.step));
+            meeting = Some(drive::meeting(before, setup.step, |plant, h| step_through_faults(plant, setup, &inputs, h)));
         }
         let measured = plant.outputs();
         controller.step(&controller_inputs(&measured, true), setup.step);
@@ -185,6 +215,24 @@ fn row(time_s: f64, plant: &Plant, controller: &Controller) -> Row {
         outputs.t_fc
     };
     Row { time_s, plant: outputs, controller: *controller.outputs(), transmissible }
+}
+
+/// A step of `h` seconds, cut where a fault changes an effect.
+fn step_through_faults(plant: &mut Plant, setup: &Setup, inputs: &plant::Inputs, h: f64) {
+    let mut left = h;
+    loop {
+        let now = plant.state().time;
+        let effects = setup.faults.at(now, &setup.effects);
+        if effects != plant.config().parameters {
+            plant.set_effects(&setup.vehicle, &effects).expect("`Setup::check_faults` has let them pass");
+        }
+        let piece = (setup.faults.next_change(now) - now).min(left);
+        plant.step(inputs, piece);
+        left -= piece;
+        if left <= 0.0 {
+            return;
+        }
+    }
 }
 
 /// Figures at the communication point at which the controller sees lock-up; the plant's torque is still that of slip.

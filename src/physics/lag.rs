@@ -29,9 +29,12 @@ pub struct LagState {
     pub rate: f64,
 }
 
+/// A lag shorter than this, s, is none: it is over within the shortest step, and its rates would leave the range of numbers.
+const SHORTEST: f64 = 1e-12;
+
 /// State after `h` seconds with the input `u + slope·t`.
 pub fn advance(lag: &Lag, state: LagState, u: f64, slope: f64, h: f64) -> LagState {
-    if lag.time_constant <= 0.0 {
+    if lag.time_constant < SHORTEST {
         return LagState { value: u + slope * h, rate: slope };
     }
     let lag = &Lag { time_constant: lag.time_constant * (1.0 + lag.asymmetry * (u - state.value).signum()), ..*lag };

@@ -93,22 +93,19 @@ pub fn phase(config: &Config, s: &State) -> Phase {
     }
 }
 
+/// Speed at which two inertias (kg·m²) keep the momentum that they have at two speeds (rad/s).
+pub fn common_speed(j: [f64; 2], omega: [f64; 2]) -> f64 {
+    (j[0] * omega[0] + j[1] * omega[1]) / (j[0] + j[1])
+}
+
 /// See [`Plant::correct_speeds`].
-pub fn correct_speeds(config: &Config, state: &mut State, omega_f: f64, omega_c: f64) {
+pub fn correct_speeds(state: &mut State, omega_f: f64, omega_c: f64) {
     let y = &mut state.y;
-    if state.stuck {
-        let d = &config.constants.driveline;
-        let common = (d.J_f * omega_f + d.J_c * omega_c) / (d.J_f + d.J_c);
-        y[index::OMEGA_F] += common;
-        y[index::OMEGA_C] += common;
-        y[index::OMEGA_V] += common;
-        return;
-    }
     y[index::OMEGA_F] += omega_f;
     y[index::OMEGA_C] += omega_c;
     y[index::OMEGA_V] += omega_c;
     let slip = y[index::OMEGA_F] - y[index::OMEGA_C];
-    if slip != 0.0 {
+    if !state.stuck && slip != 0.0 {
         state.direction = slip.signum();
     }
 }
@@ -315,11 +312,13 @@ impl Bracket {
     }
 }
 
-/// Torque by which a stuck clutch is asked for more than it can hold, N·m; negative while it holds.
+/// Torque by which a stuck clutch is asked for more than it can hold, N·m; negative while it holds. One without capacity holds nothing, not
+/// even where nothing is asked.
 fn overload(config: &Config, state: &State, y: &Motion, chain: &Chain) -> f64 {
     let drive = chain.drive();
     let hold = motion::sticking_torque(config, y, drive.t_e, state.inputs.t_load);
-    hold.abs() - clutch::capacity(config, drive.x, state.memory, 0.0, y)
+    let most = clutch::capacity(config, drive.x, state.memory, 0.0, y);
+    if most > 0.0 { hold.abs() - most } else { hold.abs().max(f64::MIN_POSITIVE) }
 }
 
 fn break_away(config: &Config, state: &mut State) {
@@ -331,8 +330,7 @@ fn break_away(config: &Config, state: &mut State) {
 /// Slip has reached zero: both sides take the speed that keeps their momentum, then stick or slip on.
 fn meet(config: &Config, state: &mut State) {
     let d = &config.constants.driveline;
-    let (j_f, j_c) = (d.J_f, config.disc_inertia());
-    let common = (j_f * state.y[index::OMEGA_F] + j_c * state.y[index::OMEGA_C]) / (j_f + j_c);
+    let common = common_speed([d.J_f, config.disc_inertia()], [state.y[index::OMEGA_F], state.y[index::OMEGA_C]]);
     state.y[index::OMEGA_F] = common;
     state.y[index::OMEGA_C] = common;
     if !config.compliant() {

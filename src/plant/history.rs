@@ -15,8 +15,8 @@ pub const RESOLUTION: f64 = 2e-4;
 /// A delay line.
 #[derive(Clone, Debug)]
 pub struct History {
-    times: [f64; CAPACITY],
-    values: [f64; CAPACITY],
+    /// Pairs (time, value); on the heap, for a task with a small stack makes plants too.
+    ring: Box<[(f64, f64)]>,
     first: usize,
     len: usize,
 }
@@ -30,7 +30,7 @@ impl PartialEq for History {
 impl History {
     /// An empty line.
     pub fn new() -> Self {
-        Self { times: [0.0; CAPACITY], values: [0.0; CAPACITY], first: 0, len: 0 }
+        Self { ring: vec![(0.0, 0.0); CAPACITY].into_boxed_slice(), first: 0, len: 0 }
     }
 
     /// Forgets everything.
@@ -49,8 +49,7 @@ impl History {
     }
 
     fn at(&self, k: usize) -> (f64, f64) {
-        let slot = self.slot(k);
-        (self.times[slot], self.values[slot])
+        self.ring[self.slot(k)]
     }
 
     /// The pairs (time, value) kept, oldest first.
@@ -64,8 +63,7 @@ impl History {
             return false;
         }
         let slot = self.slot(self.len);
-        self.times[slot] = time;
-        self.values[slot] = value;
+        self.ring[slot] = (time, value);
         self.len += 1;
         true
     }
@@ -82,8 +80,21 @@ impl History {
             }
         }
         let slot = self.slot(self.len - 1);
-        self.times[slot] = time;
-        self.values[slot] = value;
+        self.ring[slot] = (time, value);
+    }
+
+    /// Moves the values by `by`, and by `rate` per second for what came after the last `since` seconds began: what an observer finds wrong of a moment ago
+    /// was wrong before it, and has been getting worse since.
+    pub fn correct(&mut self, by: f64, rate: f64, since: f64, now: f64) {
+        // Newest first; what is older than the longest delay is not asked for any more, but for the value that held at its beginning.
+        for k in (0..self.len).rev() {
+            let slot = self.slot(k);
+            let age = now - self.ring[slot].0;
+            self.ring[slot].1 += by + rate * (since - age).max(0.0);
+            if age > LONGEST {
+                return;
+            }
+        }
     }
 
     /// Index of the last value at or before `time`.

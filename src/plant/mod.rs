@@ -1,6 +1,6 @@
 //! The plant: physics and effects, stepped through stick and slip.
 //!
-//! A [`Plant`] is a plain value without heap memory. [`Plant::step`] holds the inputs over the step and cuts it into
+//! A [`Plant`] allocates its delay lines when it is made, and nothing after. [`Plant::step`] holds the inputs over the step and cuts it into
 //! substeps of at most [`Plant::max_substep`]; events (a delayed command arriving, contact, lock-up, break-away) cut further, so that
 //! the result does not depend on the communication step. Each substep is one Runge–Kutta step of fourth order.
 //!
@@ -216,10 +216,16 @@ impl Plant {
         events::substeps(self, h) as u64 * events::ITERATIONS_PER_SUBSTEP as u64
     }
 
-    /// Moves the speeds by `omega_f`, `omega_c` rad/s: the correction of an observer. A stuck clutch stays stuck and takes
-    /// the mean that keeps its momentum.
-    pub fn correct_speeds(&mut self, omega_f: f64, omega_c: f64) {
-        events::correct_speeds(&self.config, &mut self.state, omega_f, omega_c);
+    /// Moves the speeds of flywheel and disc by `by` rad/s: the correction of an observer. A stuck clutch stays stuck and takes the mean that keeps its
+    /// momentum. What the observer saw was `since` seconds old, and torques that it found missing have been moving the speeds by `rate` rad/s² since then.
+    pub fn correct_speeds(&mut self, by: [f64; 2], rate: [f64; 2], since: f64) {
+        let d = &self.config.constants.driveline;
+        let common = |v: [f64; 2]| [events::common_speed([d.J_f, d.J_c], v); 2];
+        let (by, rate) = if self.state.stuck { (common(by), common(rate)) } else { (by, rate) };
+        events::correct_speeds(&mut self.state, by[0] + rate[0] * since, by[1] + rate[1] * since);
+        let now = self.state.time;
+        self.sensed_f.correct(by[0], rate[0], since, now);
+        self.sensed_c.correct(by[1], rate[1], since, now);
     }
 
     /// Outputs now.

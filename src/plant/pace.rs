@@ -126,7 +126,8 @@ impl Pace {
 /// Greatest slope of the clutch torque over slip, N·m·s/rad.
 fn steepest_friction(config: &Config) -> f64 {
     const SLIPS: [f64; 5] = [0.0, 0.5, 3.0, 20.0, 150.0];
-    const TEMPERATURES: [f64; 2] = [25.0, 200.0];
+    // From end to end of the range in which the equations hold.
+    const TEMPERATURES: [f64; 4] = [-20.0, 25.0, 120.0, 250.0];
     let mut most = 0.0_f64;
     for theta in TEMPERATURES {
         let mut y: Motion = [0.0; motion::N];
@@ -178,6 +179,84 @@ mod tests {
         let config = Config::new(&Vehicle::paper(), &effects::null());
         assert_eq!(config.pace.longest_substep(1e-2), 1e-2);
         assert_eq!(config.pace.check(), Ok(()));
+    }
+
+    /// A vehicle with friction and load that no speed changes, and the pace of it with these effects.
+    fn pace(change: impl Fn(&mut Vehicle), set: &[(usize, f64)]) -> Pace {
+        let (mut vehicle, mut effects) = (Vehicle::paper(), effects::null());
+        (vehicle.friction.alpha_1, vehicle.friction.mu_0, vehicle.friction.m_0) = (0.0, 0.3, 0.3);
+        (vehicle.friction.m_1, vehicle.friction.m_2) = (0.0, 0.0);
+        let d = &mut vehicle.driveline;
+        (d.J_f, d.J_c, d.b_f, d.b_c, d.T_L0, d.k_L) = (0.2, 0.5, 0.03, 0.02, 0.0, 0.0);
+        change(&mut vehicle);
+        set.iter().for_each(|&(k, value)| effects[k] = value);
+        Config::new(&vehicle, &effects).pace
+    }
+
+    fn close(found: f64, expected: f64) {
+        assert!((found - expected).abs() <= 1e-6 * expected.abs().max(1e-6), "{found} against {expected}");
+    }
+
+    #[test]
+    fn each_part_settles_at_its_rate() {
+        let plain = pace(|_| (), &[]);
+        [0.03 / 0.2, 0.02 / 0.5, 0.0, 0.0].into_iter().zip(plain.motion).for_each(|(expected, found)| close(found, expected));
+        let t = Vehicle::paper().thermal;
+        close(plain.heat[0], t.gamma_2 / t.C_1);
+        close(plain.heat[1], (t.gamma_1 + 2.0 * t.gamma_2) / t.C_b);
+        // A drag per slip acts on both sides of the clutch.
+        let dragged = pace(|_| (), &[(param::clutch_drag::viscosity, 0.4)]);
+        close(dragged.motion[0], 0.43 / 0.2);
+        close(dragged.motion[1], 0.42 / 0.5);
+        // Friction that grows over slip: 2 R F μ' of a closed clutch, on the stiffer branch of the hysteresis.
+        let slope = [(param::friction_slip_gradient::slope, -0.001), (param::cushion_hysteresis::width, 0.4)];
+        let graded = pace(|_| (), &slope);
+        let force = 1.2 * (26.1195 - 1304.6 + 5818.5);
+        close(graded.motion[0], (0.03 + 2.0 * 0.091 * force * 0.001) / 0.2);
+        // Friction that falls at rest faster than anywhere else.
+        use param::friction_slip_gradient::{exponent, speed, stribeck};
+        let falling = pace(|_| (), &[(stribeck, 0.3), (speed, 1.0), (exponent, 1.0)]).motion[0];
+        close(falling, (0.03 + 2.0 * 0.091 * force / 1.2 * 0.3 * -(-0.01_f64).exp_m1() / 0.01) / 0.2);
+        // A load that grows over speed: k (ω + s)² − k ω² over s, at 2000 rad/s; and T/ω_L at standstill.
+        close(pace(|v| v.driveline.k_L = 1e-3, &[]).motion[1], (0.02 + 1e-3 * (4000.0 + 2.001)) / 0.5);
+        let rolling = pace(|v| (v.driveline.T_L0, v.driveline.omega_L) = (8.0, 0.5), &[]).motion[1];
+        assert!((rolling * 0.5 - 0.02 - 16.0).abs() < 1e-4, "{rolling}");
+    }
+
+    #[test]
+    fn shafts_divide_the_driveline() {
+        use param::driveline_compliance::{compliance, damping, disc_share};
+        let soft = pace(|_| (), &[(compliance, 1e-3), (disc_share, 0.2), (damping, 0.7)]);
+        // 0.1 and 0.4 kg·m², together 0.08.
+        close(soft.motion[1], 0.7 / 0.1);
+        close(soft.motion[2], 0.72 / 0.4);
+        close(soft.motion[3], (1.0_f64 / (1e-3 * 0.08)).sqrt());
+        close(pace(|_| (), &[(compliance, 1e-3), (disc_share, 0.2), (damping, 40.0)]).motion[3], 40.0 / 0.08);
+    }
+
+    #[test]
+    fn what_cannot_be_followed_is_told_with_its_time() {
+        for (motion, heat, part) in [
+            ([2e5, 1.0, 0.0, 0.0], [0.0; 2], "the flywheel"),
+            ([1.0, 2e5, 0.0, 0.0], [0.0; 2], "the disc"),
+            ([1.0, 1.0, 2e5, 0.0], [0.0; 2], "the vehicle behind the shafts"),
+            ([1.0, 0.0, 0.0, 2e5], [0.0; 2], "the twist of the shafts"),
+            ([0.0; 4], [2e5, 0.0], "the heat of the disc"),
+            ([0.0; 4], [0.0, 2e5], "the heat of the body"),
+        ] {
+            let refused = Pace { motion, heat, ..Pace::STILL }.check().unwrap_err();
+            assert_eq!(refused.part, part);
+            close(refused.time, 1.0 / motion.iter().sum::<f64>().max(heat.iter().sum()));
+        }
+        // 2.5 within the shortest substep of 20 µs.
+        assert!(Pace { motion: [1.249e5, 0.0, 0.0, 0.0], ..Pace::STILL }.check().is_ok());
+        assert!(Pace { motion: [1.251e5, 0.0, 0.0, 0.0], ..Pace::STILL }.check().is_err());
+        // The same bound shortens a substep.
+        close(Pace { motion: [5e3, 0.0, 0.0, 0.0], ..Pace::STILL }.longest_substep(1e-3), 5e-4);
+        close(Pace { motion: [1e9, 0.0, 0.0, 0.0], ..Pace::STILL }.longest_substep(1e-3), SHORTEST_SUBSTEP);
+        // Of stable parts that are not oscillations a fit may ask for longer substeps than a simulation.
+        close(Pace { motion: [1.0, 1.0, 0.0, 50.0], ..Pace::STILL }.longest_substep(1e-1), 1.0 / 50.0);
+        close(Pace { motion: [1.0, 1.0, 0.0, 800.0], ..Pace::STILL }.longest_substep(1e-3), 0.5 / 800.0);
     }
 
     #[test]

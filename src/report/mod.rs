@@ -40,35 +40,7 @@ pub struct Input<'a> {
     pub regions: &'a str,
 }
 
-/// One recording: the car beside the model as it was and as it is now.
-#[derive(Clone, Debug)]
-pub struct Overlay {
-    /// Name of the recording.
-    pub recording: String,
-    /// What was driven.
-    pub manoeuvre: String,
-    /// Took no part in choosing or fitting.
-    pub held_out: bool,
-    /// Time between samples, s.
-    pub dt: f64,
-    /// Channels measured.
-    pub channels: Vec<OverlayChannel>,
-}
-
-/// One channel of a recording.
-#[derive(Clone, Debug)]
-pub struct OverlayChannel {
-    /// Column of the recording.
-    pub column: &'static str,
-    /// Unit of the values.
-    pub unit: &'static str,
-    /// As measured; a value that is not finite is a gap.
-    pub real: Vec<f64>,
-    /// As the nominal model says.
-    pub before: Vec<f64>,
-    /// As the retuned model says.
-    pub after: Vec<f64>,
-}
+pub use crate::gap::measure::{Overlay, OverlayChannel};
 
 const STYLE: &str = include_str!("report.css");
 const PLOT: &str = include_str!("plot.js");

@@ -11,7 +11,7 @@ use super::text::{capitalised, channel, escape, fixed, number, percent, signed, 
 pub fn section(diagnosis: &Value) -> String {
     let far = &diagnosis["how_far"];
     let untouched = match text(diagnosis, "verdict") {
-        Some("unexplained") => "<p>Nothing was retuned: after is the nominal model, as before.</p>\n",
+        Some("unexplained" | "inputs_do_not_fit") => "<p>Nothing was retuned: after is the nominal model, as before.</p>\n",
         Some("no_gap") => "<p>After is the nominal vehicle with its numbers moved within their tolerances; no effect was added.</p>\n",
         _ => "",
     };
@@ -39,10 +39,8 @@ fn summary(far: &Value) -> String {
     let held = if held.is_empty() { "No recording was held out.".to_owned() } else { format!("Held out: {}.", escape(&held.join(", "))) };
     let closed = real(far, "closed_fraction")
         .map_or_else(String::new, |c| format!(" <b>{}</b> of what stood above the noise floor is closed.", percent(c)));
-    let short = real(far, "short_horizon_closed_fraction")
-        .map_or_else(String::new, |c| format!(" In short horizons, its start temperatures fitted, {} of the misfit is gone.", percent(c)));
     format!(
-        "<p>{held}{closed}{short}</p>\n<table class=\"bars\"><caption>{}</caption><thead class=\"unseen\"><tr><th scope=\"col\">Model</th><th scope=\"col\">Gap</th>\
+        "<p>{held}{closed}</p>\n<table class=\"bars\"><caption>{}</caption><thead class=\"unseen\"><tr><th scope=\"col\">Model</th><th scope=\"col\">Gap</th>\
          <th scope=\"col\">Bar</th></tr></thead><tbody>{}{}{row_noise}</tbody></table>\n{said}",
         escape(&capitalised(metric)),
         row("Before", "before", before),

@@ -23,6 +23,7 @@ pub fn sentence(diagnosis: &Value) -> String {
             format!("Part of the gap is explained by {effects}; a structured remainder lies in {}.", place("unexplained_at"))
         }
         Some("unexplained") => format!("There is a gap in {} that no effect of the library explains.", place("primary")),
+        Some("inputs_do_not_fit") => "These inputs do not fit this vehicle.".to_owned(),
         _ => "The diagnosis holds no verdict.".to_owned(),
     }
 }
@@ -54,6 +55,7 @@ pub fn section(input: &Input) -> String {
         Some("explained") => ("✓", "good", "Explained"),
         Some("partly_explained") => ("◐", "warn", "Partly explained"),
         Some("unexplained") => ("?", "bad", "Unexplained"),
+        Some("inputs_do_not_fit") => ("✗", "bad", "Inputs do not fit"),
         _ => ("–", "warn", "No verdict"),
     };
     let tiles: String = tiles(diagnosis).iter().map(|(name, value, note)| tile(name, value, note)).collect();
@@ -91,7 +93,7 @@ fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
     let located = then.into_iter().chain(or).collect::<Vec<_>>().join("; ");
     let effects = match effect_names(diagnosis) {
         names if names.is_empty() => "No effect added".to_owned(),
-        names => names.iter().map(|n| title(n)).collect::<Vec<_>>().join(" + "),
+        _ => list(&diagnosis["which"], "effects").iter().map(with_rivals).collect::<Vec<_>>().join(" + "),
     };
     let least = list(&diagnosis["which"], "effects").iter().filter_map(|e| real(e, "probability")).fold(f64::NAN, f64::min);
     let probability = if least.is_finite() { format!("probability {}", percent(least)) } else { String::new() };
@@ -102,10 +104,16 @@ fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
     };
     let (name, closed) = match text(diagnosis, "verdict") {
         Some("no_gap") => ("Tolerances fitted", "Nothing left to close".to_owned()),
-        Some("unexplained") => ("Gap closed", "Nothing retuned".to_owned()),
+        Some("unexplained" | "inputs_do_not_fit") => ("Gap closed", "Nothing retuned".to_owned()),
         _ => ("Gap closed", closed),
     };
     vec![("Where", primary, located), ("Which", effects, probability), (name, closed, shrink)]
+}
+
+/// An effect's title with those that may be there in its place.
+fn with_rivals(effect: &Value) -> String {
+    let own = text(effect, "id").into_iter();
+    own.chain(texts(effect, "ambiguous_with")).map(|id| title(&words(id))).collect::<Vec<_>>().join(" or ")
 }
 
 /// Unit of the gap: what stands behind the last comma of the metric, if that is one word.

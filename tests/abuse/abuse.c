@@ -1,15 +1,16 @@
 /* Misuses the shared library in every way we can think of: each misuse must be an error return with a logged reason, or correct, and
  * the instance must go on afterwards.
  *
- *   abuse LIBRARY NAME GUID REAL_INPUT BOUND FIXED TUNABLE REAL_OUTPUT ENUM_OUTPUT [quick]
+ *   abuse LIBRARY NAME GUID BOUNDED BOUND FIXED TUNABLE REAL_OUTPUT ENUM_OUTPUT INPUT [quick]
  *
- * The seven numbers are a value reference of each kind, and a value just beyond the input's bound.
+ * The seven numbers are a value reference of each kind, and a value just beyond the bound of the first, a Real that may be set at any time.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <fenv.h>
 #include <math.h>
 #include <pthread.h>
+#include <setjmp.h>
 #include <stdarg.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -79,7 +80,7 @@ FUNCTIONS(DECLARE)
 
 static int passed, failed;
 static const char *model, *guid;
-static Ref input, fixed, tunable, output, enumeration;
+static Ref input, fixed, tunable, output, enumeration, driven;
 static double beyond;
 
 #define CHECK(what, condition) check(what, (condition) != 0, __LINE__)
@@ -285,14 +286,21 @@ static void order(void) {
     CHECK("reset", Reset(c) == OK && EnterInitializationMode(c) == OK && ExitInitializationMode(c) == OK && DoStep(c, 0, 1e-3, 0) == OK);
     REFUSED("cancel", CancelStep(c), "Cancel", "pending");
     REFUSED("directional derivative", GetDirectionalDerivative(c, &output, 1, &input, 1, &x, &x), "Directional", "not offered");
-    REFUSED("input derivatives", SetRealInputDerivatives(c, &input, 1, &i, &x), "Derivatives", "held");
+    i = 2, x = 1.0;
+    REFUSED("input derivative of another order", SetRealInputDerivatives(c, &driven, 1, &i, &x), "order", "2");
     REFUSED("output derivatives", GetRealOutputDerivatives(c, &output, 1, &i, &x), "Derivatives", "not offered");
+    i = 1, x = NAN;
+    REFUSED("input derivative NaN", SetRealInputDerivatives(c, &driven, 1, &i, &x), "Derivatives", "not finite");
+    REFUSED("derivative of no input", SetRealInputDerivatives(c, &fixed, 1, &i, &x), "Derivatives", "cannot");
+    REFUSED("derivative without order", SetRealInputDerivatives(c, &driven, 1, NULL, &x), "order", "NULL");
+    x = 1.0;
+    CHECK("input derivative", SetRealInputDerivatives(c, &driven, 1, &i, &x) == OK && DoStep(c, 1e-3, 0.05, 0) == OK);
     REFUSED("event mode", EnterEventMode(c), "EventMode", "co-simulation");
     REFUSED("set time", SetTime(c, 0), "SetTime", "co-simulation");
     Status s;
     const char *text;
     CHECK("status", GetStatus(c, 0, &s) == DISCARD && GetStringStatus(c, 1, &text) == DISCARD);
-    CHECK("last time", GetRealStatus(c, 2, &x) == OK && x == 1e-3);
+    CHECK("last time", GetRealStatus(c, 2, &x) == OK && x == 1e-3 + 0.05);
     CHECK("terminated", GetBooleanStatus(c, 3, &i) == OK && i == 0);
     REFUSED("status of no kind", GetStatus(c, 9, &s), "GetStatus", "9");
     REFUSED("real status of no kind", GetRealStatus(c, 0, &x), "GetRealStatus", "kind");
@@ -381,6 +389,20 @@ static void steps(void) {
     SetupExperiment(c, 0, 0, -3600, 0, 0), EnterInitializationMode(c), ExitInitializationMode(c);
     CHECK("negative start", DoStep(c, -3600, 0.01, 0) == OK && DoStep(c, -3599.99, 0.01, 0) == OK);
     FreeInstance(c);
+    /* The clock of the day: a jump is one there too, and its rounding is none. */
+    const double begin = 1.7e9;
+    c = fresh();
+    SetupExperiment(c, 0, 0, begin, 0, 0), EnterInitializationMode(c), ExitInitializationMode(c);
+    REFUSED("half a second ahead", DoStep(c, begin + 0.5, 1e-3, 0), "currentCommunicationPoint", "not made");
+    REFUSED("ten microseconds back", DoStep(c, begin - 1e-5, 1e-3, 0), "currentCommunicationPoint", "not made");
+    good = 1;
+    for (int k = 0; k < 100; k++) good &= DoStep(c, begin + k * 1e-3, 1e-3, 0) == OK;
+    t = begin + 0.1;
+    for (int k = 0; k < 100; k++) good &= DoStep(c, t, 1e-3, 0) == OK, t += 1e-3;
+    CHECK("late clock, counted and accumulated", good);
+    REFUSED("shortest step", DoStep(c, t, 5e-324, 0), "communicationStepSize = 5e-324 s", "clock");
+    CHECK("in few digits", strlen(last) < 200);
+    FreeInstance(c);
 }
 
 static void states(int quick) {
@@ -464,6 +486,37 @@ static void threads(void) {
     CHECK("threads agree", good);
 }
 
+/* All of an instance's life in a task with a small stack, whose depth is read off a pattern. */
+enum { SMALL_STACK = 64 * 1024, PATTERN = 0x5a };
+static char small_stack[SMALL_STACK] __attribute__((aligned(4096)));
+static void *live(void *result) {
+    Component c = fresh();
+    State s = NULL, u = NULL;
+    size_t n = 0;
+    double x = NAN;
+    int good = c && Reset(c) == OK && EnterInitializationMode(c) == OK && ExitInitializationMode(c) == OK && DoStep(c, 0, 0.05, 0) == OK;
+    good &= GetFMUstate(c, &s) == OK && SerializedFMUstateSize(c, s, &n) == OK;
+    char *bytes = malloc(n);
+    good &= SerializeFMUstate(c, s, bytes, n) == OK && DeSerializeFMUstate(c, bytes, n, &u) == OK && SetFMUstate(c, u) == OK;
+    good &= SetReal(c, &input, 1, &x) == ERROR && Reset(c) == OK;
+    FreeFMUstate(c, &s), FreeFMUstate(c, &u), FreeInstance(c), free(bytes);
+    *(int *)result = good;
+    return NULL;
+}
+static void stack(int quick) {
+    pthread_attr_t attributes;
+    pthread_t thread;
+    int good = 0, untouched = 0;
+    memset(small_stack, PATTERN, sizeof small_stack);
+    pthread_attr_init(&attributes), pthread_attr_setstack(&attributes, small_stack, sizeof small_stack);
+    CHECK("small task", !pthread_create(&thread, &attributes, live, &good) && !pthread_join(thread, NULL) && good);
+    /* Valgrind holds a stack that is left for undefined. */
+    if (quick) return;
+    while (untouched < SMALL_STACK && small_stack[untouched] == PATTERN) untouched++;
+    printf("stack: %d bytes; ", SMALL_STACK - untouched);
+    CHECK("half of 64 kB is enough", SMALL_STACK - untouched < SMALL_STACK / 2);
+}
+
 static void traps(void) {
     feenableexcept(FE_INVALID | FE_DIVBYZERO | FE_OVERFLOW);
     Component c = running();
@@ -481,9 +534,17 @@ static void traps(void) {
 
 static Component reentered;
 static Status inner = OK;
+static int free_within;
 static void reenter(void *environment, const char *name, Status status, const char *category, const char *message, ...) {
     (void)environment, (void)name, (void)status, (void)category, (void)message;
-    if (reentered) inner = DoStep(reentered, 0, 1e-3, 0), FreeInstance(reentered);
+    if (reentered) inner = free_within ? SetDebugLogging(reentered, 0, 0, NULL) : DoStep(reentered, 0, 1e-3, 0);
+    if (reentered && free_within) FreeInstance(reentered);
+}
+static jmp_buf before_call;
+static int armed;
+static void jump(void *environment, const char *name, Status status, const char *category, const char *message, ...) {
+    (void)environment, (void)name, (void)status, (void)category, (void)message;
+    if (armed) longjmp(before_call, 1);
 }
 static void loggers(void) {
     Callbacks other = {reenter, NULL, NULL, NULL, NULL};
@@ -491,9 +552,17 @@ static void loggers(void) {
     Component c = Instantiate("x", 1, guid, NULL, &other, 0, 1);
     EnterInitializationMode(c), ExitInitializationMode(c);
     reentered = c;
-    CHECK("refused inside a call", DoStep(c, 0, NAN, 0) == ERROR && inner == ERROR);
-    reentered = NULL;
-    CHECK("goes on", DoStep(c, 0, 1e-3, 0) == OK);
+    CHECK("a logger may call back", DoStep(c, 0, NAN, 0) == ERROR && inner == OK && DoStep(c, 1e-3, 1e-3, 0) == OK);
+    free_within = 1;
+    CHECK("and free the instance", DoStep(c, 0, NAN, 0) == ERROR && inner == OK);
+    reentered = NULL, free_within = 0, other.logger = jump;
+    c = Instantiate("x", 1, guid, NULL, &other, 0, 1);
+    EnterInitializationMode(c), ExitInitializationMode(c), armed = 1;
+    for (volatile int k = 0; k < 3; k++)
+        if (!setjmp(before_call)) CHECK("jumped away", (DoStep(c, 0, NAN, 0), 0));
+    CHECK("the instance is free after a logger that jumped away", DoStep(c, 0, 1e-3, 0) == OK);
+    if (!setjmp(before_call)) CHECK("jumped away", (Instantiate("x", 7, guid, NULL, &other, 0, 0), 0));
+    armed = 0;
     FreeInstance(c);
     c = running();
     CHECK("switched off", SetDebugLogging(c, 0, 0, NULL) == OK);
@@ -505,12 +574,13 @@ static void loggers(void) {
 }
 
 int main(int count, char **arguments) {
-    if (count < 10) return puts("usage: see the head of abuse.c"), 2;
+    if (count < 11) return puts("usage: see the head of abuse.c"), 2;
     const char *path = arguments[1];
-    int quick = count > 10;
+    int quick = count > 11;
     model = arguments[2], guid = arguments[3];
     input = (Ref)atoi(arguments[4]), beyond = atof(arguments[5]), fixed = (Ref)atoi(arguments[6]);
     tunable = (Ref)atoi(arguments[7]), output = (Ref)atoi(arguments[8]), enumeration = (Ref)atoi(arguments[9]);
+    driven = (Ref)atoi(arguments[10]);
     void *handle;
     int loads = 1;
     for (int k = 0; k < (quick ? 5 : 100); k++) {
@@ -524,7 +594,7 @@ int main(int count, char **arguments) {
     CHECK("loaded and closed", loads);
     if (!load(path, &handle)) return 2;
     instantiation(), null_component(), null_arguments(), order(), values(), steps(), states(quick);
-    many(quick ? 50 : 10000), threads(), traps(), loggers();
+    many(quick ? 50 : 10000), threads(), traps(), loggers(), stack(quick);
     CHECK("categories are declared, environment and name passed through", !bad_category);
     dlclose(handle);
     printf("%d passed, %d failed\n", passed, failed);

@@ -56,7 +56,7 @@ def launch_sets(written):
         root = etree.fromstring(archive.read(f"resources/{component}.ssv"))
         return {p.get("name").replace(".", "__"): float(p[0].get("value")) for p in root.iter("{*}Parameter")}
 
-    return {component: read(component) for component in ("plant", "controller")}
+    return {component: read(component) for component in ("plant", "clutch_controller")}
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,6 @@
-"""Makes the measurement files of tests/data/campaign/measurements with asammdf and pyarrow.
+"""Makes the measurement files of tests/data/campaign/measurements with asammdf, python-can and pyarrow.
 
-    python -m venv venv && venv/bin/pip install asammdf==8.8.28 pyarrow==26.0.1
+    python -m venv venv && venv/bin/pip install asammdf==8.8.28 pyarrow==26.0.1 python-can==4.6.1
     venv/bin/python tests/python/make_measurements.py
 
 The Rust tests read the committed files, so that they need neither Python nor a network. What the files must contain is
@@ -9,10 +9,13 @@ expected.json holds what asammdf and pyarrow read from them, as sums per channel
 """
 
 import csv
+import decimal
 import json
 import math
+import struct
 from pathlib import Path
 
+import can
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -91,7 +94,7 @@ def rates(columns):
 
 
 def invalid(columns):
-    """Three invalid samples in the disc speed (bridged) and a long gap in the transducer (channel dropped)."""
+    """Three invalid samples in the disc speed and a long gap in the transducer."""
     signals = contract_signals(columns)
     for signal in signals:
         bad = np.zeros(signal.samples.size, dtype=bool)
@@ -128,11 +131,41 @@ def tables(columns):
     pq.write_table(logger, OUT / "logger.parquet", compression="gzip")
 
 
+def more_of_parquet(columns):
+    """Kinds of column beside plain numbers: flags, decimals, half precision, time stamps of 96 bits; brotli and lz4."""
+    n = columns["time_s"].size
+    time = pa.array(1_790_000_000_000_000_000 + np.round(columns["time_s"] * 1e9).astype("int64"), type=pa.timestamp("ns"))
+    decimals = [decimal.Decimal(f"{v:.3f}") for v in columns["omega_c_rad_s"]]
+    table = pa.table({
+        "time": time,
+        "omega_f_rad_s": pa.array(columns["omega_f_rad_s"]),
+        "omega_c_rad_s": pa.array(decimals, type=pa.decimal128(12, 3)),
+        "T_e_Nm": pa.array(columns["T_e_Nm"].astype("float16")),
+        "x_to_cmd_mm": pa.array([decimal.Decimal(f"{v:.3f}") for v in columns["x_to_cmd_mm"]], type=pa.decimal128(7, 3)),
+        "brake": pa.array(np.arange(n) >= 140),
+    })  # fmt: skip
+    pq.write_table(table, OUT / "int96_brotli.parquet", compression="brotli", use_deprecated_int96_timestamps=True)
+    pq.write_table(table, OUT / "lz4.parquet", compression="lz4", store_decimal_as_integer=True)
+
+
+def named_values(columns):
+    """A disc speed in which one raw value is named SNA and the others are scaled, and a gear of names alone."""
+    t = columns["time_s"]
+    raw = np.round(columns["omega_c_rad_s"] / 0.025).clip(0).astype("u2")
+    raw[20:24] = 0xFFFF
+    sna = {"val_0": 65535, "text_0": b"SNA", "default_addr": {"a": 0.025, "b": 0.0}}
+    gear = {"val_0": 0, "text_0": b"N", "val_1": 1, "text_1": b"1st"}
+    signals = [s for s in contract_signals(columns) if s.name != "omega_c_rad_s"]
+    signals.append(Signal(raw, t, name="omega_c_rad_s", unit="rad/s", conversion=sna))
+    signals.append(Signal((t > 0.2).astype("u1"), t, name="gear", conversion=gear))
+    return signals
+
+
 def expected():
     """Sums and counts per channel, as asammdf reads them back; invalid samples left out."""
     out = {}
     for path in sorted(OUT.glob("*.mf4")):
-        if path.stem in ("unfinalised", "unsorted"):
+        if path.stem in ("unfinalised", "unsorted", "named", "frames", "value_blocks"):
             continue
         with MDF(path) as mdf:
             signals = [mdf.get(name, group=g, index=i, ignore_invalidation_bits=False)
@@ -158,20 +191,100 @@ def main():
     unfinalised[0:8] = b"UnFinMF "
     unfinalised[60:62] = (1).to_bytes(2, "little")
     (OUT / "unfinalised.mf4").write_bytes(unfinalised)
-    unsorted(two)
+    two.unlink()
+    unsorted(columns)
+    value_blocks(plain)
+    save("named", groups=[(named_values(columns), "")])
+    frames(columns)
     tables(columns)
+    more_of_parquet(columns)
     (OUT / "expected.json").write_text(json.dumps(expected(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
-def unsorted(path):
-    """Chains the second channel group behind the first in one data group, as an unsorted file has them."""
+def unsorted(columns):
+    """An unsorted file: the records of two channel groups in one data block, each behind its number, as a logger writes them on the way.
+
+    Made from a sorted file of one group by splitting its records: every second one goes to a second group without the bench channels.
+    """
+    path = save("unsorted", groups=[(contract_signals(columns), "")])
     data = bytearray(path.read_bytes())
-    path.unlink()
     word = lambda at: int.from_bytes(data[at : at + 8], "little")  # noqa: E731
-    first = word(64 + 24)
-    second = word(first + 24)
-    data[word(first + 32) + 24 : word(first + 32) + 32] = word(second + 32).to_bytes(8, "little")
-    (OUT / "unsorted.mf4").write_bytes(data)
+    group = word(64 + 24)
+    channels, block = word(group + 32), word(group + 40)
+    size = int.from_bytes(data[channels + 24 + 6 * 8 + 24 : channels + 24 + 6 * 8 + 28], "little")
+    records = [data[block + 24 + k * size : block + 24 + (k + 1) * size] for k in range(columns["time_s"].size)]
+    # A copy of the channel group with another record number, behind the first; both list the same channels.
+    length = word(channels + 8)
+    second = bytearray(data[channels : channels + length])
+    numbers = 24 + 6 * 8
+    data[channels + numbers : channels + numbers + 8] = (1).to_bytes(8, "little")
+    second[numbers : numbers + 8] = (2).to_bytes(8, "little")
+    other = [bytes(r) for r in records[::3]]
+    second[numbers + 8 : numbers + 16] = len(other).to_bytes(8, "little")
+    second[24:32] = bytes(8)
+    data += bytes(-len(data) % 8)
+    data[channels + 24 : channels + 32] = len(data).to_bytes(8, "little")
+    data += second
+    mixed = b"".join(b"\x01" + bytes(r) + (b"\x02" + bytes(r) if k % 3 == 0 else b"") for k, r in enumerate(records))
+    data += bytes(-len(data) % 8)
+    data[group + 40 : group + 48] = len(data).to_bytes(8, "little")
+    data += b"##DT\0\0\0\0" + (24 + len(mixed)).to_bytes(8, "little") + bytes(8) + mixed
+    data[group + 24 + 4 * 8] = 1  # bytes of a record's number
+    path.write_bytes(data)
+
+
+def value_blocks(plain):
+    """The plain file with its records in two ##DV blocks under an ##LD, as MDF 4.20 allows."""
+    data = bytearray(plain.read_bytes())
+    word = lambda at: int.from_bytes(data[at : at + 8], "little")  # noqa: E731
+    group = word(64 + 24)
+    channels, block = word(group + 32), word(group + 40)
+    numbers = channels + 24 + 6 * 8
+    count, size = word(numbers + 8), int.from_bytes(data[numbers + 24 : numbers + 28], "little")
+    records = bytes(data[block + 24 : block + 24 + count * size])
+    half = (count + 1) // 2
+    places = []
+    for part in (records[: half * size], records[half * size :]):
+        data += bytes(-len(data) % 8)
+        places.append(len(data))
+        data += b"##DV\0\0\0\0" + (24 + len(part)).to_bytes(8, "little") + bytes(8) + part
+    data += bytes(-len(data) % 8)
+    data[group + 40 : group + 48] = len(data).to_bytes(8, "little")
+    links = b"".join(at.to_bytes(8, "little") for at in (0, *places))
+    body = links + struct.pack("<IIQ", 1, len(places), half)
+    data += b"##LD\0\0\0\0" + (24 + len(body)).to_bytes(8, "little") + (len(links) // 8).to_bytes(8, "little") + body
+    data[8:12], data[28:30] = b"4.20", (420).to_bytes(2, "little")
+    (OUT / "value_blocks.mf4").write_bytes(data)
+
+
+DBC = """VERSION ""
+
+BO_ 256 Engine: 8 ECU
+ SG_ nEngine : 0|16@1+ (0.25,0) [0|16000] "rpm" TCU
+ SG_ TqEng : 16|16@1- (0.1,0) [-500|3000] "Nm" TCU
+
+BO_ 512 Clutch: 8 TCU
+ SG_ nGbxInput : 0|16@1+ (0.25,0) [0|16000] "rpm" ECU
+ SG_ BearingPosSet : 16|16@1+ (0.001,0) [0|60] "mm" ECU
+
+VAL_ 512 nGbxInput 65535 "SNA" ;
+"""
+
+
+def frames(columns):
+    """Frames of a CAN bus as MDF4, and their database."""
+    (OUT / "frames.dbc").write_text(DBC, encoding="ascii")
+    rpm = 30 / math.pi
+    raw = lambda name, scale: np.round(columns[name] * scale).astype("i4")  # noqa: E731
+    engine = zip(raw("omega_f_rad_s", rpm / 0.25), raw("T_e_Nm", 10))
+    clutch = zip(raw("omega_c_rad_s", rpm / 0.25).clip(0), raw("x_to_cmd_mm", 1000))
+    with can.Logger(str(OUT / "frames.mf4")) as logger:
+        for k, ((n, torque), (disc, position)) in enumerate(zip(engine, clutch)):
+            at = 1_790_000_000 + 0.01 * k
+            disc = 0xFFFF if k == 50 else disc
+            for late, number, (a, b) in [(0.001, 256, (n, torque)), (0.004, 512, (disc, position))]:
+                payload = struct.pack("<HhI" if number == 256 else "<HHI", a, b, 0)
+                logger.on_message_received(can.Message(timestamp=at + late, arbitration_id=number, is_extended_id=False, data=payload))
 
 
 if __name__ == "__main__":

@@ -24,6 +24,22 @@ fn visible(html: &str) -> String {
 }
 
 #[test]
+fn the_name_of_a_campaign_is_text_wherever_it_stands() {
+    let made = campaign::campaign();
+    let name = "</title><script>alert('x')</script> & \"co\"";
+    let page = html(&Input {
+        name,
+        diagnosis: &made.diagnosis,
+        overlays: &made.overlays,
+        provenance: &[(name.into(), name.into())],
+        regions: name,
+    });
+    assert!(!page.contains("<script>alert") && !page.contains("</title><script>"), "markup in a name is text");
+    let head = &page[page.find("<title>").unwrap()..page.find("</title>").unwrap()];
+    assert!(head.contains("&lt;/title&gt;&lt;script&gt;") && head.contains("&amp; &quot;co&quot;"), "{head}");
+}
+
+#[test]
 fn the_answers_of_a_campaign_are_all_there() {
     let made = campaign::campaign();
     let page = page_of(&made, &made.provenance);

@@ -1,66 +1,41 @@
 //! Between the clamp force and the torque.
 //!
-//! In the library: level, fade, slip gradient, drag, judder. Outside of it: a facing that wears in within a
-//! run, and one that is damp until work has dried it.
+//! In the library: level (a random map of slip and temperature about its size, and from recording to recording), fade (some losses at random
+//! temperatures), slip gradient (a random curve that falls or rises towards standstill), drag (a random curve of slip), judder (two harmonics, fading along a
+//! random curve of slip). Outside of it: a facing that wears in within a run, one that is damp until work has dried it, and one that groans.
 
 use super::Dice;
+use super::maps::{Curve, Surface};
 use super::road::Road;
+use super::seen::Seen;
 use std::f64::consts::TAU;
 
-/// Fade: how much friction is lost at the end, and on which way.
-#[derive(Clone, Copy, Debug, Default)]
-enum Fade {
-    #[default]
-    None,
-    Step {
-        loss: f64,
-        at: f64,
-        wide: f64,
-    },
-    Slope {
-        per_k: f64,
-        from: f64,
-    },
-}
+/// Slip over which curves are drawn, rad/s.
+const SLIPS: [f64; 2] = [0.0, 130.0];
 
-/// How friction depends otherwise on slip.
-#[derive(Clone, Copy, Debug, Default)]
-enum Slip {
-    #[default]
-    None,
-    Stribeck {
-        more: f64,
-        speed: f64,
-    },
-    Slope {
-        per_rad_s: f64,
-        rated: f64,
-    },
-}
-
-/// Torque with the clutch open.
-#[derive(Clone, Copy, Debug, Default)]
-enum Drag {
-    #[default]
-    None,
-    Constant(f64),
-    Viscous(f64),
-}
+/// Friction that is lost with temperature: depth, place, width.
+type Loss = [f64; 3];
 
 /// The facing's deviations and their states; N·m, rad/s, °C, J.
 #[derive(Clone, Debug, Default)]
 pub struct Friction {
+    rough: f64,
     level: f64,
+    level_map: Surface,
     level_wanders: f64,
-    level_seed: u64,
     level_now: f64,
-    fade: Fade,
-    slip: Slip,
-    drag: Drag,
+    losses: Vec<Loss>,
+    gradient: f64,
+    gradient_curve: Curve,
+    drag_nm: f64,
+    drag_even: f64,
+    drag_curve: Curve,
     judder: f64,
     judder_order: f64,
-    judder_phase: f64,
-    judder_fades_rad_s: f64,
+    judder_phases: [f64; 2],
+    judder_second: f64,
+    judder_fades: f64,
+    judder_curve: Curve,
     wear_in: f64,
     wear_in_j: f64,
     damp: f64,
@@ -68,6 +43,13 @@ pub struct Friction {
     damp_scale: f64,
     worked_j: f64,
     slipped_s: f64,
+    groan: f64,
+    groan_hz: f64,
+    groan_below: f64,
+    clock_s: f64,
+    seed: u64,
+    /// The library's parameters that come nearest.
+    pub seen: Seen,
 }
 
 impl Friction {
@@ -77,38 +59,53 @@ impl Friction {
             "friction_level" => {
                 self.level = dice.either(0.08, 0.19);
                 self.level_wanders = [0.0, 0.05][dice.shape(2)];
-                self.level_seed = dice.seed();
-                format!("factor {:.3}, change ±{} of it from recording to recording", 1.0 + self.level, self.level_wanders)
+                self.rough = dice.within(0.08, 0.2);
+                self.level_map = Surface::draw(dice, SLIPS, [15.0, 160.0], 0.5);
+                self.seed = dice.seed();
+                self.seen = Seen::of(&["factor"]);
+                format!(
+                    "factor {:.3}, uneven by {:.2} of it, ±{} from recording to recording",
+                    1.0 + self.level,
+                    self.rough,
+                    self.level_wanders
+                )
             }
             "friction_fade" => {
-                self.fade = if dice.shape(2) == 0 {
-                    Fade::Step { loss: dice.magnitude(0.16, 0.38), at: dice.within(95.0, 125.0), wide: dice.within(6.0, 14.0) }
-                } else {
-                    Fade::Slope { per_k: dice.magnitude(0.003, 0.007), from: dice.within(80.0, 105.0) }
-                };
-                format!("{:.4?}", self.fade)
+                let depth = dice.magnitude(0.16, 0.4);
+                let share = dice.within(0.35, 0.75);
+                let first = [depth * share, dice.within(85.0, 115.0), dice.within(4.0, 12.0)];
+                let second = [depth * (1.0 - share), first[1] + dice.within(12.0, 40.0), dice.within(4.0, 16.0)];
+                self.losses = vec![first, second];
+                format!("{:.3?}", self.losses)
             }
             "friction_slip_gradient" => {
-                self.slip = if dice.shape(2) == 0 {
-                    Slip::Stribeck { more: dice.either(0.26, 0.7), speed: dice.within(12.0, 55.0) }
-                } else {
-                    Slip::Slope { per_rad_s: dice.either(0.0018, 0.0044), rated: [0.0, 15.0][dice.shape(2)] }
-                };
-                format!("{:.5?}", self.slip)
+                self.gradient = dice.either(0.26, 0.62);
+                // Right where friction was rated, at slip; otherwise towards standstill: a level that is off is another effect.
+                let reach = [dice.within(25.0, 70.0), dice.within(90.0, 150.0)][dice.shape(2)];
+                let roughness = dice.within(0.5, 1.1);
+                self.gradient_curve = Curve::rising(dice, 0.0, reach, roughness);
+                format!("{:+.3} at standstill, none from {reach:.0} rad/s", self.gradient)
             }
             "clutch_drag" => {
-                let d = dice.magnitude(1.8, 4.5);
-                self.drag = if dice.shape(2) == 0 { Drag::Constant(d) } else { Drag::Viscous(d / 80.0) };
-                format!("{:.4?}", self.drag)
+                self.drag_nm = dice.magnitude(1.8, 4.5);
+                self.drag_even = dice.within(0.0, 1.0);
+                self.drag_curve = Curve::rising(dice, 0.0, 130.0, 0.7);
+                self.seen = Seen::of(&["torque", "viscosity"]);
+                format!("{:.3} N·m, {:.2} of it at any slip", self.drag_nm, self.drag_even)
             }
             "judder" => {
                 // The faster it pulsates the less the speeds show of it.
                 let (order, more) = [(0.5, 1.0), (1.0, 1.3), (2.0, 1.8)][dice.shape(3)];
                 self.judder = more * dice.magnitude(0.12, 0.30);
                 self.judder_order = order;
-                self.judder_phase = dice.within(0.0, TAU);
-                self.judder_fades_rad_s = [f64::INFINITY, 90.0][dice.shape(2)];
-                format!("{:.3} of the torque, order {}, fades {}", self.judder, self.judder_order, self.judder_fades_rad_s)
+                self.judder_phases = [dice.within(0.0, TAU), dice.within(0.0, TAU)];
+                self.judder_second = dice.within(0.15, 0.4);
+                self.judder_fades = dice.within(0.0, 0.85);
+                self.judder_curve = Curve::rising(dice, 0.0, 140.0, 0.7);
+                format!(
+                    "{:.3} of the torque, order {order}, twice that {:.2}, fades by {:.2}",
+                    self.judder, self.judder_second, self.judder_fades
+                )
             }
             "wear_in" => {
                 self.wear_in = dice.either(0.2, 0.42);
@@ -121,6 +118,12 @@ impl Friction {
                 self.damp_scale = if self.damp_by_work { dice.within(800.0, 2000.0) } else { dice.within(0.3, 0.7) };
                 format!("-{:.3} at first, scale {:.1}", self.damp, self.damp_scale)
             }
+            "groan" => {
+                self.groan = dice.magnitude(0.22, 0.42);
+                self.groan_hz = dice.within(5.0, 9.0);
+                self.groan_below = dice.within(30.0, 60.0);
+                format!("±{:.3} at {:.1} Hz below {:.0} rad/s", self.groan, self.groan_hz, self.groan_below)
+            }
             _ => return None,
         };
         Some(shape)
@@ -128,42 +131,47 @@ impl Friction {
 
     /// Before a recording.
     pub fn rest(&mut self, recording: u64) {
-        let wanders = if self.level_wanders > 0.0 { Road::new(self.level_seed, recording).within(-1.0, 1.0) } else { 0.0 };
+        let wanders = if self.level_wanders > 0.0 { Road::new(self.seed, recording).within(-1.0, 1.0) } else { 0.0 };
         self.level_now = self.level * (1.0 + self.level_wanders * wanders);
-        (self.worked_j, self.slipped_s) = (0.0, 0.0);
+        (self.worked_j, self.slipped_s, self.clock_s) = (0.0, 0.0, 0.0);
     }
 
     /// Counts the work done on the facing.
     pub fn work(&mut self, h: f64, power_w: f64) {
         self.worked_j += h * power_w.max(0.0);
+        self.clock_s += h;
         if power_w > 20.0 {
             self.slipped_s += h;
         }
     }
 
     /// Factor on the friction coefficient.
-    pub fn factor(&self, slip: f64, theta: f64, slip_angle: f64) -> f64 {
+    pub fn factor(&mut self, slip: f64, theta: f64, slip_angle: f64, force_n: f64) -> f64 {
         let omega = slip.abs();
-        let mut f = 1.0 + self.level_now;
-        f *= match self.fade {
-            Fade::None => 1.0,
-            Fade::Step { loss, at, wide } => 1.0 - loss / (1.0 + (-(theta - at) / wide).exp()),
-            Fade::Slope { per_k, from } => (1.0 - per_k * (theta - from).max(0.0)).max(0.35),
-        };
-        f *= match self.slip {
-            Slip::None => 1.0,
-            // Right where friction was rated, at slip here and near standstill below: a level that is off is another effect.
-            Slip::Stribeck { more, speed } => 1.0 + more * (-omega / speed).exp(),
-            Slip::Slope { per_rad_s, rated } => (1.0 - per_rad_s * (omega - rated)).clamp(0.5, 1.6),
-        };
-        if self.judder != 0.0 {
-            let fading = 1.0 / (1.0 + (omega / self.judder_fades_rad_s).powi(2));
-            f *= 1.0 + self.judder * fading * (self.judder_order * slip_angle + self.judder_phase).sin();
+        let mut f = 1.0;
+        if self.level != 0.0 {
+            f += self.level_now * (1.0 + self.rough * self.level_map.at(omega, theta));
+            if omega > 1.0 {
+                self.seen.mean(f, force_n * force_n);
+            }
         }
-        f * self.outside()
+        for [depth, place, wide] in &self.losses {
+            // A loss that sets in within a width and stays.
+            f -= depth * (0.5 + 0.5 * ((theta - place) / wide).tanh());
+        }
+        if self.gradient != 0.0 {
+            f *= (1.0 + self.gradient * (1.0 - self.gradient_curve.at(omega))).max(0.3);
+        }
+        if self.judder != 0.0 {
+            let [first, second] = self.judder_phases;
+            let angle = self.judder_order * slip_angle;
+            let wave = (angle + first).sin() + self.judder_second * (2.0 * angle + second).sin();
+            f *= 1.0 + self.judder * (1.0 - self.judder_fades * self.judder_curve.at(omega)) * wave;
+        }
+        f.max(0.1) * self.outside(omega)
     }
 
-    fn outside(&self) -> f64 {
+    fn outside(&self, omega: f64) -> f64 {
         let mut f = 1.0;
         if self.wear_in != 0.0 {
             f *= 1.0 + self.wear_in * (0.5 - (-self.worked_j / self.wear_in_j).exp());
@@ -172,16 +180,24 @@ impl Friction {
             let done = if self.damp_by_work { self.worked_j } else { self.slipped_s };
             f *= 1.0 - self.damp * (-done / self.damp_scale).exp();
         }
+        if self.groan != 0.0 {
+            let low = 1.0 - super::smooth((omega - 0.7 * self.groan_below) / (0.3 * self.groan_below));
+            f *= 1.0 + self.groan * low * (TAU * self.groan_hz * self.clock_s).sin();
+        }
         f
     }
 
-    /// Drag: a constant part, by magnitude, and a viscous one per rad/s.
-    pub fn drag(&self, force_n: f64) -> (f64, f64) {
-        let open = (-force_n / 250.0).exp();
-        match self.drag {
-            Drag::None => (0.0, 0.0),
-            Drag::Constant(d) => (d * open, 0.0),
-            Drag::Viscous(c) => (0.0, c),
+    /// Drag by magnitude at a slip, N·m; it gives way as the faces press.
+    pub fn drag(&mut self, force_n: f64, slip: f64) -> f64 {
+        if self.drag_nm == 0.0 {
+            return 0.0;
         }
+        let omega = slip.abs();
+        let open = 1.0 / (1.0 + (force_n / 220.0).powi(2));
+        let drag = self.drag_nm * (self.drag_even + 1.6 * (1.0 - self.drag_even) * self.drag_curve.at(omega)) * open;
+        if force_n <= 0.0 && omega > 8.0 {
+            self.seen.count([1.0, omega], drag, 1.0);
+        }
+        drag
     }
 }

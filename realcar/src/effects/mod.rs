@@ -1,21 +1,23 @@
 //! What a real car does otherwise than the nominal plant, one subsystem a file.
 //!
 //! Each subsystem is a plain struct of shapes and their states, of which the default is the healthy car, with a `draw`
-//! that sets one shape by the effect's id at random. Magnitudes scale with the size that [`Dice::new`] is given; at zero the car is healthy.
+//! that sets one shape by the effect's id at random: most are smooth random functions ([`maps`]), of which no library can hold the formula. Magnitudes scale with the size that [`Dice::new`] is given; at zero the car is healthy.
 
 pub mod actuator;
 pub mod driveline;
 pub mod engine;
 pub mod force;
 pub mod friction;
-pub mod lag;
+pub mod maps;
 pub mod ring;
 pub mod road;
+pub mod seen;
 pub mod sensors;
 pub mod thermal;
 
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
 
 /// The fine step of the simulation, s.
 pub const STEP_S: f64 = 5e-5;
@@ -54,6 +56,19 @@ impl Deviation {
             .or_else(|| self.sensors.draw(id, dice))
             .unwrap_or_else(|| panic!("no subsystem knows an effect `{id}`; see the catalogue"))
     }
+
+    /// What came nearest in the library, by subsystem.
+    pub fn seen(&mut self) -> [(&'static str, &mut seen::Seen); 7] {
+        [
+            ("engine", &mut self.engine.seen),
+            ("actuator", &mut self.actuator.seen),
+            ("clutch_force", &mut self.force.seen),
+            ("friction", &mut self.friction.seen),
+            ("thermal", &mut self.thermal.seen),
+            ("driveline", &mut self.driveline.seen),
+            ("sensors", &mut self.sensors.seen),
+        ]
+    }
 }
 
 /// Chance for one effect: which shape it takes, and how large it is.
@@ -88,6 +103,11 @@ impl Dice {
     /// A number that is no magnitude: a phase, a width, a place.
     pub fn within(&mut self, low: f64, high: f64) -> f64 {
         self.rng.random_range(low..high)
+    }
+
+    /// A number of mean 0 and variance 1 that is no magnitude.
+    pub fn normal(&mut self) -> f64 {
+        StandardNormal.sample(&mut self.rng)
     }
 
     /// A seed for what goes on at random while the car drives.

@@ -1,37 +1,50 @@
 //! Between the speeds as they are and the speeds as they are recorded, before noise.
 //!
-//! In the library: delays of both speeds, gain of the disc's. Outside of it: a tone wheel that runs out, drop-outs that
-//! repeat the last value, and a pick-up that sees nothing at low speed.
+//! In the library: delays of both speeds (teeth counted over a window), gain of the disc's (a random curve of speed about its size). Outside of it: a
+//! tone wheel that runs out, drop-outs that repeat the last value, a pick-up that sees nothing at low speed, and a signal that may not change faster
+//! than somebody thought it could.
 
 use super::Dice;
-use super::lag::{Lag, Shape};
+use super::maps::Curve;
 use super::ring::Ring;
 use super::road::Road;
+use super::seen::Seen;
 
-/// How a speed arrives late.
+/// How a speed arrives late: teeth are counted over a window, and the count waits for a tooth and for its message.
 #[derive(Clone, Debug, Default)]
 struct Late {
-    delay_s: f64,
+    dead_s: f64,
+    window_s: f64,
+    waits: f64,
+    angle: f64,
     line: Ring,
-    filter: Lag,
 }
 
 impl Late {
     fn draw(dice: &mut Dice) -> (Self, String) {
         let total = dice.magnitude(0.024, 0.064);
-        let filtered = [0.0, 0.5, 0.8][dice.shape(3)] * total;
-        let late = Self { delay_s: total - filtered, line: Ring::default(), filter: Lag::new(Shape::First(filtered)) };
-        (late, format!("{:.4} s dead time and {filtered:.4} s filter", total - filtered))
+        let share = dice.within(0.25, 0.8);
+        let late = Self { dead_s: (1.0 - share) * total, window_s: 2.0 * share * total, waits: dice.within(0.35, 0.8), ..Self::default() };
+        let told = format!("{total:.4} s, of which {share:.2} are half a window; slow teeth wait by {:.2}", late.waits);
+        (late, told)
     }
 
-    fn rest(&mut self, value: f64, h: f64) {
-        self.line.rest(value, (self.delay_s / h) as usize + 1);
-        self.filter.rest(value);
+    fn rest(&mut self, omega: f64, h: f64) {
+        self.angle = 0.0;
+        self.line.ramp(omega * h, ((3.0 * self.dead_s + self.window_s) / h) as usize + 2);
     }
 
-    fn step(&mut self, h: f64, value: f64) -> f64 {
-        let arrived = self.line.step(value, (self.delay_s / h).round() as usize);
-        self.filter.step(h, arrived)
+    fn step(&mut self, h: f64, omega: f64) -> f64 {
+        if self.window_s < h {
+            return omega;
+        }
+        self.angle += h * omega;
+        self.line.push(self.angle);
+        // At low speed the next tooth is long in coming.
+        let slow = (110.0 / omega.abs().max(45.0)).min(2.4);
+        let dead = self.dead_s * (1.0 + self.waits * (slow - 1.0));
+        let (young, wide) = ((dead / h).round() as usize, (self.window_s / h).round() as usize);
+        (self.line.ago(young) - self.line.ago(young + wide)) / (wide as f64 * h)
     }
 }
 
@@ -41,7 +54,8 @@ pub struct Sensors {
     late_f: Late,
     late_c: Late,
     gain_c: f64,
-    gain_above: f64,
+    rough: f64,
+    gain_curve: Curve,
     runout: f64,
     runout_order: f64,
     lost_share: f64,
@@ -49,9 +63,12 @@ pub struct Sensors {
     lost_until_s: f64,
     lost_value: f64,
     blind_below: f64,
+    slew: f64,
     seed: u64,
     road: Option<Road>,
     now: [f64; 2],
+    /// The library's parameters that come nearest.
+    pub seen: Seen,
 }
 
 impl Sensors {
@@ -70,8 +87,10 @@ impl Sensors {
             }
             "clutch_speed_gain" => {
                 self.gain_c = dice.either(0.012, 0.03);
-                self.gain_above = [0.0, 30.0][dice.shape(2)];
-                format!("factor {:.4} above {} rad/s", 1.0 + self.gain_c, self.gain_above)
+                self.rough = dice.within(0.12, 0.3);
+                self.gain_curve = Curve::draw(dice, 0.0, 240.0, 0.4);
+                self.seen = Seen::of(&["gain"]);
+                format!("factor {:.4}, uneven by {:.2} of it", 1.0 + self.gain_c, self.rough)
             }
             "tone_wheel_runout" => {
                 self.runout = dice.magnitude(0.008, 0.02);
@@ -87,6 +106,10 @@ impl Sensors {
             "blind_pickup" => {
                 self.blind_below = dice.magnitude(9.0, 22.0);
                 format!("disc speed below {:.1} rad/s reads low", self.blind_below)
+            }
+            "slew_limited_pickup" => {
+                self.slew = dice.magnitude(1.0 / 95.0, 1.0 / 60.0);
+                format!("the disc speed changes by {:.0} rad/s² at most", 1.0 / self.slew)
             }
             _ => return None,
         };
@@ -104,14 +127,26 @@ impl Sensors {
 
     /// Takes the real speeds of a fine step.
     pub fn step(&mut self, h: f64, omega_f: f64, omega_c: f64) {
+        let [_, before] = self.now;
         self.now = [self.late_f.step(h, omega_f), self.late_c.step(h, omega_c)];
+        if self.slew > 0.0 {
+            self.now[1] = before + (self.now[1] - before).clamp(-h / self.slew, h / self.slew);
+        }
     }
 
-    /// The speeds that are sampled at `t`, before noise; `turn` is the disc's angle, rad.
-    pub fn sample(&mut self, t: f64, dt: f64, turn: f64) -> [f64; 2] {
-        let [f, mut c] = self.now;
-        let above = (c.abs() - self.gain_above).max(0.0) * c.signum();
-        c += self.gain_c * if self.gain_above > 0.0 { above * 1.25 } else { c };
+    /// The speeds as they have passed delay and filter.
+    pub fn now(&self) -> [f64; 2] {
+        self.now
+    }
+
+    /// The speeds that are sampled at `t`, before noise; `turn` is the disc's angle, rad, `heard` the speeds as they have arrived.
+    pub fn sample(&mut self, t: f64, dt: f64, turn: f64, heard: [f64; 2]) -> [f64; 2] {
+        let [f, mut c] = heard;
+        if self.gain_c != 0.0 {
+            let gain = self.gain_c * (1.0 + self.rough * self.gain_curve.at(c.abs()));
+            self.seen.mean(1.0 + gain, c * c);
+            c += gain * c;
+        }
         if self.runout != 0.0 {
             c += self.runout * c * (self.runout_order * turn).sin();
         }

@@ -1,9 +1,12 @@
 //! Where the heat goes.
 //!
-//! In the library: the disc's share of the heat, and the exchange of disc, body and air. Outside of it: a pressure plate
-//! that takes heat and gives it back late, and a facing surface far hotter than the disc while it slips.
+//! In the library: the disc's share of the heat (a random curve of slip about its size), and the exchange of disc, body and air (a random curve of
+//! engine speed about its size, or one that rises with it). Outside of it: a pressure plate that takes heat and gives it back late, a facing surface far
+//! hotter than the disc while it slips, and moisture that has to boil away.
 
 use super::Dice;
+use super::maps::Curve;
+use super::seen::Seen;
 use crate::vehicle::Vehicle;
 
 /// What the clutch is doing to its temperatures.
@@ -22,16 +25,22 @@ pub struct Work {
 /// The thermal deviations and their states; W, J, °C.
 #[derive(Clone, Debug, Default)]
 pub struct Thermal {
+    rough: f64,
+    uneven: Curve,
     share: f64,
-    share_per_rad_s: f64,
     exchange: f64,
     ventilation: f64,
+    fan: Curve,
     plate_w_k: f64,
     plate_j_k: f64,
     plate_c: f64,
     flash_k_w: f64,
     flash_tau_s: f64,
     flash_k: f64,
+    moisture: f64,
+    boils_c: f64,
+    /// The library's parameters that come nearest.
+    pub seen: Seen,
 }
 
 impl Thermal {
@@ -40,17 +49,27 @@ impl Thermal {
         let shape = match id {
             "heat_partition" => {
                 self.share = dice.either(0.15, 0.33);
-                self.share_per_rad_s = if dice.shape(2) == 0 { 0.0 } else { 0.4 * self.share / 100.0 };
-                format!("share {:.3}, {:.5} per rad/s", 0.5 + self.share, self.share_per_rad_s)
+                self.rough = dice.within(0.2, 0.4);
+                self.uneven = Curve::draw(dice, 0.0, 130.0, 0.3);
+                self.seen = Seen::of(&["share_change"]);
+                format!("share {:.3}, uneven by {:.2} along slip", 0.5 + self.share, self.rough)
             }
             "clutch_cooling" => {
                 let more = dice.magnitude(1.0, 2.6);
+                self.rough = dice.within(0.15, 0.35);
+                self.uneven = Curve::draw(dice, 60.0, 260.0, 0.4);
                 match dice.shape(3) {
                     0 => self.exchange = more,
                     1 => self.exchange = -more / (1.0 + more),
-                    _ => self.ventilation = more,
+                    _ => {
+                        self.ventilation = 1.6 * more;
+                        self.fan = Curve::rising(dice, 60.0, 260.0, 0.5);
+                    }
                 }
-                format!("exchange {:+.2}, with speed {:+.2}", self.exchange, self.ventilation)
+                if self.ventilation == 0.0 {
+                    self.seen = Seen::of(&["body_factor"]);
+                }
+                format!("exchange {:+.2}, uneven by {:.2}, with speed {:+.2}", self.exchange, self.rough, self.ventilation)
             }
             "plate_heat_soak" => {
                 self.plate_w_k = dice.magnitude(60.0, 150.0);
@@ -63,6 +82,11 @@ impl Thermal {
                 self.flash_k_w = self.flash_k_w.abs();
                 self.flash_tau_s = [0.02, 0.15][dice.shape(2)];
                 format!("{:.4} K/W, within {} s", self.flash_k_w, self.flash_tau_s)
+            }
+            "moisture_plateau" => {
+                self.moisture = dice.magnitude(3.5, 8.0);
+                self.boils_c = dice.within(50.0, 68.0);
+                format!("{:.1} times the heat capacity about {:.0} °C", 1.0 + self.moisture, self.boils_c)
             }
             _ => return None,
         };
@@ -92,13 +116,26 @@ impl Thermal {
         if self.plate_w_k != 0.0 {
             self.plate_c -= h * extra / self.plate_j_k;
         }
-        let factor = 1.0 + self.exchange + self.ventilation * speeds[0] / 150.0;
+        let mut factor = 1.0;
+        if self.exchange != 0.0 || self.ventilation != 0.0 {
+            let more = self.exchange * (1.0 + self.rough * self.uneven.at(speeds[0])) + self.ventilation * self.fan.at(speeds[0]);
+            factor = (1.0 + more).max(0.05);
+        }
+        // What boils takes heat within a few kelvin, on the way up and on the way down.
+        let near = (disc - self.boils_c) / 10.0;
+        let c_1 = v.c_1 * (1.0 + self.moisture * (-near * near).exp());
         if touching {
-            let share = (v.gamma_3 + self.share + self.share_per_rad_s * (slip - 60.0)).clamp(0.05, 0.95);
+            let more = self.share * (1.0 + self.rough * self.uneven.at(slip));
+            let share = (v.gamma_3 + if self.share == 0.0 { 0.0 } else { more }).clamp(0.05, 0.95);
             let across = v.gamma_1 * factor * (body - disc);
-            [(across + share * power_w + extra) / v.c_1, (-across + v.gamma_2 * (air - body) + (1.0 - share) * power_w) / v.c_b]
+            if self.share != 0.0 {
+                self.seen.mean(share - v.gamma_3, power_w * power_w);
+            } else if self.exchange != 0.0 {
+                self.seen.mean(factor, (body - disc).powi(2));
+            }
+            [(across + share * power_w + extra) / c_1, (-across + v.gamma_2 * (air - body) + (1.0 - share) * power_w) / v.c_b]
         } else {
-            [(v.gamma_2 * factor * (air - disc) + extra) / v.c_1, 2.0 * v.gamma_2 * (air - body) / v.c_b]
+            [(v.gamma_2 * factor * (air - disc) + extra) / c_1, 2.0 * v.gamma_2 * (air - body) / v.c_b]
         }
     }
 }

@@ -1,0 +1,71 @@
+#!/usr/bin/env bash
+# Mutation testing: changes the code in one place at a time and asks whether a test notices.
+#
+#   packaging/mutants.sh [AREA…]               physics effects plant control fmi2 campaign gap, or all of them
+#   packaging/mutants.sh --changed [BASE]      only what differs from BASE (the parent commit unless said otherwise): what CI runs
+#   MINUTES=10 packaging/mutants.sh …          ends after so many minutes; mutants come in random order, so what was tried is a sample
+#
+# Each area has the tests that are about it. Prints the score of each and writes target/mutants/<area>/mutants.out. Exits with 2 if a survivor is not
+# in packaging/mutants.txt, the list of those that are known, each with its reason. Uses cargo-mutants, which it installs below target/tools.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+version=25.3.1
+target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
+tools=$target/tools
+export PATH=$tools/bin:$PATH CARGO_PROFILE_DEV_DEBUG=0 RUST_BACKTRACE=0
+if [[ $(cargo-mutants --version 2>/dev/null) != "cargo-mutants $version" ]]; then
+    CARGO_TARGET_DIR=$tools/build cargo install --quiet --locked --root "$tools" "cargo-mutants@$version"
+fi
+
+out=$target/mutants
+mkdir -p "$out"
+areas=(physics effects plant control fmi2 campaign gap)
+diff=()
+if [[ ${1:-} == --changed ]]; then
+    base=${2:-HEAD^}
+    git rev-parse --quiet --verify "$base^{commit}" >/dev/null || { echo "mutants.sh: no commit $base to compare with: nothing is tried"; exit 0; }
+    git diff "$base" -- src >"$out/changed.diff"
+    diff=(--in-diff "$out/changed.diff")
+    touched=()
+    for area in "${areas[@]}"; do git diff --quiet "$base" -- "src/$area" || touched+=("$area"); done
+    ((${#touched[@]})) || { echo "mutants.sh: nothing in ${areas[*]} differs from $base"; exit 0; }
+    set -- "${touched[@]}"
+fi
+(($#)) || set -- "${areas[@]}"
+
+# The tests that are about an area, quickest first; the first group needs no more than the library of the FMUs.
+tests() {
+    case $1 in
+    effects) echo val_effects val_physics effects_null ;;
+    physics | plant) echo val_effects val_physics val_plant val_oracle val_work ;;
+    control) echo val_control_promises val_control val_control_faults val_control_estimators regress_table2 ;;
+    fmi2) echo fmi_refusals fmi_realtime fmi_random fmi_abuse ;;
+    campaign) echo campaign_guards campaign_defects campaign_formats campaign_random ;;
+    gap) echo gap_unseen gap_pulsation gap_derivatives diagnosis ;;
+    *) echo "mutants.sh: no area $1 among ${areas[*]}" >&2 && exit 1 ;;
+    esac
+}
+
+ends=$((SECONDS + 60 * ${MINUTES:-100000}))
+tried=()
+for area in "$@"; do
+    names=$(tests "$area")
+    arguments=(-C=--lib)
+    for name in $names; do
+        [[ ! -e tests/$name.rs && ! -e tests/$name/main.rs ]] || arguments+=("-C=--test=$name")
+    done
+    case $area in physics | effects | plant | control | fmi2) arguments+=(--no-default-features) ;; campaign) arguments+=(--no-default-features --features campaign) ;; esac
+    left=$((ends - SECONDS))
+    ((left > 30)) || { echo "mutants.sh: no time left for $area"; continue; }
+    printf '\n== %s\n' "$area"
+    rm -rf "${out:?}/$area"
+    # Ends with 2 for survivors and 3 for time-outs, which are judged below; 124 is the end of the time given.
+    status=0
+    timeout --signal=INT "$left" cargo mutants --no-config --jobs 1 --minimum-test-timeout 20 --output "$out/$area" "${diff[@]}" \
+        --file "src/$area/**" "${arguments[@]}" || status=$?
+    case $status in 0 | 2 | 3 | 124 | 130) ;; *) echo "mutants.sh: cargo-mutants failed on $area" >&2 && exit 1 ;; esac
+    tried+=("$out/$area/mutants.out")
+done
+((${#tried[@]})) || exit 0
+exec "${PYTHON:-python3}" packaging/mutants.py packaging/mutants.txt "${tried[@]}"

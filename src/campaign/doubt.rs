@@ -1,0 +1,336 @@
+//! Samples that are not to be believed: codes for "not available", spikes, and zeros below a speed sensor's threshold.
+//!
+//! | kind | what it is | how it is found |
+//! |---|---|---|
+//! | beyond | a value that no car reaches | rare, and outside the bounds of its quantity; common ones are a wrong unit, see [`super::checks`] |
+//! | code | one value, again and again, that stands for "not available" (0xFF… in the frame) | the channel's greatest or least value, further from the next one than all others are from each other |
+//! | spike | a sample of a speed that both sides contradict | see [`spikes`] |
+//! | dead band | zeros of a speed that passes through the values next to zero | see [`dead_band`] |
+//!
+//! The first three are faults and reported as such. A dead band is how the sensor works: below it the speed is not known.
+
+use super::channels::Channel;
+use super::pick::Signal;
+use super::table::Measurement;
+
+/// Faults may be at most this part of a channel's samples; more is no fault but another unit or channel.
+const RARE: f64 = 0.05;
+
+/// Different values that a channel must have beside a code: two or three say nothing about how far values lie apart.
+const SEVERAL: usize = 8;
+
+/// A spike is this many times larger than what the samples around it do.
+const FAR: f64 = 10.0;
+
+/// Longest spike, samples.
+const LONGEST_SPIKE: usize = 3;
+
+/// Samples on either side of a spike that say how rough the signal is there.
+const AROUND: usize = 6;
+
+/// Sets faults of a recording's channel to NaN; the note says how many, where the first is, and what it reads.
+pub(crate) fn faults(m: &Measurement, signal: &mut Signal) -> Option<String> {
+    let moves = matches!(signal.channel, Channel::OmegaF | Channel::OmegaC);
+    let found = take_out(&signal.time, &mut signal.values, bounds(signal.channel), moves);
+    let (first, said) = said(&found)?;
+    let (at, unit) = (m.row_text(first), signal.channel.spec().unit);
+    Some(format!("{}: {said}, the first at {at}: {} {unit}", signal.label, found[0].1))
+}
+
+/// The same for any series; `moves` if it is a speed.
+pub(crate) fn faults_of(name: &str, time: &[f64], values: &mut [f64], moves: bool) -> Option<String> {
+    let found = take_out(time, values, None, moves);
+    let (first, said) = said(&found)?;
+    Some(format!("{name}: {said}, the first at {:.3} s: {}", time[first], found[0].1))
+}
+
+/// Sample, value and reason.
+type Fault = (usize, f64, &'static str);
+
+/// The first fault, and how many there are of which kinds.
+fn said(found: &[Fault]) -> Option<(usize, String)> {
+    let mut kinds: Vec<&str> = found.iter().map(|(_, _, kind)| *kind).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    let count = found.len();
+    let samples = if count == 1 { "1 sample is" } else { &format!("{count} samples are") };
+    Some((found.first()?.0, format!("{samples} not believed and left out ({})", kinds.join(", "))))
+}
+
+/// Sets faults to NaN; gives them in order.
+fn take_out(time: &[f64], values: &mut [f64], bounds: Option<(f64, f64)>, moves: bool) -> Vec<Fault> {
+    let mut found = Vec::new();
+    if quantum(values) == 0.0 {
+        return found;
+    }
+    let mut take = |values: &mut [f64], at: Vec<usize>, why| {
+        found.extend(at.into_iter().map(|i| (i, std::mem::replace(&mut values[i], f64::NAN), why)));
+    };
+    let at = bounds.map_or_else(Vec::new, |bounds| beyond(bounds, values));
+    take(values, at, "no car reaches that value");
+    let at = code(values);
+    take(values, at, "a code for \"not available\"");
+    if moves {
+        let at = spikes(time, values);
+        take(values, at, "contradicted by the samples around");
+    }
+    found.sort_unstable_by_key(|(i, _, _)| *i);
+    found
+}
+
+/// What a channel can be, in our units.
+fn bounds(channel: Channel) -> Option<(f64, f64)> {
+    match channel {
+        Channel::OmegaF | Channel::OmegaC => Some((-1500.0, 1500.0)),
+        Channel::TE | Channel::TFc => Some((-3000.0, 3000.0)),
+        Channel::XToCmd | Channel::XTo => Some((-100.0, 100.0)),
+        Channel::ThetaH => Some((-60.0, 200.0)),
+        Channel::ThetaC => Some((-60.0, 1000.0)),
+        Channel::Time | Channel::Brake | Channel::Valid => None,
+    }
+}
+
+/// Rare samples outside what the quantity can be.
+fn beyond((low, high): (f64, f64), values: &[f64]) -> Vec<usize> {
+    let at: Vec<usize> = (0..values.len()).filter(|&i| values[i] < low || values[i] > high).collect();
+    if is_rare(at.len(), values) { at } else { Vec::new() }
+}
+
+fn is_rare(count: usize, values: &[f64]) -> bool {
+    count as f64 <= RARE * values.iter().filter(|v| !v.is_nan()).count() as f64
+}
+
+/// Rare samples at one extreme value that stands apart from all others.
+fn code(values: &[f64]) -> Vec<usize> {
+    let there = || values.iter().copied().filter(|v| !v.is_nan());
+    let extreme = |pick: fn(f64, f64) -> f64| {
+        let outer = there().reduce(pick)?;
+        let rest = || there().filter(|v| *v != outer);
+        let (low, high) = (rest().reduce(f64::min)?, rest().reduce(f64::max)?);
+        let distance = (outer - low).abs().min((outer - high).abs());
+        let at: Vec<usize> = (0..values.len()).filter(|&i| values[i] == outer).collect();
+        (distance > high - low && is_rare(at.len(), values) && has_several(rest())).then_some(at)
+    };
+    extreme(f64::max).or_else(|| extreme(f64::min)).unwrap_or_default()
+}
+
+/// Whether a series has [`SEVERAL`] different values.
+fn has_several(values: impl Iterator<Item = f64>) -> bool {
+    let mut seen: Vec<f64> = Vec::new();
+    for value in values {
+        if !seen.contains(&value) {
+            seen.push(value);
+        }
+        if seen.len() >= SEVERAL {
+            return true;
+        }
+    }
+    false
+}
+
+/// Samples of a speed, up to three in a row, that lie off both the line through the two samples before and the line through the two
+/// after, to the same side, by [`FAR`] times what the samples around lie off such lines.
+///
+/// A torque can't do that: to leave a line and come back within a few samples takes two torques of opposite sign, each far larger than any
+/// that acts before or after. A kink, as where a clutch locks, leaves one of the lines alone.
+pub(crate) fn spikes(time: &[f64], values: &[f64]) -> Vec<usize> {
+    let points = Points::of(time, values);
+    let n = points.len();
+    if n < 2 * AROUND {
+        return Vec::new();
+    }
+    let mut some: Vec<f64> = (1..n - 1).step_by(n.div_ceil(100_000)).map(|k| points.off(k)).collect();
+    // The median of magnitudes, as the standard deviation of normal noise that it belongs to.
+    let floor = quantum(values).max(super::clock::middle(&mut some) / 0.6745);
+    let (mut found, mut k) = (Vec::new(), 2);
+    while k + 2 < n {
+        // Nearly all samples go on as those before them did.
+        let (t, v) = points.at(k);
+        if (v - line(points.at(k - 2), points.at(k - 1), t)).abs() <= FAR * floor {
+            k += 1;
+            continue;
+        }
+        let length = (1..=LONGEST_SPIKE).find(|&length| k + length + 1 < n && points.is_spike(k, length, floor));
+        found.extend((k..k + length.unwrap_or(0)).map(|k| points.index(k)));
+        k += length.unwrap_or(1);
+    }
+    found
+}
+
+/// The valid samples of a series.
+struct Points<'a> {
+    time: &'a [f64],
+    values: &'a [f64],
+    /// Where they are, if some are missing.
+    there: Option<Vec<usize>>,
+}
+
+impl<'a> Points<'a> {
+    fn of(time: &'a [f64], values: &'a [f64]) -> Points<'a> {
+        let some_missing = values.iter().any(|v| v.is_nan());
+        let there = some_missing.then(|| (0..values.len()).filter(|&i| !values[i].is_nan()).collect());
+        Points { time, values, there }
+    }
+
+    fn len(&self) -> usize {
+        self.there.as_ref().map_or(self.values.len(), Vec::len)
+    }
+
+    fn index(&self, k: usize) -> usize {
+        self.there.as_ref().map_or(k, |there| there[k])
+    }
+
+    fn at(&self, k: usize) -> (f64, f64) {
+        let i = self.index(k);
+        (self.time[i], self.values[i])
+    }
+
+    /// How far a point is off the line between its neighbours.
+    fn off(&self, k: usize) -> f64 {
+        let (t, v) = self.at(k);
+        (v - line(self.at(k - 1), self.at(k + 1), t)).abs()
+    }
+
+    /// Whether the `length` points from `k` on are off both sides' lines.
+    fn is_spike(&self, k: usize, length: usize, floor: f64) -> bool {
+        let end = k + length;
+        let [b2, b1, a1, a2] = [k - 2, k - 1, end, end + 1].map(|i| self.at(i));
+        let mut least = f64::INFINITY;
+        for (t, v) in (k..end).map(|i| self.at(i)) {
+            let (before, after) = (v - line(b2, b1, t), v - line(a1, a2, t));
+            least = least.min(before.signum() * after.signum() * before.abs().min(after.abs()));
+            if least <= FAR * floor {
+                return false;
+            }
+        }
+        // Without the points whose neighbours belong to the spike.
+        let near = (k.saturating_sub(1 + AROUND).max(1)..k - 1).chain(end + 1..(end + 1 + AROUND).min(self.len() - 1));
+        least > FAR * near.map(|i| self.off(i)).fold(floor, f64::max)
+    }
+}
+
+/// The line through two points, at `t`.
+fn line(a: (f64, f64), b: (f64, f64), t: f64) -> f64 {
+    a.1 + (b.1 - a.1) * (t - a.0) / (b.0 - a.0)
+}
+
+/// The step of quantisation: the least difference of neighbours that is beyond rounding; 0 for a series that never changes.
+pub(crate) fn quantum(values: &[f64]) -> f64 {
+    let mut there = values.iter().copied().filter(|v| !v.is_nan());
+    let Some(mut before) = there.next() else { return 0.0 };
+    let mut least = f64::INFINITY;
+    for v in there.take(200_000) {
+        let step = (v - before).abs();
+        if step > 1e-9 * (1.0 + v.abs()) {
+            least = least.min(step);
+        }
+        before = v;
+    }
+    if least.is_finite() { least } else { 0.0 }
+}
+
+/// Samples that have to be missing for zeros to be left out.
+pub(crate) const SURE: f64 = 3.0;
+
+/// Samples that have to be missing for a dead band to be mentioned.
+pub(crate) const LIKELY: f64 = 1.5;
+
+/// The threshold below which a speed sensor reads zero, and the samples that are such zeros; `None` without a dead band.
+///
+/// The threshold is the least value next to zero that occurs. It is a dead band if the speed, going on as it does there, should have been
+/// seen between zero and that value: it takes `samples` or more to cross it, at more than half of the places where zero is left or reached.
+pub(crate) fn dead_band(time: &[f64], values: &[f64], samples: f64) -> Option<(f64, Vec<usize>)> {
+    let threshold = values.iter().map(|v| v.abs()).filter(|v| *v > 0.0).reduce(f64::min)?;
+    let zeros: Vec<usize> = (0..values.len()).filter(|&i| values[i] == 0.0).collect();
+    if zeros.len() < 3 || threshold < 2.5 * quantum(values) {
+        return None;
+    }
+    let points = Points::of(time, values);
+    let at = |k: usize| points.at(k);
+    let (mut slow, mut edges) = (0, 0);
+    for k in 0..points.len().saturating_sub(4) {
+        let rising = at(k).1 == 0.0 && (k + 1..k + 5).all(|i| at(i).1 != 0.0);
+        let falling = at(k + 4).1 == 0.0 && (k..k + 4).all(|i| at(i).1 != 0.0);
+        let ends = if rising { (at(k + 1), at(k + 4)) } else { (at(k + 3), at(k)) };
+        if rising || falling {
+            let step = (at(k + 4).0 - at(k).0) / 4.0;
+            let slope = ((ends.1.1 - ends.0.1) / (ends.1.0 - ends.0.0)).abs();
+            edges += 1;
+            slow += usize::from(ends.0.1.abs() > samples * slope * step);
+        }
+    }
+    (2 * slow > edges).then_some((threshold, zeros))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A launch at 100 Hz: still, kink, ramp of 40 rad/s², kink, steady with a ring of 6 Hz; noise of a quarter revolution.
+    fn launch() -> (Vec<f64>, Vec<f64>) {
+        let time: Vec<f64> = (0..400).map(|i| f64::from(i) * 0.01).collect();
+        let noise = |i: usize| f64::from((i as u32).wrapping_mul(2_654_435_761) >> 20) / 4096.0 - 0.5;
+        let clean = |t: f64| {
+            let ring = if t > 3.0 { 4.0 * (-(t - 3.0) / 0.2).exp() * (37.7 * (t - 3.0)).sin() } else { 0.0 };
+            (40.0 * (t - 1.0)).clamp(0.0, 80.0) + ring
+        };
+        let values = time.iter().enumerate().map(|(i, t)| ((clean(*t) + 0.2 * noise(i)) / 0.026).round() * 0.026).collect();
+        (time, values)
+    }
+
+    #[test]
+    fn a_launch_with_kinks_and_ringing_has_no_fault() {
+        let (time, values) = launch();
+        assert_eq!(spikes(&time, &values), [0; 0]);
+        assert_eq!(code(&values), [0; 0]);
+        assert_eq!(dead_band(&time, &values, SURE), None);
+    }
+
+    #[test]
+    fn spikes_of_one_to_three_samples_are_found_wherever_they_are() {
+        for length in 1..=3 {
+            for k in [20, 99, 150, 250, 299, 305, 380] {
+                let (time, mut values) = launch();
+                values[k..k + length].iter_mut().for_each(|v| *v -= 30.0);
+                assert_eq!(spikes(&time, &values), (k..k + length).collect::<Vec<_>>(), "{length} from {k}");
+            }
+        }
+        let (time, mut values) = launch();
+        values[310] = f64::NAN;
+        values[150] += 6.0;
+        assert_eq!(spikes(&time, &values), [150]);
+    }
+
+    #[test]
+    fn a_code_stands_apart_and_a_last_step_does_not() {
+        let (_, mut values) = launch();
+        values[40] = 983.025;
+        values[300..310].fill(983.025);
+        assert_eq!(code(&values), std::iter::once(40).chain(300..310).collect::<Vec<_>>());
+        // A command of three steps, the last one far away.
+        let command: Vec<f64> = (0..300)
+            .map(|i| {
+                if i < 100 {
+                    3.3
+                } else if i < 290 {
+                    3.4
+                } else {
+                    8.0
+                }
+            })
+            .collect();
+        assert_eq!(code(&command), [0; 0]);
+    }
+
+    #[test]
+    fn a_dead_band_is_found_with_its_threshold() {
+        let (time, values) = launch();
+        let sensed: Vec<f64> = values.iter().map(|v| if v.abs() < 3.0 { 0.0 } else { *v }).collect();
+        let (threshold, zeros) = dead_band(&time, &sensed, SURE).unwrap();
+        assert!((3.0..3.3).contains(&threshold), "{threshold}");
+        assert!(zeros.len() > 100 && zeros.iter().all(|&i| i < 110));
+        // A coarse sensor has no values below its step.
+        let coarse: Vec<f64> = values.iter().map(|v| (v / 0.5).round() * 0.5).collect();
+        assert_eq!(dead_band(&time, &coarse, SURE), None);
+    }
+}

@@ -1,0 +1,137 @@
+//! A measurement file as it is, channel by channel, for those who look before they know what is what.
+
+use std::path::Path;
+use std::rc::Rc;
+
+use super::clock;
+use super::error::{CampaignError, Defect};
+use super::guess;
+use super::table::{self, Group};
+use super::units::{self, Quantity};
+use super::{Channel, doubt};
+
+/// A file.
+#[derive(Clone, Debug)]
+pub struct Log {
+    /// File name.
+    pub file: String,
+    /// Its channels with a clock and numbers.
+    pub channels: Vec<LogChannel>,
+    /// What the reader noticed or left out.
+    pub notes: Vec<String>,
+}
+
+/// A channel, in our unit of its quantity.
+#[derive(Clone, Debug)]
+pub struct LogChannel {
+    /// Name in the file.
+    pub name: String,
+    /// What it measures, by its unit or the end of its name; `None` if neither tells.
+    pub quantity: Option<Quantity>,
+    /// Time of each valid sample, s, on the file's clock.
+    pub time: Rc<Vec<f64>>,
+    /// The samples.
+    pub values: Vec<f64>,
+    /// Which of ours it seems to be.
+    pub guess: Option<Channel>,
+    /// Distance between samples, s.
+    pub step: f64,
+    /// Standard deviation of that distance, s.
+    pub jitter: f64,
+    /// Gaps, as times before and after, s.
+    pub gaps: Vec<(f64, f64)>,
+    /// Step of quantisation; 0 for a constant.
+    pub quantum: f64,
+    /// Threshold of a speed sensor below which it reads 0.
+    pub dead_band: Option<f64>,
+}
+
+/// Opens a file of any of the formats; a database (DBC) decodes the frames of a CAN bus. `tell` is told the share that is read.
+///
+/// # Errors
+/// The file can't be read, is damaged, or has a clock that does not run forward.
+pub fn open(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<Log, CampaignError> {
+    std::fs::metadata(path).map_err(|source| CampaignError::Io { file: path.to_path_buf(), source })?;
+    let m = table::read(path, dbc, &|_| true, tell)?;
+    let mut log = Log { file: m.file.clone(), channels: Vec::new(), notes: m.notes.clone() };
+    for group in &m.groups {
+        let is_clock = |s: &table::Series| guess::is_time(&s.name, s.unit.as_deref());
+        let Some(at) = group.master.or_else(|| group.series.iter().position(is_clock)) else {
+            return Err(m.defect(Defect::NoMaster).into());
+        };
+        let clock = &group.series[at];
+        let factor = clock.unit.as_deref().and_then(units::parse).map_or(1.0, |u| u.factor);
+        let time: Rc<Vec<f64>> = Rc::new(clock.values.iter().map(|t| t * factor).collect());
+        clock::check(&time).map_err(|(defect, sample)| m.defect_at(defect, &clock.name, Some(sample)))?;
+        let others = (0..group.series.len()).filter(|k| *k != at);
+        for k in others {
+            log.channels.extend(channel(group, k, &time, &mut log.notes));
+        }
+    }
+    count_from_start(&mut log);
+    let named: Vec<(&str, Option<&str>)> = log.channels.iter().map(|c| (c.name.as_str(), None)).collect();
+    let guesses = guess::guess(&named);
+    for (channel, guess) in log.channels.iter_mut().zip(guesses) {
+        channel.guess = guess.filter(|g| channel.quantity.is_none_or(|q| q == g.spec().quantity));
+    }
+    Ok(log)
+}
+
+/// A clock that counts from another age is hard to read: times count from the log's first stamp then.
+fn count_from_start(log: &mut Log) {
+    let start = log.channels.iter().filter_map(|c| c.time.first().copied()).fold(f64::INFINITY, f64::min);
+    if !start.is_finite() || (0.0..1e4).contains(&start) {
+        return;
+    }
+    log.notes.push(format!("the clock starts at {start} s; time counts from there"));
+    for channel in &mut log.channels {
+        channel.time = Rc::new(channel.time.iter().map(|t| t - start).collect());
+        channel.gaps.iter_mut().for_each(|(from, to)| (*from, *to) = (*from - start, *to - start));
+    }
+}
+
+/// A channel of numbers, its missing samples left out.
+fn channel(group: &Group, at: usize, clock: &Rc<Vec<f64>>, notes: &mut Vec<String>) -> Option<LogChannel> {
+    let series = &group.series[at];
+    let unit = series.unit.as_deref().and_then(units::parse).or_else(|| from_name(&series.name));
+    let (scale, offset) = unit.map_or((1.0, 0.0), |u| (u.factor, u.offset));
+    let speed = unit.is_some_and(|u| matches!(u.quantity, Quantity::Speed | Quantity::Velocity));
+    let mut values: Vec<f64> = series.values.iter().map(|v| v * scale + offset).collect();
+    let mut time = clock.clone();
+    thin(&mut time, &mut values);
+    // What has no unit may be a counter or a state, whose jumps are no faults.
+    let fault = unit.and_then(|_| doubt::faults_of(&series.name, &time, &mut values, speed));
+    notes.extend(fault);
+    thin(&mut time, &mut values);
+    let spacing = clock::spacing(&time, &values).filter(|_| series.text.is_none())?;
+    let dead_band = doubt::dead_band(&time, &values, doubt::LIKELY).filter(|_| speed).map(|(threshold, _)| threshold);
+    Some(LogChannel {
+        name: series.name.clone(),
+        quantity: unit.map(|u| u.quantity),
+        quantum: doubt::quantum(&values),
+        dead_band,
+        guess: None,
+        step: spacing.step,
+        jitter: spacing.jitter,
+        gaps: spacing.gaps.iter().map(|g| (g.from, g.to)).collect(),
+        time,
+        values,
+    })
+}
+
+/// Leaves out missing samples; a channel without any shares its group's clock.
+fn thin(time: &mut Rc<Vec<f64>>, values: &mut Vec<f64>) {
+    if values.iter().any(|v| v.is_nan()) {
+        *time = Rc::new(clock::valid(time, values).map(|(_, t, _)| t).collect());
+        values.retain(|v| !v.is_nan());
+    }
+}
+
+/// The unit that a column of the contract has, or that the end of a name says: `engine_speed_rpm`.
+fn from_name(name: &str) -> Option<units::Unit> {
+    if let Some(channel) = Channel::from_column(name) {
+        return units::parse(channel.spec().unit);
+    }
+    let (_, end) = name.rsplit_once('_')?;
+    (end.len() > 1).then(|| units::parse(end)).flatten()
+}

@@ -1,0 +1,93 @@
+//! Long tables: one row per sample with time, channel and value, and perhaps a unit. Every channel has stamps of its own.
+
+use std::collections::HashMap;
+use std::io::Read;
+
+use super::csv::{Column, Lines, ragged};
+use super::error::{Defect, RecordingError};
+use super::table::{Group, Measurement, Rows, Series, Wanted};
+use super::text_cells::{Cells, is_comment, text};
+use super::text_shape::Shape;
+use super::{guess, units};
+
+/// Which column of a long table is which.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Roles {
+    time: usize,
+    channel: usize,
+    value: usize,
+    unit: Option<usize>,
+}
+
+/// The roles of the columns, if their names are those of a long table.
+pub(crate) fn roles(shape: &Shape) -> Option<Roles> {
+    let at = |names: &[&str]| shape.columns.iter().position(|(name, _)| names.iter().any(|n| name.eq_ignore_ascii_case(n)));
+    let time = shape.columns.iter().position(|(name, unit)| guess::is_time(name, unit.as_deref()))?;
+    let channel = at(&["channel", "signal", "name", "variable", "parameter", "kanal", "signal_name", "channel_name"])?;
+    let value = at(&["value", "v", "val", "wert", "y"])?;
+    (shape.columns.len() <= 4).then_some(Roles { time, channel, value, unit: at(&["unit", "einheit"]) })
+}
+
+/// Reads a long table: one group per channel, the rows of each counted by themselves.
+pub(crate) fn read<R: Read>(
+    file: &str,
+    shape: &Shape,
+    roles: Roles,
+    lines: &mut Lines<R>,
+    wanted: Wanted<'_>,
+) -> Result<Measurement, RecordingError> {
+    let mut cells = Cells::new(shape.separator);
+    let mut groups: Vec<Option<Samples>> = Vec::new();
+    let mut known: HashMap<Vec<u8>, usize> = HashMap::new();
+    let mut m = Measurement { rows: Rows::Table, ..Measurement::default() };
+    let (time_name, time_unit) = &shape.columns[roles.time];
+    // Dates count from the first row of the file, so that all channels have one beginning.
+    let mut clock = Column::new(time_name, time_unit.as_deref(), roles.time);
+    while let Some(line) = lines.next().map_err(|e| Defect::Unreadable(e.to_string()).in_file(file))? {
+        if is_comment(line) {
+            continue;
+        }
+        if cells.split(line).len() != shape.columns.len() {
+            if !lines.ended {
+                m.notes.push(format!("line {} (the last) was cut off while writing, dropped", lines.number));
+                break;
+            }
+            return Err(ragged(file, lines.number, cells.len(), shape.columns.len()));
+        }
+        clock.push(cells.cell(roles.time), shape.decimal_comma);
+        let at = *known.entry(cells.cell(roles.channel).to_vec()).or_insert_with(|| {
+            let (name, bracket) = units::split_header(&text(cells.cell(roles.channel)));
+            let unit = bracket.or_else(|| roles.unit.map(|u| text(cells.cell(u)).trim().to_string()).filter(|u| !u.is_empty()));
+            groups.push(wanted(&name).then(|| Samples { time: Vec::new(), column: Column::new(&name, unit.as_deref(), roles.value) }));
+            m.names.push(name);
+            groups.len() - 1
+        });
+        if let Some(group) = &mut groups[at] {
+            group.time.push(clock.series.values.last().copied().unwrap_or(f64::NAN));
+            group.column.push(cells.cell(roles.value), shape.decimal_comma);
+        }
+    }
+    if m.names.is_empty() {
+        return Err(Defect::NoRows.in_file(file));
+    }
+    if let Some((row, word)) = clock.series.text {
+        return Err(Defect::NotANumber(word).at(file, time_name.as_str(), Some(("row", row as u64 + 1))));
+    }
+    let unit = clock.series.unit;
+    m.groups = groups.into_iter().flatten().enumerate().map(|(index, rows)| rows.group(index, time_name, unit.clone())).collect();
+    Ok(m)
+}
+
+/// The samples of one channel.
+struct Samples {
+    time: Vec<f64>,
+    column: Column,
+}
+
+impl Samples {
+    fn group(self, index: usize, time_name: &str, unit: Option<String>) -> Group {
+        let name = self.column.series.name.clone();
+        let time = Series { name: time_name.to_string(), unit, values: self.time, text: None };
+        Group { name, index, master: Some(0), series: vec![time, self.column.series] }
+    }
+}

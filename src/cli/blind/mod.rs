@@ -1,0 +1,155 @@
+//! `kisspoint blind`: draws fresh cars, diagnoses them, then opens the answers and scores.
+//!
+//! The cars come from `realcar`, which shares no code with the plant. What is true of a car is sealed: the diagnosis is handed a folder of
+//! recordings and nothing else, and the seal opens only against a finished answer, of which the fields of diagnosis.json's schema are read.
+//!
+//! - [`examine`]: one car, from its folder to an outcome
+//! - [`closed`]: how much of the gap the retuned plant closes on recordings that the diagnosis never saw
+//! - [`scores`]: counts, shares and their intervals
+//! - [`reliability`]: what claimed probabilities and intervals are worth
+//! - [`folder`]: a temporary folder that is gone afterwards, also after an interruption
+
+pub mod closed;
+pub mod examine;
+pub mod folder;
+pub mod reliability;
+pub mod scores;
+
+use super::error::{CommandError, at};
+use super::output::{print, print_json};
+use super::progress::Progress;
+use examine::{Outcome, Subject};
+use folder::Temporary;
+use rayon::prelude::*;
+use realcar::Place;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Options of `kisspoint blind`.
+#[derive(clap::Args, Debug)]
+#[command(after_help = "Examples:\n  kisspoint blind --cars 40 --seed 7\n  kisspoint blind --cars 200 --json > score.json\n  \
+    kisspoint blind --road --cars 20 --seed 3 --draw-only --keep drawn")]
+pub struct Args {
+    /// Cars to draw
+    #[arg(long, value_name = "N", default_value = "20")]
+    cars: std::num::NonZeroUsize,
+    /// Seed of the draw; without one, the clock gives it
+    #[arg(long, value_name = "S")]
+    seed: Option<u64>,
+    /// Draw drives on the road in place of bench campaigns
+    #[arg(long, conflicts_with = "altered")]
+    road: bool,
+    /// Draw bench campaigns that a worse logger wrote: every alteration in turn
+    #[arg(long)]
+    altered: bool,
+    /// Draw only effects outside the library that nobody had drawn while the diagnosis was made
+    #[arg(long, conflicts_with = "altered")]
+    new_outside: bool,
+    /// Keep the campaigns and their answers in this folder
+    #[arg(long, value_name = "DIR")]
+    keep: Option<PathBuf>,
+    /// Draw the campaigns and diagnose none; needs --keep
+    #[arg(long, requires = "keep")]
+    draw_only: bool,
+    /// Print the score as JSON
+    #[arg(long)]
+    json: bool,
+    /// Threads; 0 takes all cores
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    threads: usize,
+}
+
+impl Args {
+    /// The car of an index, and what is wrong with its logging.
+    fn draw(&self, seed: u64, index: usize) -> Subject {
+        if self.altered {
+            let (car, alteration) = realcar::altered::draw_altered(seed, index);
+            return Subject { car, alteration: Some(alteration) };
+        }
+        let place = if self.road { Place::Road } else { Place::Bench };
+        let car = if self.new_outside { realcar::draw_new(place, seed, index) } else { realcar::draw_car(place, seed, index) };
+        Subject { car, alteration: None }
+    }
+
+    fn what(&self) -> &'static str {
+        match (self.road, self.altered) {
+            (true, _) => "road",
+            (_, true) => "altered",
+            _ => "bench",
+        }
+    }
+}
+
+/// Runs the subcommand.
+///
+/// # Errors
+/// Files that cannot be written.
+pub fn run(args: &Args) -> Result<(), CommandError> {
+    let clock = || std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).map_or(0, |d| d.as_secs());
+    let seed = args.seed.unwrap_or_else(clock);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
+    let cars = args.cars.get();
+    if let Some(folder) = &args.keep {
+        pool.install(|| keep(folder, cars, |k| args.draw(seed, k)))?;
+        if args.draw_only {
+            let drawn = json!({"seed": seed, "cars": cars, "drawn": args.what(), "generator": realcar::VERSION, "folder": folder});
+            return if args.json {
+                print_json(&drawn)
+            } else {
+                print(&format!("{cars} campaigns and answers.json in {}\n", folder.display()))
+            };
+        }
+    }
+    let bar = Progress::new();
+    let folder = Temporary::new(seed)?;
+    let done = AtomicUsize::new(0);
+    let one = |k: usize| {
+        let outcome = examine::examine(&folder.path().join(format!("car_{k:04}")), args.draw(seed, k));
+        let count = 1 + done.fetch_add(1, Ordering::Relaxed);
+        bar.tell(&format!("car {count} of {cars}"), count as f64 / cars as f64);
+        outcome
+    };
+    let outcomes: Result<Vec<Outcome>, CommandError> = pool.install(|| (0..cars).into_par_iter().map(one).collect());
+    bar.finish();
+    report(&outcomes?, seed, args)
+}
+
+/// Writes the campaigns as `case_001` and on, and what is true of them as `answers.json`.
+fn keep(folder: &Path, cars: usize, draw: impl Fn(usize) -> Subject + Sync) -> Result<(), CommandError> {
+    let one = |k: usize| {
+        let Subject { car, alteration } = draw(k);
+        let name = format!("case_{:03}", k + 1);
+        car.write(&folder.join(&name)).map_err(at(folder))?;
+        let ids: Vec<&str> = car.truth.effects.iter().map(|e| e.id).collect();
+        let told: Vec<String> = car.truth.effects.iter().map(|e| format!("{}: {}", e.id, e.shape)).collect();
+        Ok((name, ids, json!({"alteration": alteration.map(scores::row_name), "shapes": told})))
+    };
+    let drawn: Result<Vec<(String, Vec<&str>, Value)>, CommandError> = (0..cars).into_par_iter().map(one).collect();
+    let mut answers = serde_json::Map::new();
+    let mut shapes = serde_json::Map::new();
+    for (name, ids, told) in drawn? {
+        answers.insert(name.clone(), json!(ids));
+        shapes.insert(name, told);
+    }
+    for (name, content) in [("answers.json", answers), ("shapes.json", shapes)] {
+        let file = folder.join(name);
+        std::fs::write(&file, format!("{:#}\n", Value::Object(content))).map_err(at(file))?;
+    }
+    Ok(())
+}
+
+fn report(outcomes: &[Outcome], seed: u64, args: &Args) -> Result<(), CommandError> {
+    let table = scores::table(outcomes);
+    let claims = reliability::of(outcomes);
+    if args.json {
+        let cars: Vec<Value> = outcomes.iter().map(Outcome::as_json).collect();
+        return print_json(&json!({
+            "seed": seed, "cars": outcomes.len(), "drawn": args.what(), "generator": realcar::VERSION,
+            "scores": scores::as_json(&table), "reliability": claims.as_json(), "outcomes": cars,
+        }));
+    }
+    let head = format!("{} cars drawn with seed {seed}: {}, generator {}\n", outcomes.len(), args.what(), realcar::VERSION);
+    let errors: String = outcomes.iter().filter_map(|o| o.error.as_ref()).map(|e| format!("not diagnosed: {e}\n")).collect();
+    print(&format!("{head}{}{}{errors}", scores::as_text(&table), claims.as_text()))
+}

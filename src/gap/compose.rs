@@ -1,0 +1,305 @@
+//! From what was found to the answer, in the answer's words.
+
+use super::answer::{
+    Answer, Effect, Equation, Figures, HowFar, Interval, LeftOut, NotAssessable, PerRecording, Plant, Ranked, Real, Share, Visible,
+    Weighed, Where, Which, plant_parameters,
+};
+use super::infer::coordinate::Coordinate;
+use super::infer::density::{Problem, size};
+use super::infer::posterior::Posterior;
+use super::infer::search::{Search, log_prior};
+use super::map::{Cell, FAMILY_WISE_ERROR};
+use super::measure::{Closed, Engagement, HeldOut};
+use super::model::track::Channel;
+use super::verdict::{Conclusion, NAMED_BESIDE, Verdict};
+use crate::campaign::Campaign;
+use crate::effects::{self, PARAMETERS, Parameters, REGISTRY, Subsystem};
+use crate::vehicle::Vehicle;
+use std::collections::BTreeMap;
+
+/// What the parts of the answer are made from.
+pub struct Findings<'a> {
+    /// What was read.
+    pub campaign: &'a Campaign,
+    /// What was fitted.
+    pub problem: &'a Problem,
+    /// Sets that were fitted.
+    pub search: &'a Search,
+    /// Their weights.
+    pub posterior: &'a Posterior,
+    /// What was concluded.
+    pub conclusion: &'a Conclusion,
+    /// Residual map.
+    pub cells: &'a [Cell],
+    /// Smallest visible sizes: effect, parameter, size.
+    pub visible: &'a [(usize, usize, f64)],
+    /// Gaps of what took no part, before and after.
+    pub held_out: &'a [HeldOut],
+    /// Its name.
+    pub held_out_name: String,
+    /// The floor, rad/s.
+    pub floor: f64,
+    /// The retuned car.
+    pub retuned: (&'a Vehicle, &'a Parameters),
+    /// What a reader has to know.
+    pub notes: Vec<String>,
+}
+
+/// A smallest visible size beyond this many usual sizes makes an effect one that the recordings cannot show.
+const TOO_LARGE: f64 = 3.0;
+/// Difference of the library's form from a real one, relative to an effect's size: part of every interval.
+const FORM: f64 = 0.04;
+/// Half width of a 95 % interval in standard deviations.
+const INTERVAL: f64 = 1.96;
+/// Explanations that are listed.
+const LISTED: usize = 12;
+
+/// The whole answer.
+pub fn answer(f: &Findings) -> Answer {
+    let closed = Closed { noise: f.floor, ..Closed::of(f.held_out) };
+    Answer {
+        schema: "kisspoint-diagnosis/1",
+        verdict: f.conclusion.verdict,
+        confidence: Real(f.conclusion.probability),
+        sentence: sentence(f, closed.fraction()),
+        notes: f.notes.clone(),
+        left_out: f.campaign.left_out.iter().map(|l| LeftOut { recording: l.recording.clone(), reason: l.reason.clone() }).collect(),
+        place: place(f),
+        which: which(f),
+        how_far: how_far(f, closed),
+        plant: Plant {
+            parameters: plant_parameters(f.retuned.0, f.retuned.1),
+            nominal_parameters: plant_parameters(&f.problem.vehicle, &effects::null()),
+        },
+    }
+}
+
+fn names_effects(f: &Findings) -> bool {
+    matches!(f.conclusion.verdict, Verdict::Explained | Verdict::PartlyExplained)
+}
+
+/// Effects that were named, most important first.
+fn named(f: &Findings) -> Vec<usize> {
+    if !names_effects(f) {
+        return Vec::new();
+    }
+    let share = |e: usize| f.conclusion.shares.iter().find(|s| s.0 == REGISTRY[e].effect.subsystem).map_or(0.0, |s| s.1);
+    let mut all = f.conclusion.explanation.effects.clone();
+    all.sort_by(|a, b| share(*b).total_cmp(&share(*a)));
+    all
+}
+
+fn place(f: &Findings) -> Where {
+    let c = f.conclusion;
+    let primary = match c.verdict {
+        Verdict::NoGap | Verdict::InputsDoNotFit => None,
+        _ => c.shares.first().map(|s| s.0.id()),
+    };
+    Where {
+        primary,
+        subsystems: c.shares.iter().map(|(s, share)| Share { id: s.id(), share: Real(*share) }).collect(),
+        equations: f
+            .cells
+            .iter()
+            .map(|c| Equation {
+                equation: c.equation,
+                phase: c.phase,
+                region: c.region,
+                sigma: Real(c.sigma),
+                rms: Real(c.rms),
+                unit: c.unit,
+                samples: c.samples,
+                significant: c.significant,
+            })
+            .collect(),
+        family_wise_error: Real(FAMILY_WISE_ERROR),
+        unexplained_at: c.unexplained_at.map(Subsystem::id),
+        ambiguous_with: c.or_at.iter().map(|s| s.id()).collect(),
+        missing_law: Subsystem::ALL.iter().map(|s| (s.id(), Real(f.posterior.of_place(*s)))).collect(),
+    }
+}
+
+fn which(f: &Findings) -> Which {
+    let point = &f.conclusion.explanation.fit.as_ref().expect("the best was fitted").point;
+    let too_large = |e: usize| f.visible.iter().any(|v| v.0 == e && v.2 > TOO_LARGE * size(v.1));
+    let best = f.posterior.best().log_posterior;
+    Which {
+        effects: named(f).into_iter().map(|e| effect(f, e)).collect(),
+        ranked: ranked(f, &too_large),
+        not_assessable: (0..REGISTRY.len())
+            .filter(|e| too_large(*e) && !named(f).contains(e))
+            .map(|e| NotAssessable { id: REGISTRY[e].id, measure: REGISTRY[e].effect.shown_by })
+            .collect(),
+        tolerances: f.problem.shared.iter().zip(&point.shared).map(|(n, z)| (n.name.clone(), Real(*z))).collect(),
+        explanations: f
+            .posterior
+            .explanations
+            .iter()
+            .take(LISTED)
+            .map(|e| Weighed {
+                effects: e.effects.iter().map(|&k| REGISTRY[k].id).collect(),
+                missing_law: e.place.map(Subsystem::id),
+                probability: Real(e.probability),
+                behind: Real(best - e.log_posterior),
+            })
+            .collect(),
+    }
+}
+
+/// Effects that may be there in the place of `e`: sets that differ from the chosen one in it alone.
+fn rivals(f: &Findings, e: usize) -> Vec<usize> {
+    let chosen = &f.conclusion.explanation.effects;
+    let mut found: Vec<(usize, f64)> = Vec::new();
+    for other in &f.posterior.explanations {
+        let new: Vec<usize> = other.effects.iter().copied().filter(|k| !chosen.contains(k)).collect();
+        let kept = chosen.iter().filter(|k| **k != e).all(|k| other.effects.contains(k));
+        if let ([k], true, false) = (new.as_slice(), kept, other.effects.contains(&e)) {
+            match found.iter_mut().find(|r| r.0 == *k) {
+                Some(r) => r.1 += other.probability,
+                None => found.push((*k, other.probability)),
+            }
+        }
+    }
+    found.retain(|r| r.1 > NAMED_BESIDE);
+    found.sort_by(|a, b| b.1.total_cmp(&a.1));
+    found.into_iter().map(|r| r.0).collect()
+}
+
+fn effect(f: &Findings, e: usize) -> Effect {
+    let entry = &REGISTRY[e];
+    let group = rivals(f, e);
+    let split = group.first().map_or(String::new(), |other| format!("{}; or {}", entry.effect.shown_by, REGISTRY[*other].effect.shown_by));
+    Effect {
+        id: entry.id,
+        probability: Real(f.posterior.of_effect(e)),
+        ambiguous_with: group.iter().map(|&k| REGISTRY[k].id).collect(),
+        separated_by: split,
+        parameters: entry.parameters.clone().map(|k| (PARAMETERS[k].name, interval(f, k))).collect(),
+    }
+}
+
+/// Interval of an effect parameter: the posterior's, with a difference of form.
+fn interval(f: &Findings, k: usize) -> Interval {
+    let fit = f.conclusion.explanation.fit.as_ref().expect("the best was fitted");
+    let value = fit.point.effects[k];
+    let at = fit.shared.iter().position(|c| *c == Coordinate::Effect(k));
+    let variance = at.and_then(|i| fit.covariance().map(|c| c[(i, i)])).unwrap_or(f64::NAN);
+    let form = FORM * (value - PARAMETERS[k].null).abs();
+    let half = INTERVAL * (variance.max(0.0) + form * form).sqrt();
+    let p = &PARAMETERS[k];
+    Interval { value: Real(value), low: Real((value - half).max(p.min)), high: Real((value + half).min(p.max)), unit: p.unit }
+}
+
+fn ranked(f: &Findings, too_large: &dyn Fn(usize) -> bool) -> Vec<Ranked> {
+    let named = named(f);
+    let ambiguous: Vec<usize> = named.iter().flat_map(|&e| rivals(f, e)).collect();
+    let best_with = |e: usize, holds: bool| {
+        let all = f.posterior.explanations.iter().filter(|x| x.fit.is_some() && x.effects.contains(&e) == holds);
+        all.map(|x| x.log_posterior).fold(f64::NEG_INFINITY, f64::max)
+    };
+    let base = f.search.base();
+    let odds = |e: usize| {
+        let (with, without) = (best_with(e, true), best_with(e, false));
+        if with.is_finite() {
+            return (with - without, true);
+        }
+        // Not fitted: the linear model's promise, which is more than a fit would keep.
+        let promise = f.search.promised[e].map_or(0.0, |c| (0.5 * (base.fit.cost - c)).max(0.0));
+        (base.log_posterior + promise + log_prior(1) - without, false)
+    };
+    let mut all: Vec<(usize, f64, bool)> = (0..REGISTRY.len()).map(|e| (e, odds(e).0, odds(e).1)).collect();
+    all.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    all.into_iter()
+        .map(|(e, nats, fitted)| {
+            let (verdict, reason) = if named.contains(&e) {
+                ("chosen", "the most probable explanation holds it".to_owned())
+            } else if too_large(e) {
+                ("not assessable", format!("these recordings could not show it; measure: {}", REGISTRY[e].effect.shown_by))
+            } else if ambiguous.contains(&e) {
+                ("ambiguous", "may be there in the place of a chosen one".to_owned())
+            } else if fitted {
+                ("rejected", format!("the best explanation with it is {:.1} nats behind the best without it", -nats))
+            } else {
+                ("rejected", "screened: its linear model promises less than its price".to_owned())
+            };
+            let smallest_visible = f
+                .visible
+                .iter()
+                .find(|v| v.0 == e)
+                .filter(|v| v.2.is_finite() && v.2 < 1e3 * size(v.1))
+                .map(|v| Visible { parameter: PARAMETERS[v.1].name, size: Real(v.2), unit: PARAMETERS[v.1].unit });
+            Ranked { id: REGISTRY[e].id, evidence: Real(nats), verdict, reason, smallest_visible }
+        })
+        .collect()
+}
+
+fn how_far(f: &Findings, closed: Closed) -> HowFar {
+    HowFar {
+        metric: "root mean square of real minus simulated speed, free replay, mean of flywheel and disc, rad/s",
+        before: Real(closed.before),
+        after: Real(closed.after),
+        noise_floor: Real(closed.noise),
+        closed_fraction: Real(closed.fraction()),
+        held_out: vec![f.held_out_name.clone()],
+        per_recording: f
+            .held_out
+            .iter()
+            .map(|h| PerRecording {
+                recording: h.recording.clone(),
+                channel: h.channel.column(),
+                unit: h.channel.unit(),
+                before: Real(h.before),
+                after: Real(h.after),
+                noise: Real(h.noise),
+            })
+            .collect(),
+        kpi: f.held_out.iter().filter(|h| h.channel == Channel::OmegaF).map(|h| (h.recording.clone(), kpi(h))).collect(),
+    }
+}
+
+fn kpi(h: &HeldOut) -> BTreeMap<&'static str, Figures> {
+    let figures = |get: fn(&Engagement) -> f64| {
+        let [real, before, after] = h.engagement.map(|e| e.map(|e| Real(get(&e))));
+        Figures { real, before, after }
+    };
+    BTreeMap::from([
+        ("engagement_time_s", figures(|e| e.time_s)),
+        ("dissipated_energy_J", figures(|e| e.energy_j)),
+        ("slip_acceleration_rad_s2", figures(|e| e.slip_acceleration)),
+    ])
+}
+
+/// Rounded down: "100 %" is said of a gap that is closed, not of one that nearly is.
+fn percent(share: f64) -> String {
+    format!("{:.1} %", (1000.0 * share).floor() / 10.0).replace('-', "−")
+}
+
+fn sentence(f: &Findings, closed: f64) -> String {
+    let with_rivals = |e: usize| {
+        let mut words = vec![REGISTRY[e].id];
+        words.extend(rivals(f, e).iter().map(|&k| REGISTRY[k].id));
+        words.join(" or ")
+    };
+    let effects = named(f);
+    let names = effects.iter().map(|&e| with_rivals(e)).collect::<Vec<_>>().join(" and ");
+    let (helps, closes) = if effects.len() == 1 { ("helps", "closes") } else { ("help", "close") };
+    let c = f.conclusion;
+    let places: Vec<&str> = c.unexplained_at.iter().chain(&c.or_at).map(|s| s.id()).collect();
+    let at = places.join(" or ");
+    let share = format!("{} of the gap on {}, which took no part in the fit", percent(closed), f.held_out_name);
+    match c.verdict {
+        Verdict::NoGap => "The car lies within its tolerances: nothing is left beyond noise.".to_owned(),
+        Verdict::Explained => format!("The gap is explained by {names}, which {closes} {share}."),
+        Verdict::PartlyExplained => {
+            format!(
+                "{names} {helps} and {closes} {share}, but something structured remains in {at} that no effect of the library accounts for."
+            )
+        }
+        Verdict::Unexplained => format!("There is a gap in {at} that no effect of the library accounts for."),
+        Verdict::InputsDoNotFit => {
+            "These inputs do not fit this vehicle: no torque, position and speeds of such a car go together like that. Check the \
+             channel map: what T_e_Nm means, of which shaft the speeds are, and which way the position counts."
+                .to_owned()
+        }
+    }
+}

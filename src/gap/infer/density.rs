@@ -1,0 +1,203 @@
+//! The joint density of recordings and unknowns: one function that everything else is asked of.
+//!
+//! Unknowns are shared nuisances z (tolerances, timing of the logger), own unknowns of every recording (start temperatures, drift, grade), effect
+//! parameters, and the amplitudes of a law that is missing. Minus twice the logarithm of their density, up to a constant, is
+//!
+//! ```text
+//! Σ ρ(e) + Σ z² + Σ ((p − p_0)/s_p)² ,
+//! ```
+//!
+//! e the whitened innovations of the corrected replay, ρ Huber's loss, all nuisances in units of their standard deviation, p_0 and s_p an effect
+//! parameter's null value and the size that a noticeable effect has.
+
+use crate::effects::{self, PARAMETERS, Parameters};
+use crate::gap::model::filter::Filter;
+use crate::gap::model::replay::{self, Missing};
+use crate::gap::model::tolerance::{Car, Nuisance};
+use crate::gap::model::track::Track;
+use crate::plant::config::Config;
+use crate::vehicle::Vehicle;
+use rayon::prelude::*;
+
+/// Where Huber's loss turns linear, in standard deviations.
+pub const HUBER: f64 = 4.0;
+
+/// Substep in s below which a plant is too fast to be replayed again and again.
+const LEAST_SUBSTEP_S: f64 = 2e-4;
+
+/// Own unknowns of a recording that come before its own nuisances: temperatures of disc and body.
+pub const TEMPERATURES: usize = 2;
+
+/// Recordings of one car, and what is believed of it.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    /// Recordings.
+    pub tracks: Vec<Track>,
+    /// Their filters.
+    pub filters: Vec<Filter>,
+    /// Vehicle as its file gives it.
+    pub vehicle: Vehicle,
+    /// Nuisances that all recordings share.
+    pub shared: Vec<Nuisance>,
+    /// Nuisances that every recording has of its own.
+    pub own: Vec<Nuisance>,
+}
+
+/// Functions that a missing law is made of: by function, by recording.
+pub type Basis = Vec<Vec<Missing>>;
+
+/// A point in the space of unknowns.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Point {
+    /// Shared nuisances, in standard deviations.
+    pub shared: Vec<f64>,
+    /// Own unknowns of every recording, in standard deviations: temperatures, then nuisances.
+    pub own: Vec<Vec<f64>>,
+    /// Effect parameters.
+    pub effects: Parameters,
+    /// Amplitudes of the functions of a missing law, in standard deviations.
+    pub missing: Vec<f64>,
+}
+
+/// Whitened innovations of one recording.
+pub type Residuals = Vec<f64>;
+
+impl Problem {
+    /// The nominal car.
+    pub fn nominal(&self) -> Point {
+        Point {
+            shared: vec![0.0; self.shared.len()],
+            own: vec![vec![0.0; TEMPERATURES + self.own.len()]; self.tracks.len()],
+            effects: effects::null(),
+            missing: Vec::new(),
+        }
+    }
+
+    /// The car at a point, as recording `k` found it; without `k`, as all recordings share it.
+    pub fn car(&self, point: &Point, k: Option<usize>) -> Car {
+        let mut car = Car { effects: point.effects, ..Car::nominal(&self.vehicle) };
+        car.apply(&self.shared, &point.shared);
+        if let Some(k) = k {
+            car.apply(&self.own, &point.own[k][TEMPERATURES..]);
+        }
+        car
+    }
+
+    /// Start temperatures of recording `k` at a point, °C.
+    pub fn temperatures(&self, point: &Point, k: usize) -> [f64; 2] {
+        let track = &self.tracks[k];
+        std::array::from_fn(|node| track.theta_0[node] + track.theta_0_sigma[node] * point.own[k][node])
+    }
+
+    /// Whether the plant there is slow enough for replays: a wild step may ask for inertias or shafts that no car has.
+    pub fn can_follow(&self, point: &Point) -> bool {
+        let car = self.car(point, None);
+        Config::new(&car.vehicle, &car.effects).pace.longest_substep(replay::SUBSTEP_S) > LEAST_SUBSTEP_S
+    }
+
+    /// Innovations of recording `k`.
+    pub fn residuals(&self, k: usize, point: &Point, basis: Option<&Basis>) -> Residuals {
+        let car = self.car(point, Some(k));
+        let missing = basis.map(|b| combined(b, k, &point.missing));
+        replay::innovations(&self.tracks[k], &self.filters[k], &car, self.temperatures(point, k), missing.as_ref())
+    }
+
+    /// Innovations of all recordings.
+    pub fn all_residuals(&self, point: &Point, basis: Option<&Basis>) -> Vec<Residuals> {
+        (0..self.tracks.len()).into_par_iter().map(|k| self.residuals(k, point, basis)).collect()
+    }
+
+    /// Samples of all recordings.
+    pub fn samples(&self) -> usize {
+        self.filters.iter().map(|f| f.samples).sum()
+    }
+}
+
+/// The law that amplitudes make of a basis, in recording `k`.
+fn combined(basis: &Basis, k: usize, amplitudes: &[f64]) -> Missing {
+    let mut sum = Missing::default();
+    for (function, a) in basis.iter().zip(amplitudes).filter(|(_, a)| **a != 0.0) {
+        let one = &function[k];
+        for side in 0..2 {
+            add(&mut sum.torque[side], &one.torque[side], *a);
+            add(&mut sum.sensed[side], &one.sensed[side], *a);
+        }
+    }
+    sum
+}
+
+fn add(sum: &mut Vec<f64>, one: &[f64], amplitude: f64) {
+    if one.is_empty() {
+        return;
+    }
+    if sum.is_empty() {
+        sum.resize(one.len(), 0.0);
+    }
+    sum.iter_mut().zip(one).for_each(|(s, x)| *s += amplitude * x);
+}
+
+/// Cost of residuals and priors: minus twice the logarithm of the density.
+pub fn cost(point: &Point, residuals: &[Residuals]) -> f64 {
+    misfit(residuals) + prior(point)
+}
+
+/// The recordings' part of it.
+pub fn misfit(residuals: &[Residuals]) -> f64 {
+    residuals.iter().flatten().map(|r| huber(*r)).sum()
+}
+
+/// The priors' part of it.
+pub fn prior(point: &Point) -> f64 {
+    let square = |x: &f64| x * x;
+    let nuisances: f64 = point.shared.iter().chain(point.own.iter().flatten()).chain(&point.missing).map(square).sum();
+    let effects: f64 = (0..PARAMETERS.len()).map(|k| ((point.effects[k] - PARAMETERS[k].null) / size(k)).powi(2)).sum();
+    nuisances + effects + STRAINS.iter().map(|t| t.strain(&point.effects).powi(2)).sum::<f64>()
+}
+
+/// Size that effect parameter `k` has in a noticeable effect: the standard deviation of its prior.
+pub fn size(k: usize) -> f64 {
+    effects::owner(k).scale(k)
+}
+
+/// Two parameters of an effect of which the second goes with the first, more or less.
+#[derive(Clone, Copy, Debug)]
+pub struct Strain {
+    /// The first.
+    pub leader: usize,
+    /// The second.
+    pub follower: usize,
+    /// Share of the first that the second is expected to take.
+    pub share: f64,
+    /// Standard deviation of the second around that.
+    pub sigma: f64,
+}
+
+/// A clutch whose contact moves is worn or was adjusted, and its closed point moves the same way, by all, some or none of it. On its own it would
+/// be another stiffness.
+pub const STRAINS: [Strain; 1] = [Strain {
+    leader: effects::param::kiss_point_offset::offset,
+    follower: effects::param::kiss_point_offset::closed_offset,
+    share: 0.5,
+    sigma: 0.05,
+}];
+
+impl Strain {
+    /// How far apart they are, in standard deviations.
+    pub fn strain(&self, effects: &Parameters) -> f64 {
+        (effects[self.follower] - self.share * effects[self.leader]) / self.sigma
+    }
+}
+
+/// Huber's loss; r² near zero.
+#[inline]
+pub fn huber(r: f64) -> f64 {
+    let a = r.abs();
+    if a <= HUBER { r * r } else { HUBER * (2.0 * a - HUBER) }
+}
+
+/// Weight of a residual in the iteration that minimises [`huber`].
+#[inline]
+pub fn weight(r: f64) -> f64 {
+    let a = r.abs();
+    if a <= HUBER { 1.0 } else { HUBER / a }
+}

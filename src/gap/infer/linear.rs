@@ -1,0 +1,291 @@
+//! The linear model around a point: derivatives of whole replays, and normal equations from which every recording's own unknowns are eliminated.
+//!
+//! With shared coordinates s and own ones o of recording r, curvature and gradient of half the cost have blocks A_r, B_r, D_r and a_r, d_r. The own
+//! unknowns are eliminated by their Schur complement,
+//!
+//! ```text
+//! H = Λ + Σ (A_r − B_r D_r⁻¹ B_rᵀ),   g = λ + Σ (a_r − B_r D_r⁻¹ d_r),
+//! ```
+//!
+//! so that the work is linear in the number of recordings.
+
+use super::coordinate::Coordinate;
+use super::density::{Basis, Point, Problem, Residuals, STRAINS, TEMPERATURES, weight};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rayon::prelude::*;
+
+/// Derivatives of one recording's innovations: shared coordinates first, then own ones.
+#[derive(Clone, Debug)]
+pub struct Columns {
+    /// Innovations by coordinates.
+    pub matrix: DMatrix<f64>,
+}
+
+/// Coordinates of a fit.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Shared by all recordings.
+    pub shared: Vec<Coordinate>,
+    /// Of each recording.
+    pub own: Vec<Coordinate>,
+}
+
+impl Frame {
+    fn all(&self) -> impl Iterator<Item = Coordinate> + '_ {
+        self.shared.iter().chain(&self.own).copied()
+    }
+}
+
+/// Derivatives of every recording along all coordinates, as finite differences of whole replays. Columns of nuisances are taken over from `known`
+/// ones of a place nearby. A tolerance that moves the same number as a free effect has that effect's column: differences of their own would hide the
+/// valley between the two.
+pub fn derivatives(
+    problem: &Problem,
+    point: &Point,
+    basis: Option<&Basis>,
+    residuals: &[Residuals],
+    frame: &Frame,
+    known: Option<&[Columns]>,
+) -> Vec<Columns> {
+    let all: Vec<Coordinate> = frame.all().collect();
+    let leaders = leaders(problem, point, &all);
+    let twin = |k: usize| leaders[k];
+    let fixed = |c: Coordinate| matches!(c, Coordinate::Shared(_) | Coordinate::Own(_));
+    let fresh: Vec<usize> = (0..all.len()).filter(|&k| twin(k).is_none() && !(known.is_some() && fixed(all[k]))).collect();
+    let tasks: Vec<(usize, usize)> = (0..problem.tracks.len()).flat_map(|r| fresh.iter().map(move |&k| (r, k))).collect();
+    let columns: Vec<Vec<f64>> = tasks.par_iter().map(|&(r, k)| derivative(problem, point, basis, r, &residuals[r], all[k])).collect();
+    let mut columns = columns.into_iter();
+    // Shared nuisances keep their places whatever effects are free; own ones are counted from the end.
+    let place = |known: &Columns, k: usize| if k < frame.shared.len() { k } else { known.matrix.ncols() - (all.len() - k) };
+    (0..problem.tracks.len())
+        .map(|r| {
+            let mut matrix = DMatrix::zeros(residuals[r].len(), all.len());
+            for k in 0..all.len() {
+                if fresh.contains(&k) {
+                    matrix.column_mut(k).copy_from_slice(&columns.next().expect("one for each task, in the same order"));
+                } else if let Some(known) = known.map(|known| &known[r]).filter(|_| twin(k).is_none()) {
+                    matrix.set_column(k, &known.matrix.column(place(known, k)));
+                }
+            }
+            for k in 0..all.len() {
+                if let Some((other, rate)) = twin(k) {
+                    let column = matrix.column(other) * rate;
+                    matrix.set_column(k, &column);
+                }
+            }
+            Columns { matrix }
+        })
+        .collect()
+}
+
+/// For every coordinate that moves the car exactly as another does, that other one and the ratio of their rates. An effect leads its tolerances.
+fn leaders(problem: &Problem, point: &Point, all: &[Coordinate]) -> Vec<Option<(usize, f64)>> {
+    let car = problem.car(point, None);
+    let direction = |c: Coordinate| match c {
+        Coordinate::Effect(k) => Some((k, 1.0)),
+        Coordinate::Shared(k) => problem.shared[k].same_as(&car),
+        Coordinate::Own(k) => problem.own.get(k.checked_sub(TEMPERATURES)?)?.same_as(&car),
+        Coordinate::Missing(_) => None,
+    };
+    let directions: Vec<Option<(usize, f64)>> = all.iter().map(|c| direction(*c)).collect();
+    (0..all.len())
+        .map(|k| {
+            let (parameter, rate) = directions[k]?;
+            let leads = |c: &Coordinate| matches!(c, Coordinate::Effect(_));
+            let alike = |j: &usize| directions[*j].is_some_and(|(p, _)| p == parameter);
+            let leader = (0..all.len()).filter(alike).min_by_key(|&j| (!leads(&all[j]), j))?;
+            (leader != k).then(|| (leader, rate / directions[leader].map_or(1.0, |d| d.1)))
+        })
+        .collect()
+}
+
+fn derivative(
+    problem: &Problem,
+    point: &Point,
+    basis: Option<&Basis>,
+    r: usize,
+    residuals: &Residuals,
+    coordinate: Coordinate,
+) -> Vec<f64> {
+    let mut moved = point.clone();
+    coordinate.move_by(problem, &mut moved, r, coordinate.step());
+    let mut step = coordinate.get(&moved, r) - coordinate.get(point, r);
+    if step.abs() < 0.5 * coordinate.step() {
+        moved = point.clone();
+        coordinate.move_by(problem, &mut moved, r, -coordinate.step());
+        step = coordinate.get(&moved, r) - coordinate.get(point, r);
+    }
+    let there = problem.residuals(r, &moved, basis);
+    there.iter().zip(residuals).map(|(a, b)| (a - b) / step).collect()
+}
+
+/// One recording's own part of the normal equations, eliminated.
+#[derive(Clone, Debug)]
+pub struct Eliminated {
+    own: Cholesky<f64, Dyn>,
+    /// Dᵣ⁻¹ Bᵣᵀ.
+    coupling: DMatrix<f64>,
+    /// Dᵣ⁻¹ dᵣ.
+    offset: DVector<f64>,
+}
+
+impl Eliminated {
+    /// Step of the own unknowns that goes with a step of the shared ones.
+    pub fn step(&self, shared: &DVector<f64>) -> DVector<f64> {
+        -(&self.offset) - &self.coupling * shared
+    }
+}
+
+/// Normal equations of the shared coordinates.
+#[derive(Clone, Debug)]
+pub struct Normal {
+    /// Curvature of half the cost.
+    pub curvature: DMatrix<f64>,
+    /// Gradient of half the cost.
+    pub gradient: DVector<f64>,
+    /// By recording.
+    pub eliminated: Vec<Eliminated>,
+    /// Logarithm of the determinant of the own unknowns' curvature.
+    pub log_det_own: f64,
+}
+
+/// Products of one recording's columns, weighted: AᵀWA and AᵀWr over all its coordinates.
+pub fn products(columns: &Columns, residuals: &Residuals) -> (DMatrix<f64>, DVector<f64>) {
+    let roots = DVector::from_iterator(residuals.len(), residuals.iter().map(|r| weight(*r).sqrt()));
+    let mut weighted = columns.matrix.clone();
+    weighted.column_iter_mut().for_each(|mut c| c.component_mul_assign(&roots));
+    let r = DVector::from_iterator(residuals.len(), residuals.iter().map(|r| r * weight(*r).sqrt()));
+    (weighted.tr_mul(&weighted), weighted.tr_mul(&r))
+}
+
+/// Assembles them. None if an own block is not positive.
+pub fn normal(point: &Point, frame: &Frame, columns: &[Columns], residuals: &[Residuals], damping: f64) -> Option<Normal> {
+    let parts: Vec<(DMatrix<f64>, DVector<f64>)> = columns.par_iter().zip(residuals).map(|(c, r)| products(c, r)).collect();
+    assemble(point, frame, &parts, damping)
+}
+
+/// From products that are there.
+pub fn assemble(point: &Point, frame: &Frame, parts: &[(DMatrix<f64>, DVector<f64>)], damping: f64) -> Option<Normal> {
+    let (s, o) = (frame.shared.len(), frame.own.len());
+    let mut curvature = DMatrix::zeros(s, s);
+    let mut gradient = DVector::zeros(s);
+    for (k, c) in frame.shared.iter().enumerate() {
+        curvature[(k, k)] += (1.0 + damping) * c.precision();
+        gradient[k] += c.precision() * (c.get(point, 0) - c.centre());
+    }
+    for t in &STRAINS {
+        let place = |parameter: usize| frame.shared.iter().position(|c| *c == Coordinate::Effect(parameter));
+        if let (Some(leader), Some(follower)) = (place(t.leader), place(t.follower)) {
+            let slopes = [(leader, -t.share / t.sigma), (follower, 1.0 / t.sigma)];
+            for (i, a) in slopes {
+                gradient[i] += a * t.strain(&point.effects);
+                slopes.iter().for_each(|&(j, b)| curvature[(i, j)] += a * b);
+            }
+        }
+    }
+    let mut eliminated = Vec::with_capacity(parts.len());
+    let mut log_det_own = 0.0;
+    for (r, (p, g)) in parts.iter().enumerate() {
+        let mut d = p.view((s, s), (o, o)).into_owned();
+        let mut slope = g.rows(s, o).into_owned();
+        for (k, c) in frame.own.iter().enumerate() {
+            d[(k, k)] += (1.0 + damping) * c.precision();
+            slope[k] += c.precision() * (c.get(point, r) - c.centre());
+        }
+        let own = d.cholesky()?;
+        log_det_own += 2.0 * own.l_dirty().diagonal().map(f64::ln).sum();
+        let b = p.view((0, s), (s, o)).into_owned();
+        let coupling = own.solve(&b.transpose());
+        let offset = own.solve(&slope);
+        curvature += p.view((0, 0), (s, s)) - &b * &coupling;
+        gradient += g.rows(0, s) - &b * &offset;
+        eliminated.push(Eliminated { own, coupling, offset });
+    }
+    Some(Normal { curvature, gradient, eliminated, log_det_own })
+}
+
+impl Eliminated {
+    /// What the own unknowns gain of the cost while the shared ones stand still.
+    pub fn gain(&self) -> f64 {
+        let l = self.own.l();
+        (l.transpose() * &self.offset).norm_squared()
+    }
+    /// Dᵣ⁻¹ m.
+    pub fn solve(&self, m: &DMatrix<f64>) -> DMatrix<f64> {
+        self.own.solve(m)
+    }
+    /// Dᵣ⁻¹ Bᵣᵀ: how the own unknowns follow the shared ones.
+    pub fn coupling(&self) -> &DMatrix<f64> {
+        &self.coupling
+    }
+    /// Dᵣ⁻¹ dᵣ.
+    pub fn offset(&self) -> &DVector<f64> {
+        &self.offset
+    }
+    /// Covariance of the own unknowns while the shared ones stand still.
+    pub fn covariance(&self) -> DMatrix<f64> {
+        self.own.inverse()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fit::laplace;
+    use super::*;
+    use crate::effects;
+
+    /// Deterministic numbers between −1 and 1.
+    fn numbers(seed: f64) -> impl FnMut() -> f64 {
+        let mut x = seed;
+        move || {
+            x = (x * 9301.0 + 49297.0) % 233_280.0;
+            2.0 * x / 233_280.0 - 1.0
+        }
+    }
+
+    /// Three shared unknowns and two of each of three recordings, all with unit normal priors, seen through unit normal noise: the evidence is that of
+    /// a normal distribution with covariance 1 + AAᵀ, whose density is written down directly.
+    #[test]
+    fn the_evidence_of_a_linear_gaussian_problem_is_exact() {
+        let (s, o, n, recordings) = (3, 2, 12, 3);
+        let frame = Frame { shared: (0..s).map(Coordinate::Shared).collect(), own: (0..o).map(Coordinate::Own).collect() };
+        let point = Point { shared: vec![0.0; s], own: vec![vec![0.0; o]; recordings], effects: effects::null(), missing: Vec::new() };
+        let mut next = numbers(7.0);
+        let columns: Vec<Columns> = (0..recordings).map(|_| Columns { matrix: DMatrix::from_fn(n, s + o, |_, _| next()) }).collect();
+        // Within the square part of Huber's loss.
+        let residuals: Vec<Residuals> = (0..recordings).map(|_| (0..n).map(|_| 1.5 * next()).collect()).collect();
+        let equations = normal(&point, &frame, &columns, &residuals, 0.0).unwrap();
+        let step = equations.curvature.clone().cholesky().unwrap().solve(&-&equations.gradient);
+        let gain: f64 = equations.eliminated.iter().map(Eliminated::gain).sum::<f64>() - equations.gradient.dot(&step);
+        let square: f64 = residuals.iter().flatten().map(|r| r * r).sum();
+        let found = laplace(square - gain, &equations, &frame);
+
+        let unknowns = s + o * recordings;
+        let mut a = DMatrix::zeros(n * recordings, unknowns);
+        for (r, c) in columns.iter().enumerate() {
+            a.view_mut((r * n, 0), (n, s)).copy_from(&c.matrix.columns(0, s));
+            a.view_mut((r * n, s + r * o), (n, o)).copy_from(&c.matrix.columns(s, o));
+        }
+        let covariance = DMatrix::identity(n * recordings, n * recordings) + &a * a.transpose();
+        let root = covariance.cholesky().unwrap();
+        let y = DVector::from_iterator(n * recordings, residuals.iter().flatten().copied());
+        let log_det = 2.0 * root.l().diagonal().map(f64::ln).sum();
+        let expected = -0.5 * y.dot(&root.solve(&y)) - 0.5 * log_det;
+        assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+    }
+
+    #[test]
+    fn a_step_of_the_eliminated_unknowns_solves_the_whole_problem() {
+        let frame = Frame { shared: vec![Coordinate::Shared(0)], own: vec![Coordinate::Own(0)] };
+        let point = Point { shared: vec![0.0], own: vec![vec![0.0]], effects: effects::null(), missing: Vec::new() };
+        let columns = [Columns { matrix: DMatrix::from_row_slice(3, 2, &[1.0, 0.5, 0.0, 1.0, 2.0, -1.0]) }];
+        let residuals = [vec![1.0, -0.5, 0.25]];
+        let e = normal(&point, &frame, &columns, &residuals, 0.0).unwrap();
+        let shared = e.curvature.clone().cholesky().unwrap().solve(&-&e.gradient);
+        let own = e.eliminated[0].step(&shared);
+        let h = columns[0].matrix.tr_mul(&columns[0].matrix) + DMatrix::identity(2, 2);
+        let g = columns[0].matrix.tr_mul(&DVector::from_column_slice(&residuals[0]));
+        let whole = h.cholesky().unwrap().solve(&-g);
+        assert!((shared[0] - whole[0]).abs() < 1e-12 && (own[0] - whole[1]).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,12 @@
+//! Inference: one density, its mode, its evidence, and the search over what may be missing.
+
+pub mod coordinate;
+pub mod density;
+pub mod fit;
+pub mod linear;
+pub mod posterior;
+pub mod pulsation;
+pub mod screen;
+pub mod search;
+pub mod sensors;
+pub mod unknown;

@@ -1,0 +1,126 @@
+//! The posterior over everything that may be wrong: sets of effects, with a missing law in some place or without.
+//!
+//! Verdict, probabilities, groups and places are sums of this one distribution.
+
+use super::density::{Problem, misfit};
+use super::fit::Fit;
+use super::search::{Hypothesis, Search};
+use super::unknown::{Unknown, beside, places};
+use crate::effects::{REGISTRY, Subsystem};
+
+/// One explanation with its share of the posterior.
+#[derive(Clone, Debug)]
+pub struct Explanation {
+    /// Effects, by their place in the registry, ascending.
+    pub effects: Vec<usize>,
+    /// Place of a missing law, if there is one.
+    pub place: Option<Subsystem>,
+    /// Logarithm of the posterior, nats, up to a constant.
+    pub log_posterior: f64,
+    /// Posterior probability.
+    pub probability: f64,
+    /// Fit; of a missing law that was not worth one, none.
+    pub fit: Option<Fit>,
+}
+
+/// The posterior, the most probable explanation first.
+#[derive(Clone, Debug)]
+pub struct Posterior {
+    /// All explanations that were weighed.
+    pub explanations: Vec<Explanation>,
+    /// Misfit of the car within its tolerances.
+    pub base_misfit: f64,
+}
+
+impl Posterior {
+    /// The most probable one that was fitted.
+    pub fn best(&self) -> &Explanation {
+        self.explanations.iter().find(|e| e.fit.is_some()).expect("the car within its tolerances is always fitted")
+    }
+
+    /// Probability that an effect is there.
+    pub fn of_effect(&self, effect: usize) -> f64 {
+        self.explanations.iter().filter(|e| e.effects.contains(&effect)).map(|e| e.probability).sum()
+    }
+
+    /// Probability that a law is missing at a place.
+    pub fn of_place(&self, place: Subsystem) -> f64 {
+        self.explanations.iter().filter(|e| e.place == Some(place)).map(|e| e.probability).sum()
+    }
+
+    /// Probability that nothing is wrong.
+    pub fn of_no_gap(&self) -> f64 {
+        self.explanations.iter().filter(|e| e.effects.is_empty() && e.place.is_none()).map(|e| e.probability).sum()
+    }
+}
+
+/// Weighs missing laws beside what the search found.
+pub fn posterior(problem: &Problem, search: &Search) -> Posterior {
+    let of_set = |h: &Hypothesis| Explanation {
+        effects: h.effects.clone(),
+        place: None,
+        log_posterior: h.log_posterior,
+        probability: 0.0,
+        fit: Some(h.fit.clone()),
+    };
+    let mut all: Vec<Explanation> = search.hypotheses.iter().map(of_set).collect();
+    let best = search.best();
+    let mut unknowns: Vec<Unknown> = places(problem, best);
+    if !best.effects.is_empty() {
+        unknowns.extend(places(problem, search.base()));
+    }
+    unknowns.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+    // A law that is missing may have been what an effect stood in for, or stand in for one: both are tried from the best.
+    if let Some(first) = unknowns.iter().find(|u| u.fit.is_some()).filter(|u| u.log_posterior > best.log_posterior).cloned() {
+        unknowns.extend(with_fewer(problem, search, first));
+    }
+    all.extend(unknowns.into_iter().map(|u| Explanation {
+        effects: u.effects,
+        place: Some(u.place),
+        log_posterior: u.log_posterior,
+        probability: 0.0,
+        fit: u.fit,
+    }));
+    all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+    let most = all.iter().find(|e| e.fit.is_some()).map_or(0.0, |e| e.log_posterior);
+    // What was not fitted is only promised: it weighs no more than the best that was.
+    all.iter_mut().for_each(|e| e.probability = (e.log_posterior.min(most) - most).exp() * if e.fit.is_some() { 1.0 } else { 0.5 });
+    let sum: f64 = all.iter().map(|e| e.probability).sum();
+    all.iter_mut().for_each(|e| e.probability /= sum);
+    Posterior { explanations: all, base_misfit: misfit(&search.base().fit.residuals) }
+}
+
+/// Drops effects beside a missing law one by one as long as that is more probable; and tries the likeliest single effects beside it.
+fn with_fewer(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unknown> {
+    let mut all = Vec::new();
+    let mut current = first;
+    while !current.effects.is_empty() {
+        let from = current.fit.as_ref().expect("only what was fitted is tried");
+        let without = |dropped: usize| {
+            let rest: Vec<usize> = current.effects.iter().copied().filter(|e| *e != dropped).collect();
+            let mut start = from.point.clone();
+            for p in REGISTRY[dropped].parameters.clone() {
+                start.effects[p] = crate::effects::PARAMETERS[p].null;
+            }
+            beside(problem, &rest, current.place, &current.basis, &start)
+        };
+        let fewer: Vec<Unknown> = current.effects.iter().map(|e| without(*e)).collect();
+        let Some(best) = fewer.iter().max_by(|a, b| a.log_posterior.total_cmp(&b.log_posterior)).cloned() else { break };
+        all.extend(fewer);
+        if best.log_posterior < current.log_posterior {
+            return all;
+        }
+        current = best;
+    }
+    let singles = search.hypotheses.iter().filter(|h| h.effects.len() == 1).take(TRIED_BESIDE);
+    let start = current.fit.as_ref().map(|f| f.point.clone());
+    for single in singles {
+        let mut point = start.clone().unwrap_or_else(|| problem.nominal());
+        point.effects = single.fit.point.effects;
+        all.push(beside(problem, &single.effects, current.place, &current.basis, &point));
+    }
+    all
+}
+
+/// Single effects that are tried beside a missing law.
+const TRIED_BESIDE: usize = 2;

@@ -1,0 +1,63 @@
+//! Noise of the speed sensors by maximum likelihood, at an explanation of the car.
+//!
+//! White noise is known from the recordings alone. Noise with a memory is not: it looks like motion. It is looked for where innovations that should be
+//! white are not, and taken if the innovations' likelihood under the filter that knows of it asks for it. A sensor is a good sensor: its coloured noise is
+//! at most twice its white noise, or a gap could hide behind it.
+
+use super::density::{Point, Problem, Residuals, misfit};
+use crate::gap::model::filter::Disturbances;
+use crate::gap::model::noise::Noise;
+use crate::gap::model::prepare;
+use rayon::prelude::*;
+
+/// Correlation of neighbouring innovations from which a memory is looked for.
+const CORRELATED: f64 = 0.08;
+/// Sizes, in white noises, and memories in s that are tried.
+const SIZES: [f64; 3] = [0.5, 1.0, 2.0];
+const MEMORIES_S: [f64; 3] = [0.03, 0.1, 0.3];
+/// Nats that a memory has to gain: two parameters of a sensor.
+const WORTH_NATS: f64 = 8.0;
+
+/// Disturbances with the noise that the innovations at `point` ask for; none if they are as they should be.
+pub fn refined(problem: &Problem, point: &Point, residuals: &[Residuals], with: &Disturbances) -> Option<Disturbances> {
+    let mut best = *with;
+    let mut found = None;
+    for c in 0..2 {
+        if correlation(problem, residuals, c) < CORRELATED {
+            continue;
+        }
+        let white = with.noise[c].white;
+        let tried = SIZES.iter().flat_map(|size| MEMORIES_S.iter().map(move |m| Noise { white, coloured: size * white, memory_s: *m }));
+        // Part of what looked white was the memory's.
+        let tried = tried.flat_map(|n| [1.0, 0.8].map(|share| Noise { white: share * white, ..n }));
+        let mut most = minus_log_likelihood(problem, point, &best) - 2.0 * WORTH_NATS;
+        for noise in tried {
+            let mut changed = best;
+            changed.noise[c] = noise;
+            let cost = minus_log_likelihood(problem, point, &changed);
+            if cost < most {
+                (most, found) = (cost, Some(changed));
+            }
+        }
+        best = found.unwrap_or(best);
+    }
+    found
+}
+
+/// Correlation of neighbouring innovations of a speed, outliers cut.
+fn correlation(problem: &Problem, residuals: &[Residuals], c: usize) -> f64 {
+    let (mut products, mut squares) = (0.0, 0.0);
+    for (filter, r) in problem.filters.iter().zip(residuals) {
+        let v: Vec<f64> = (0..filter.gains.len()).map(|k| r[2 * k + c].clamp(-4.0, 4.0)).collect();
+        products += v.windows(2).map(|w| w[0] * w[1]).sum::<f64>();
+        squares += v.iter().map(|x| x * x).sum::<f64>();
+    }
+    products / squares.max(1e-9)
+}
+
+/// Twice, up to a constant.
+fn minus_log_likelihood(problem: &Problem, point: &Point, with: &Disturbances) -> f64 {
+    let filters: Vec<_> = problem.tracks.par_iter().map(|t| prepare::filter_of(t, &problem.vehicle, with)).collect();
+    let changed = Problem { filters, ..problem.clone() };
+    misfit(&changed.all_residuals(point, None)) + changed.filters.iter().map(|f| f.log_det).sum::<f64>()
+}

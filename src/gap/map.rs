@@ -1,0 +1,178 @@
+//! The residual map: what is left of each balance, by phase and operating region, beside what noise would leave.
+//!
+//! Innovations of a corrected replay are white with unit variance if the model is right. A cell gathers them over one phase and region and asks two questions:
+//! is their mean zero (over half a second at a time, for an error of a law lasts), and is their scatter that of noise. The scale of noise is that of the final explanation, so that a
+//! sensor whose noise was judged a little too small flags nothing. Cells are marked under Holm's procedure.
+
+use super::infer::density::{Point, Problem};
+use super::model::replay;
+use super::model::track::Channel;
+
+/// Probability of any false alarm among all cells of a car without gap.
+pub const FAMILY_WISE_ERROR: f64 = 0.01;
+
+/// Temperature that parts cold from hot, °C.
+pub const HOT_DEGC: f64 = 70.0;
+
+/// Clutch torque that parts low from high, N·m.
+pub const HIGH_TORQUE_NM: f64 = 25.0;
+
+/// Time over which innovations are summed before their mean is judged, s.
+const WINDOW_S: f64 = 0.5;
+
+/// One cell of the residual map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cell {
+    /// Balance.
+    pub equation: &'static str,
+    /// Phase.
+    pub phase: &'static str,
+    /// Operating region.
+    pub region: &'static str,
+    /// Gap in standard deviations of its noise: of the mean, or of the scatter, whichever is further out.
+    pub sigma: f64,
+    /// Root mean square of the innovations.
+    pub rms: f64,
+    /// Unit of `rms`.
+    pub unit: &'static str,
+    /// Observations.
+    pub samples: usize,
+    /// Whether the gap is beyond chance.
+    pub significant: bool,
+}
+
+const EQUATIONS: [(&str, Channel); 5] = [
+    ("engine balance", Channel::OmegaF),
+    ("driveline balance", Channel::OmegaC),
+    ("bearing position", Channel::XTo),
+    ("clutch torque", Channel::TFc),
+    ("disc temperature", Channel::ThetaC),
+];
+const PHASES: [&str; 3] = ["open", "slipping", "locked"];
+const REGIONS: [&str; 4] = ["cold, low torque", "cold, high torque", "hot, low torque", "hot, high torque"];
+
+/// Innovations of one cell: in standard deviations, and in the channel's unit.
+#[derive(Clone, Debug, Default)]
+struct Gathered {
+    whitened: Vec<f64>,
+    windows: Vec<f64>,
+    squares: f64,
+}
+
+/// Cells at `point`; `final_point` is that of the explanation, whose innovations set the scale of noise.
+pub fn cells(problem: &Problem, point: &Point, final_point: &Point) -> Vec<Cell> {
+    let scale = scales(&gather(problem, final_point));
+    let all = gather(problem, point);
+    let mut cells = Vec::new();
+    for (e, (equation, channel)) in EQUATIONS.iter().enumerate() {
+        for (p, phase) in PHASES.iter().enumerate() {
+            for (r, region) in REGIONS.iter().enumerate() {
+                let g = &all[e][p][r];
+                if g.whitened.len() < 20 {
+                    continue;
+                }
+                let n = g.whitened.len() as f64;
+                let scatter = (g.whitened.iter().map(|x| (x / scale[e]).powi(2)).sum::<f64>() / n - 1.0) * (n / SCATTER_VARIANCE).sqrt();
+                let m = g.windows.len() as f64;
+                let windows = if m > 0.0 {
+                    (g.windows.iter().map(|x| (x / scale[e]).powi(2)).sum::<f64>() / m - 1.0) * (m / 2.0).sqrt()
+                } else {
+                    0.0
+                };
+                let mean = g.whitened.iter().sum::<f64>() / (n.sqrt() * scale[e]);
+                let sigma = mean.abs().max(scatter).max(windows);
+                let rms = (g.squares / n).sqrt();
+                cells.push(Cell {
+                    equation,
+                    phase,
+                    region,
+                    sigma,
+                    rms,
+                    unit: channel.unit(),
+                    samples: g.whitened.len(),
+                    significant: false,
+                });
+            }
+        }
+    }
+    mark_significant(&mut cells);
+    cells
+}
+
+/// Variance of a squared innovation: 2 of a normal one, more of one that is quantised or has tails.
+const SCATTER_VARIANCE: f64 = 3.0;
+
+type Cells = Vec<[[Gathered; 4]; 3]>;
+
+fn gather(problem: &Problem, point: &Point) -> Cells {
+    let mut all: Cells = vec![Default::default(); 5];
+    for (k, (track, filter)) in problem.tracks.iter().zip(&problem.filters).enumerate() {
+        let car = problem.car(point, Some(k));
+        let n = track.observations();
+        let (mut phase, mut region) = (vec![0; n], vec![0; n]);
+        let rows = track.rows_per_observation;
+        let innovations = replay::corrected(track, filter, &car, problem.temperatures(point, k), None, |row, now| {
+            let j = (row / rows).min(n - 1);
+            phase[j] = now.phase as usize - 1;
+            region[j] = 2 * usize::from(now.theta_c > HOT_DEGC) + usize::from(now.t_fc.abs() > HIGH_TORQUE_NM);
+        });
+        let window = (WINDOW_S / (track.interval() * rows as f64)).round().max(1.0) as usize;
+        let mut offset = 2 * n;
+        for e in 0..5 {
+            if e >= 2 && filter.bench[e - 2].is_empty() {
+                continue;
+            }
+            let read = |j: usize| if e < 2 { innovations[2 * j + e] } else { innovations[offset + j] };
+            let weight = |j: usize| if e < 2 { filter.gains[j].weight[e] } else { filter.bench[e - 2][j] };
+            let mut sums: [[(f64, usize); 4]; 3] = Default::default();
+            for j in (0..n).filter(|&j| weight(j) > 0.0) {
+                let (p, r) = (phase[j], region[j]);
+                let x = read(j).clamp(-OUTLIER, OUTLIER);
+                let g = &mut all[e][p][r];
+                g.whitened.push(x);
+                g.squares += (read(j) / weight(j)).powi(2);
+                let s = &mut sums[p][r];
+                *s = (s.0 + x, s.1 + 1);
+                if s.1 == window {
+                    g.windows.push(s.0 / (window as f64).sqrt());
+                    *s = (0.0, 0);
+                }
+            }
+            if e >= 2 {
+                offset += n;
+            }
+        }
+    }
+    all
+}
+
+/// Innovations beyond this many standard deviations count as this many: a lock-up that comes a sample early is one event.
+const OUTLIER: f64 = 6.0;
+
+/// Standard deviation of each equation's innovations in the explanation: never less than the noise that was estimated.
+fn scales(all: &Cells) -> [f64; 5] {
+    std::array::from_fn(|e| {
+        let (sum, count) =
+            all[e].iter().flatten().fold((0.0, 0), |(s, n), g| (s + g.whitened.iter().map(|x| x * x).sum::<f64>(), n + g.whitened.len()));
+        if count == 0 { 1.0 } else { (sum / count as f64).sqrt().max(1.0) }
+    })
+}
+
+/// Two-sided p-value of a standard normal deviate.
+fn two_sided_p(z: f64) -> f64 {
+    libm::erfc(z.abs() / std::f64::consts::SQRT_2)
+}
+
+/// Holm's procedure over all cells; each cell asks three questions.
+fn mark_significant(cells: &mut [Cell]) {
+    let mut order: Vec<usize> = (0..cells.len()).collect();
+    order.sort_by(|&a, &b| cells[b].sigma.total_cmp(&cells[a].sigma));
+    let questions = 3.0;
+    let all = cells.len();
+    for (rank, &k) in order.iter().enumerate() {
+        if questions * two_sided_p(cells[k].sigma) > FAMILY_WISE_ERROR / (all - rank) as f64 {
+            return;
+        }
+        cells[k].significant = true;
+    }
+}

@@ -1,0 +1,280 @@
+//! The Kalman filter that corrects a replay: gains and whitening, worked out once per recording.
+//!
+//! States are errors of the replay: both speeds, the torque report's error w, a torque d on the car's side (brake, road), a torque c that the clutch
+//! transmits beyond its map, and the coloured noise of both speed sensors. Open or slipping,
+//!
+//! ```text
+//! J_f δω̇_f = w − c,   J_c δω̇_c = c + d,   ẇ = −w/τ_w + …,  ḋ = −d/τ_d + …,  ċ = −c/τ_c + …
+//! ```
+//!
+//! locked, (J_f + J_c) δω̇ = w + d for both. All disturbances are first-order Gauss–Markov processes. Which of the two holds is read from the
+//! measured speeds, so that gains and innovation covariance do not depend on what is fitted: the innovations of a candidate are its errors under one
+//! fixed linear whitening, and the likelihood's determinant is the same for all of them.
+//!
+//! Speeds are taken in one after the other (flywheel, then disc), which decorrelates the two innovations of an instant.
+
+use super::noise::Noise;
+use super::tolerance::Wander;
+use super::track::{Channel, Track};
+use nalgebra::{SMatrix, SVector};
+
+/// Number of states.
+pub const STATES: usize = 7;
+
+/// Places of the states.
+pub mod state {
+    /// Flywheel speed, rad/s.
+    pub const OMEGA_F: usize = 0;
+    /// Disc speed, rad/s.
+    pub const OMEGA_C: usize = 1;
+    /// Torque on the flywheel beyond the report, N·m.
+    pub const ENGINE: usize = 2;
+    /// Torque on the disc's side beyond the model, N·m.
+    pub const LOAD: usize = 3;
+    /// Coloured noise of the flywheel speed, rad/s.
+    pub const NOISE_F: usize = 4;
+    /// Coloured noise of the disc speed, rad/s.
+    pub const NOISE_C: usize = 5;
+    /// Torque of the clutch beyond its map, N·m.
+    pub const CLUTCH: usize = 6;
+}
+use state::{CLUTCH, ENGINE, LOAD, NOISE_C, NOISE_F, OMEGA_C, OMEGA_F};
+
+type Covariance = SMatrix<f64, STATES, STATES>;
+
+/// What disturbs a car beyond the model of its motion, and how noisy its sensors are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Disturbances {
+    /// Noise by channel.
+    pub noise: [Noise; 5],
+    /// White noise of one sample of the torque report, N·m.
+    pub report_noise: f64,
+    /// Slow error of the torque report, N·m.
+    pub report: Wander,
+    /// Torque on the car's side, N·m.
+    pub load: Wander,
+    /// Torque of the clutch, as a share of what it transmits.
+    pub clutch: Wander,
+    /// Further noise of each speed, rad/s.
+    pub sensors: [Wander; 2],
+    /// How late each speed is known to be sensed, s: what is measured now was so then.
+    pub late: [f64; 2],
+}
+
+/// Torque on the car's side while the driver brakes, N·m and s: unknown, so as large as tyres allow.
+const BRAKES: Wander = Wander { sigma: 300.0, time_s: 0.2 };
+
+/// Observations around a measured lock-up in which a lock-up a little earlier or later is not held against a replay, and how much it may be off, s.
+const LOCK_UP_OBSERVATIONS: usize = 4;
+const LOCK_UP_TIMING_S: f64 = 0.012;
+
+/// Slip in units of its noise that counts as locked.
+const LOCKED: f64 = 6.0;
+
+/// Gains of one observation.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Gain {
+    /// Interval to the next observation, s.
+    pub interval: f64,
+    /// Gains of the flywheel speed's innovation and of the disc speed's, per state.
+    pub of: [[f64; STATES]; 2],
+    /// Inverse standard deviations of the two innovations; 0 where there is no sample.
+    pub weight: [f64; 2],
+    /// Factors by which the disturbances decay to the next observation.
+    pub decay: [f64; STATES],
+}
+
+/// Filter of one recording.
+#[derive(Clone, Debug)]
+pub struct Filter {
+    /// By observation.
+    pub gains: Vec<Gain>,
+    /// Weights of the bench channels (bearing, torque, temperature): inverse standard deviation of one observation; 0 where there is no sample.
+    pub bench: [Vec<f64>; 3],
+    /// Logarithm of the determinant of the innovations' covariance.
+    pub log_det: f64,
+    /// Whether the clutch is locked as measured, by observation.
+    pub locked: Vec<bool>,
+    /// Samples, speeds and bench.
+    pub samples: usize,
+}
+
+/// Error of the disc temperature that lasts for about a second, K: the housing air is noted in steps.
+const LASTING_TEMPERATURE_K: f64 = 0.1;
+
+/// Runs the covariance along a recording. `torque` is the clutch torque in N·m by observation that the share of [`Disturbances::clutch`] refers to.
+pub fn filter(track: &Track, inertia: [f64; 2], with: &Disturbances, torque: &[f64]) -> Filter {
+    let n = track.observations();
+    let speeds: [Vec<(f64, usize)>; 2] = [Channel::OmegaF, Channel::OmegaC].map(|c| (0..n).map(|k| track.mean(c, k)).collect());
+    // The clutch locks when the speeds meet, not when late sensors show it.
+    let pace = track.interval() * track.rows_per_observation as f64;
+    let then: [Vec<(f64, usize)>; 2] = std::array::from_fn(|c| {
+        let ahead = (with.late[c] / pace).round() as usize;
+        (0..n).map(|k| speeds[c][(k + ahead).min(n - 1)]).collect()
+    });
+    let locked = locked(&then, with);
+    let blur = lock_up_blur(track, &then, &locked);
+    let [j_f, j_c] = inertia;
+    let total = j_f + j_c;
+    let variance = |c: usize, samples: usize| with.noise[c].white.powi(2) / samples as f64;
+    let mut p = Covariance::zeros();
+    let start = |c: usize| with.noise[c].white.powi(2) + with.noise[c].coloured.powi(2) + with.sensors[c].sigma.powi(2);
+    (p[(OMEGA_F, OMEGA_F)], p[(OMEGA_C, OMEGA_C)]) = (start(0), start(1));
+    let colour: [Wander; 2] = std::array::from_fn(|c| joined(with.noise[c], with.sensors[c]));
+    let mut gains = Vec::with_capacity(n);
+    let mut log_det = 0.0;
+    let mut samples = 0;
+    // A brake that is pulled or let go between two samples, or shows late, acts in the intervals beside those that are marked.
+    let marked = |k: usize| track.rows_of(k.min(n - 1)).any(|row| track.brake[row]);
+    let braking = |k: usize| marked(k.saturating_sub(1)) || marked(k) || marked(k + 1);
+    let stationary = |k: usize| -> [(usize, Wander); 5] {
+        let load = if braking(k) { BRAKES } else { with.load };
+        let clutch = Wander { sigma: with.clutch.sigma * torque.get(k).map_or(0.0, |t| t.abs()), ..with.clutch };
+        [(ENGINE, with.report), (LOAD, load), (CLUTCH, clutch), (NOISE_F, colour[0]), (NOISE_C, colour[1])]
+    };
+    for (place, process) in stationary(0) {
+        p[(place, place)] = process.sigma.powi(2);
+    }
+    for k in 0..n {
+        let mut gain = Gain { interval: interval(track, k), ..Gain::default() };
+        for c in 0..2 {
+            let (mean, count) = speeds[c][k];
+            if !mean.is_finite() {
+                continue;
+            }
+            let (speed, noise) = [(OMEGA_F, NOISE_F), (OMEGA_C, NOISE_C)][c];
+            let share = if c == 0 { j_c / total } else { j_f / total };
+            let r = variance(c, count) + (share * blur[k]).powi(2);
+            let mut h = SVector::<f64, STATES>::zeros();
+            (h[speed], h[noise]) = (1.0, 1.0);
+            let ph = p * h;
+            let s = h.dot(&ph) + r;
+            let kalman = ph / s;
+            p -= kalman * ph.transpose();
+            gain.of[c] = kalman.into();
+            gain.weight[c] = 1.0 / s.sqrt();
+            log_det += s.ln();
+            samples += 1;
+        }
+        // To the next observation.
+        let dt = gain.interval;
+        let report_impulse = with.report_noise.powi(2) * dt * (dt / track.rows_of(k).len().max(1) as f64);
+        let mut f = Covariance::identity();
+        let mut decay = [1.0; STATES];
+        let mut q = Covariance::zeros();
+        for (place, process) in stationary(k) {
+            let a = (-dt / process.time_s).exp();
+            decay[place] = a;
+            f[(place, place)] = a;
+            q[(place, place)] = process.sigma.powi(2) * (1.0 - a * a);
+            let through = process.time_s * (1.0 - a);
+            match place {
+                ENGINE => f[(OMEGA_F, ENGINE)] = through,
+                LOAD => f[(OMEGA_C, LOAD)] = through,
+                CLUTCH => (f[(OMEGA_F, CLUTCH)], f[(OMEGA_C, CLUTCH)]) = (-through, through),
+                _ => {}
+            }
+        }
+        if locked[k] {
+            let (e, l) = (f[(OMEGA_F, ENGINE)] / total, f[(OMEGA_C, LOAD)] / total);
+            for speed in [OMEGA_F, OMEGA_C] {
+                (f[(speed, ENGINE)], f[(speed, LOAD)], f[(speed, CLUTCH)]) = (e, l, 0.0);
+                (f[(speed, OMEGA_F)], f[(speed, OMEGA_C)]) = (j_f / total, j_c / total);
+            }
+            for (a, b) in [(OMEGA_F, OMEGA_F), (OMEGA_F, OMEGA_C), (OMEGA_C, OMEGA_F), (OMEGA_C, OMEGA_C)] {
+                q[(a, b)] = report_impulse / (total * total);
+            }
+        } else {
+            f[(OMEGA_F, ENGINE)] /= j_f;
+            f[(OMEGA_F, CLUTCH)] /= j_f;
+            f[(OMEGA_C, LOAD)] /= j_c;
+            f[(OMEGA_C, CLUTCH)] /= j_c;
+            q[(OMEGA_F, OMEGA_F)] = report_impulse / (j_f * j_f);
+        }
+        gain.decay = decay;
+        gains.push(gain);
+        p = f * p * f.transpose() + q;
+        // A brake that is let go lets go at once.
+        if k + 1 < n && braking(k) && !braking(k + 1) {
+            p.row_mut(LOAD).fill(0.0);
+            p.column_mut(LOAD).fill(0.0);
+            p[(LOAD, LOAD)] = with.load.sigma.powi(2);
+            gains[k].decay[LOAD] = 0.0;
+        }
+    }
+    let bench = bench(track, with, &locked, &mut samples, &mut log_det);
+    Filter { gains, bench, log_det, locked, samples }
+}
+
+/// A coloured noise and a further one: both are first-order, and the slower one's time stands for both where both are there.
+fn joined(noise: Noise, further: Wander) -> Wander {
+    if further.sigma > 0.0 {
+        return Wander { sigma: noise.coloured.hypot(further.sigma), time_s: further.time_s };
+    }
+    Wander { sigma: noise.coloured, time_s: noise.memory_s }
+}
+
+fn interval(track: &Track, k: usize) -> f64 {
+    let begin = track.time[track.rows_of(k).start];
+    let end = if k + 1 < track.observations() { track.time[track.rows_of(k + 1).start] } else { track.duration() };
+    end - begin
+}
+
+/// Observations in which the measured speeds do not differ; what is not known stays as it was.
+fn locked(speeds: &[Vec<(f64, usize)>; 2], with: &Disturbances) -> Vec<bool> {
+    let spread = |c: usize| with.noise[c].white.hypot(with.noise[c].coloured);
+    let most = LOCKED * spread(0).hypot(spread(1));
+    let mut now = false;
+    speeds[0]
+        .iter()
+        .zip(&speeds[1])
+        .map(|((f, _), (c, _))| {
+            if f.is_finite() && c.is_finite() {
+                now = (f - c).abs() <= most;
+            }
+            now
+        })
+        .collect()
+}
+
+/// Standard deviation in rad/s of slip around measured lock-ups, from the pace at which slip goes.
+fn lock_up_blur(track: &Track, speeds: &[Vec<(f64, usize)>; 2], locked: &[bool]) -> Vec<f64> {
+    let slip = |k: usize| speeds[0][k].0 - speeds[1][k].0;
+    let n = locked.len();
+    let mut blur: Vec<f64> = vec![0.0; n];
+    for k in (1..n).filter(|&k| locked[k] != locked[k - 1]) {
+        let (a, b) =
+            if locked[k] { (k.saturating_sub(LOCK_UP_OBSERVATIONS + 1), k - 1) } else { (k, (k + LOCK_UP_OBSERVATIONS).min(n - 1)) };
+        let time = |k: usize| track.time[track.rows_of(k).start];
+        let pace = (slip(b) - slip(a)) / (time(b) - time(a)).max(1e-3);
+        if pace.is_finite() {
+            let reach = k.saturating_sub(LOCK_UP_OBSERVATIONS)..(k + LOCK_UP_OBSERVATIONS).min(n);
+            blur[reach].iter_mut().for_each(|b| *b = b.max(pace.abs() * LOCK_UP_TIMING_S));
+        }
+    }
+    blur
+}
+
+fn bench(track: &Track, with: &Disturbances, locked: &[bool], samples: &mut usize, log_det: &mut f64) -> [Vec<f64>; 3] {
+    [Channel::XTo, Channel::TFc, Channel::ThetaC].map(|channel| {
+        if track.measured[channel as usize].is_empty() {
+            return Vec::new();
+        }
+        let lasting = if channel == Channel::ThetaC { LASTING_TEMPERATURE_K } else { 0.0 };
+        (0..track.observations())
+            .map(|k| {
+                let (mean, count) = track.mean(channel, k);
+                // The clutch torque jumps at a lock-up: a torque of such a sample hangs on a fraction of a sample.
+                let near = k.saturating_sub(2)..(k + 3).min(locked.len());
+                let jumps = channel == Channel::TFc && near.clone().any(|j| locked[j] != locked[k]);
+                if !mean.is_finite() || jumps {
+                    return 0.0;
+                }
+                let sigma = (with.noise[channel as usize].white / (count as f64).sqrt()).hypot(lasting / interval(track, k).sqrt());
+                *samples += 1;
+                *log_det += 2.0 * sigma.ln();
+                1.0 / sigma
+            })
+            .collect()
+    })
+}

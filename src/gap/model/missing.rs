@@ -1,0 +1,267 @@
+//! Laws that no effect of the library holds: for each subsystem one smooth error, a function of what that subsystem's law can depend on.
+//!
+//! Each error is a sum of functions with normal amplitudes (a Gaussian process of low rank). Their length scales are physical: a friction coefficient
+//! changes over some ten rad/s of slip or some ten kelvin, a spring over a part of its travel, an actuator over its own time constants. Amplitudes have the size
+//! that a fault worth the name has.
+//!
+//! | subsystem | error | as a function of | size |
+//! |---|---|---|---|
+//! | engine | torque | speed, torque asked for, its change | 4 N·m |
+//! | actuator | position, times ∂T/∂x | position commanded now and before, its direction, time under pressure | 0.05 mm |
+//! | clutch force | torque, relative | position, its direction, time since contact, temperature | 8 % |
+//! | friction | torque, relative | slip, temperature, power, work done | 8 % |
+//! | thermal | temperature, times ∂T/∂θ | heat of the last second, seconds, minutes | 12 K |
+//! | driveline | torque | speed, its direction, acceleration, time since the start | 3 N·m |
+//! | sensors | speeds as sensed | speed, acceleration | 1 rad/s |
+
+use super::filter::Filter;
+use super::replay::{self, Missing};
+use super::tolerance::Car;
+use super::track::Track;
+use crate::effects::Subsystem;
+use crate::physics::friction::friction_coefficient;
+use crate::plant::clutch;
+use crate::plant::config::Config;
+use crate::plant::motion;
+
+/// Signals along a corrected replay, row by row.
+struct Signals {
+    dt: f64,
+    time: Vec<f64>,
+    torque: Vec<f64>,
+    slipping: Vec<bool>,
+    slip: Vec<f64>,
+    position: Vec<f64>,
+    command: Vec<f64>,
+    report: Vec<f64>,
+    theta: Vec<f64>,
+    speed: [Vec<f64>; 2],
+    pace: [Vec<f64>; 2],
+    /// ∂T/∂x, N·m/mm.
+    stiffness: Vec<f64>,
+    /// ∂T/∂θ, N·m/K.
+    warmth: Vec<f64>,
+    travel: [f64; 2],
+}
+
+fn signals(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Signals {
+    let n = track.rows();
+    let mut s = Signals {
+        dt: track.interval(),
+        time: track.time.clone(),
+        torque: vec![0.0; n],
+        slipping: vec![false; n],
+        slip: vec![0.0; n],
+        position: vec![0.0; n],
+        command: track.tick_of_row[..n].iter().map(|&k| track.ticks[k].x_to).collect(),
+        report: track.tick_of_row[..n].iter().map(|&k| track.ticks[k].t_e).collect(),
+        theta: vec![0.0; n],
+        speed: [vec![0.0; n], vec![0.0; n]],
+        pace: [Vec::new(), Vec::new()],
+        stiffness: vec![0.0; n],
+        warmth: vec![0.0; n],
+        travel: [car.vehicle.actuator.x_cnt_0, car.vehicle.actuator.x_cls_0],
+    };
+    // Predicted, not measured: a measured speed would bring its own noise into the prediction of itself.
+    replay::corrected(track, filter, car, theta, None, |row, now| {
+        s.speed[0][row] = now.omega_f;
+        s.speed[1][row] = now.omega_c;
+        s.slip[row] = s.speed[0][row] - s.speed[1][row];
+        s.position[row] = now.x_to_actual;
+        s.theta[row] = now.theta_c;
+        s.slipping[row] = now.phase == crate::plant::Phase::Slipping;
+        s.torque[row] = if s.slipping[row] { now.t_fc } else { 0.0 };
+    });
+    let config = Config::new(&car.vehicle, &car.effects);
+    for row in 0..n {
+        let mut y = [0.0; motion::N];
+        y[motion::index::THETA_C] = s.theta[row];
+        let capacity = |x: f64| clutch::capacity(&config, x, clutch::Branch { x, z: 0.0 }, s.slip[row].abs(), &y);
+        if s.slipping[row] {
+            let sign = s.slip[row].signum();
+            s.stiffness[row] = sign * (capacity(s.position[row] + 0.02) - capacity(s.position[row] - 0.02)) / 0.04;
+            let mu = |d: f64| friction_coefficient(&car.vehicle.friction, s.slip[row].abs(), s.theta[row] + d);
+            s.warmth[row] = s.torque[row] * (mu(1.0) / mu(-1.0)).ln() / 2.0;
+        }
+    }
+    let reach = ((0.03 / s.dt).round() as usize).max(1);
+    for side in 0..2 {
+        let v = &s.speed[side];
+        s.pace[side] = (0..n)
+            .map(|k| {
+                // Looking back alone, for the same reason.
+                let a = k.saturating_sub(2 * reach);
+                (v[k] - v[a]) / (s.time[k] - s.time[a]).max(1e-3)
+            })
+            .collect();
+    }
+    s
+}
+
+/// What follows `v` with a time constant in s.
+fn lagged(v: &[f64], dt: f64, tau: f64) -> Vec<f64> {
+    let share = 1.0 - (-dt / tau).exp();
+    let mut y = v[0];
+    v.iter()
+        .map(|&x| {
+            y += share * (x - y);
+            y
+        })
+        .collect()
+}
+
+/// What follows `v` through play of this width.
+fn played(v: &[f64], width: f64) -> Vec<f64> {
+    let mut y = v[0];
+    v.iter()
+        .map(|&x| {
+            y = y.clamp(x - 0.5 * width, x + 0.5 * width);
+            y
+        })
+        .collect()
+}
+
+/// Smooth bump of unit height around `centre`.
+fn bump(x: f64, centre: f64, length: f64) -> f64 {
+    (-0.5 * ((x - centre) / length).powi(2)).exp()
+}
+
+/// The functions of a subsystem's missing law, row by row, each scaled to one standard deviation.
+pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Vec<Missing> {
+    let s = signals(track, filter, car, theta);
+    let n = track.rows();
+    let clutch = |f: &dyn Fn(usize) -> f64| {
+        let torque: Vec<f64> = (0..n).map(|k| if s.slipping[k] { f(k) } else { 0.0 }).collect();
+        Missing { torque: [torque.iter().map(|t| -t).collect(), torque], sensed: Default::default() }
+    };
+    let on = |side: usize, f: &dyn Fn(usize) -> f64| {
+        let torque: Vec<f64> = (0..n).map(f).collect();
+        let mut m = Missing::default();
+        m.torque[side] = torque;
+        m
+    };
+    let sensed = |side: usize, f: &dyn Fn(usize) -> f64| {
+        let mut m = Missing::default();
+        m.sensed[side] = (0..n).map(f).collect();
+        m
+    };
+    // Time and work since the faces met.
+    let (mut since, mut work, mut done) = (vec![0.0; n], vec![0.0; n], 0.0);
+    for k in 1..n {
+        since[k] = if s.slipping[k] { since[k - 1] + s.dt } else { 0.0 };
+        done += (s.torque[k] * s.slip[k]).max(0.0) * s.dt;
+        work[k] = done;
+    }
+    let power: Vec<f64> = (0..n).map(|k| (s.torque[k] * s.slip[k]).max(0.0)).collect();
+    let share = |k: usize| (s.position[k] - s.travel[0]) / (s.travel[1] - s.travel[0]);
+    let direction: Vec<f64> = {
+        let slow = lagged(&s.position, s.dt, 0.05);
+        (0..n).map(|k| ((s.position[k] - slow[k]) / 0.02).tanh()).collect()
+    };
+    let mut all: Vec<Missing> = Vec::new();
+    match place {
+        Subsystem::Engine => {
+            const SIZE: f64 = 4.0;
+            for centre in [70.0, 130.0, 200.0, 280.0] {
+                all.push(on(0, &|k| SIZE * bump(s.speed[0][k], centre, 45.0)));
+            }
+            for centre in [-20.0, 20.0, 60.0, 110.0] {
+                all.push(on(0, &|k| SIZE * bump(s.report[k], centre, 25.0)));
+            }
+            for tau in [0.05, 0.2, 0.8] {
+                let slow = lagged(&s.report, s.dt, tau);
+                all.push(on(0, &|k| 0.3 * (slow[k] - s.report[k])));
+            }
+        }
+        Subsystem::Actuator => {
+            const SIZE: f64 = 0.05;
+            for tau in [0.04, 0.15, 0.6] {
+                let slow = lagged(&s.command, s.dt, tau);
+                all.push(clutch(&|k| s.stiffness[k] * (slow[k] - s.command[k]).clamp(-1.0, 1.0) * 0.3));
+            }
+            for width in [0.05, 0.2] {
+                let follows = played(&s.command, width);
+                all.push(clutch(&|k| s.stiffness[k] * (follows[k] - s.command[k])));
+            }
+            all.push(clutch(&|k| s.stiffness[k] * SIZE * direction[k]));
+            for tau in [0.3, 1.5] {
+                all.push(clutch(&|k| s.stiffness[k] * SIZE * (1.0 - (-since[k] / tau).exp())));
+            }
+            for tau in [3.0, 20.0] {
+                let pressed = lagged(&(0..n).map(|k| share(k).clamp(0.0, 1.0)).collect::<Vec<_>>(), s.dt, tau);
+                all.push(clutch(&|k| s.stiffness[k] * SIZE * 2.0 * pressed[k]));
+            }
+        }
+        Subsystem::ClutchForce => {
+            const SIZE: f64 = 0.08;
+            for centre in [0.25, 0.4, 0.55, 0.7, 0.9] {
+                all.push(clutch(&|k| SIZE * s.torque[k] * bump(share(k), centre, 0.12)));
+            }
+            for centre in [0.35, 0.65] {
+                all.push(clutch(&|k| SIZE * s.torque[k] * direction[k] * bump(share(k), centre, 0.2)));
+            }
+            for tau in [0.2, 1.0] {
+                all.push(clutch(&|k| SIZE * s.torque[k] * (-since[k] / tau).exp()));
+            }
+            for centre in [40.0, 110.0, 180.0] {
+                all.push(clutch(&|k| SIZE * s.torque[k] * bump(s.theta[k], centre, 40.0)));
+            }
+        }
+        Subsystem::Friction => {
+            const SIZE: f64 = 0.08;
+            for (centre, length) in [(0.0, 6.0), (12.0, 10.0), (35.0, 18.0), (70.0, 28.0), (130.0, 45.0)] {
+                all.push(clutch(&|k| SIZE * s.torque[k] * bump(s.slip[k].abs(), centre, length)));
+            }
+            for centre in [30.0, 80.0, 130.0, 190.0] {
+                all.push(clutch(&|k| SIZE * s.torque[k] * bump(s.theta[k], centre, 28.0)));
+            }
+            for scale in [2e3, 6e3] {
+                all.push(clutch(&|k| SIZE * s.torque[k] * (power[k] / scale).tanh()));
+            }
+            for joules in [2e3, 1e4, 5e4] {
+                all.push(clutch(&|k| SIZE * s.torque[k] * (-work[k] / joules).exp()));
+            }
+        }
+        Subsystem::Thermal => {
+            const SIZE: f64 = 12.0;
+            for tau in [0.3, 1.5, 8.0, 40.0] {
+                // A part that takes the heat of the last τ, over 3 kW.
+                let heat = lagged(&power, s.dt, tau);
+                let most = 3e3 * (1.0_f64).min(1.5 / tau).max(0.1);
+                all.push(clutch(&|k| SIZE * s.warmth[k] * heat[k] / most));
+            }
+            let start = s.theta[0];
+            all.push(clutch(&|k| SIZE * s.warmth[k] * (s.theta[k] - start) / 60.0));
+            all.push(clutch(&|k| SIZE * s.warmth[k]));
+            for tau in [0.3, 1.5] {
+                let heat = lagged(&power, s.dt, tau);
+                all.push(clutch(&|k| 0.08 * s.torque[k] * heat[k] / 3e3));
+            }
+        }
+        Subsystem::Driveline => {
+            const SIZE: f64 = 3.0;
+            for centre in [8.0, 50.0, 110.0, 180.0, 260.0] {
+                all.push(on(1, &|k| SIZE * bump(s.speed[1][k], centre, if centre < 20.0 { 15.0 } else { 40.0 })));
+            }
+            all.push(on(1, &|k| SIZE * (s.speed[1][k] / 0.5).tanh()));
+            all.push(on(1, &|k| 0.1 * car.vehicle.driveline.J_c * s.pace[1][k]));
+            for tau in [0.05, 0.3] {
+                let slow = lagged(&s.pace[1], s.dt, tau);
+                all.push(on(1, &|k| 0.1 * car.vehicle.driveline.J_c * (s.pace[1][k] - slow[k])));
+            }
+            for tau in [0.5, 2.0, 8.0] {
+                all.push(on(1, &|k| SIZE * (-s.time[k] / tau).exp()));
+            }
+        }
+        Subsystem::Sensors => {
+            for side in 0..2 {
+                all.push(sensed(side, &|k| 0.01 * s.speed[side][k]));
+                all.push(sensed(side, &|k| -0.008 * s.pace[side][k]));
+                for centre in [10.0, 60.0, 130.0, 220.0] {
+                    all.push(sensed(side, &|k| bump(s.speed[side][k], centre, if centre < 20.0 { 15.0 } else { 45.0 })));
+                }
+            }
+        }
+    }
+    all
+}

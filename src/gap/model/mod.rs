@@ -1,0 +1,9 @@
+//! The model of the data: recordings, noise, tolerances, and the corrected replay that makes innovations of them.
+
+pub mod filter;
+pub mod missing;
+pub mod noise;
+pub mod prepare;
+pub mod replay;
+pub mod tolerance;
+pub mod track;

@@ -1,0 +1,123 @@
+//! Noise of the sensors, estimated from the recordings alone, before any model of the car is asked.
+//!
+//! A speed is the integral of torques, and so it is smooth on the scale of a few samples: what a cubic through its neighbours leaves of a sample is noise. The
+//! median keeps kinks and lock-ups out. Noise with a memory (first-order Gauss–Markov) looks like motion on that scale: it is estimated by likelihood, once
+//! an explanation is there (`infer::sensors`).
+
+use super::track::Track;
+
+/// Noise of one channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Noise {
+    /// Standard deviation of the white part of one sample.
+    pub white: f64,
+    /// Standard deviation of the part with a memory.
+    pub coloured: f64,
+    /// Correlation time of that part, s.
+    pub memory_s: f64,
+}
+
+/// Least noise that is believed, by channel: a channel finer than this would only be fitted to numerics.
+const LEAST_NOISE: [f64; 5] = [0.01, 0.01, 0.001, 0.05, 0.05];
+
+/// Noise of every channel over all recordings of a car.
+pub fn channels(tracks: &[Track]) -> [Noise; 5] {
+    std::array::from_fn(|c| {
+        let parts: Vec<(&[f64], &[f64])> = tracks.iter().map(|t| (t.time.as_slice(), t.measured[c].as_slice())).collect();
+        let white = white(&parts);
+        let white = white.max(LEAST_NOISE[c]).max(0.29 * quantum(parts.iter().map(|p| p.1)));
+        Noise { white, coloured: 0.0, memory_s: 1.0 }
+    })
+}
+
+/// White noise of the torque report, N·m.
+pub fn of_report(tracks: &[Track]) -> f64 {
+    let columns: Vec<(Vec<f64>, Vec<f64>)> =
+        tracks.iter().map(|t| t.tick_of_row[..t.rows()].iter().map(|&k| (t.ticks[k].time, t.ticks[k].t_e)).unzip()).collect();
+    let parts: Vec<(&[f64], &[f64])> = columns.iter().map(|(t, v)| (t.as_slice(), v.as_slice())).collect();
+    white(&parts)
+}
+
+/// Step in which the torque is reported, N·m.
+pub fn report_quantum(tracks: &[Track]) -> f64 {
+    let columns: Vec<Vec<f64>> = tracks.iter().map(|t| t.tick_of_row[..t.rows()].iter().map(|&k| t.ticks[k].t_e).collect()).collect();
+    quantum(columns.iter().map(Vec::as_slice))
+}
+
+/// Step in which a channel is recorded: the least difference that many samples show; 0 if they show none in common.
+fn quantum<'a>(columns: impl Iterator<Item = &'a [f64]>) -> f64 {
+    let mut steps: Vec<f64> =
+        columns.flat_map(|v| v.windows(2)).map(|w| (w[1] - w[0]).abs()).filter(|d| d.is_finite() && *d > 1e-9).collect();
+    if steps.len() < 50 {
+        return 0.0;
+    }
+    steps.sort_by(f64::total_cmp);
+    // Printed digits scatter around the true step: the least tenth has to agree.
+    let (least, tenth) = (steps[steps.len() / 200], steps[steps.len() / 10]);
+    if tenth < 1.3 * least { tenth } else { 0.0 }
+}
+
+/// Standard deviation of white noise on a smooth signal: what a cubic through two neighbours on either side leaves, by its median.
+fn white(parts: &[(&[f64], &[f64])]) -> f64 {
+    let mut left: Vec<f64> = Vec::new();
+    for (time, value) in parts {
+        let known: Vec<usize> = (0..value.len()).filter(|&k| value[k].is_finite()).collect();
+        for w in known.windows(5) {
+            let (t, v) = (|k: usize| time[w[k]], |k: usize| value[w[k]]);
+            let weight = |k: usize| [0, 1, 3, 4].iter().filter(|&&j| j != k).map(|&j| (t(2) - t(j)) / (t(k) - t(j))).product::<f64>();
+            let weights = [0, 1, 3, 4].map(weight);
+            let between: f64 = [0, 1, 3, 4].iter().zip(weights).map(|(&k, w)| w * v(k)).sum();
+            left.push((v(2) - between).abs() / (1.0 + weights.iter().map(|w| w * w).sum::<f64>()).sqrt());
+        }
+    }
+    if left.is_empty() {
+        return 0.0;
+    }
+    left.sort_by(f64::total_cmp);
+    // 0.6745 is the median of a half-normal variable. Quantised signals stand still often, so the mean of the lower nine tenths joins in.
+    let median = left[left.len() / 2] / 0.6745;
+    let kept = &left[..left.len() - left.len() / 10];
+    median.max(kept.iter().sum::<f64>() / kept.len() as f64 / 0.6667)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A smooth signal with white noise of known size, from a fixed congruential generator.
+    fn signal(white: f64, interval: f64) -> (Vec<f64>, Vec<f64>) {
+        let mut seed = 1_u64;
+        let mut normal = move || {
+            let sum: f64 = (0..12)
+                .map(|_| {
+                    seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                    (seed >> 11) as f64 / (1_u64 << 53) as f64
+                })
+                .sum();
+            sum - 6.0
+        };
+        (0..6000)
+            .map(|k| {
+                let t = k as f64 * interval;
+                (t, 100.0 + 40.0 * (0.7 * t).sin() + white * normal())
+            })
+            .unzip()
+    }
+
+    #[test]
+    fn white_noise_is_found_at_every_rate() {
+        for interval in [0.001, 0.01, 0.02] {
+            let (t, v) = signal(0.2, interval);
+            let found = white(&[(&t, &v)]);
+            assert!((found / 0.2 - 1.0).abs() < 0.1, "{interval}: {found}");
+        }
+    }
+
+    #[test]
+    fn the_step_of_a_report_is_found() {
+        let (_, v) = signal(0.3, 0.01);
+        let stepped: Vec<f64> = v.iter().map(|x| (x / 0.5).round() * 0.5).collect();
+        assert_eq!(quantum([stepped.as_slice()].into_iter()), 0.5);
+        assert_eq!(quantum([v.as_slice()].into_iter()), 0.0);
+    }
+}

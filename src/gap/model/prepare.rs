@@ -1,0 +1,72 @@
+//! From a campaign to what is fitted: tracks, noise, tolerances, filters.
+
+use super::filter::{Disturbances, Filter, filter};
+use super::noise;
+use super::replay;
+use super::tolerance::{self, Car, Logger, Tolerances, Wander};
+use super::track::{CONTROL_INTERVAL_S, Track};
+use crate::campaign::Recording;
+use crate::gap::infer::density::Problem;
+use crate::vehicle::Vehicle;
+use rayon::prelude::*;
+
+/// Torque on the car's side that no file declares, N·m, and its time, s: wind, an uneven road.
+const LOAD: Wander = Wander { sigma: 0.15, time_s: 1.0 };
+
+/// Torque of the clutch beyond its map, as a share of what it transmits, and its time, s: no map is exact.
+const CLUTCH: Wander = Wander { sigma: 0.004, time_s: 0.3 };
+
+/// No disturbance.
+const NONE: Wander = Wander { sigma: 0.0, time_s: 1.0 };
+
+/// Disturbances of a healthy car: sensors as the recordings show them, the rest as declared or by default.
+pub fn disturbances(tracks: &[Track], tolerances: &Tolerances) -> Disturbances {
+    let quantum = noise::report_quantum(tracks);
+    // A report in steps is off by the same amount as long as it stands still.
+    let sigma = tolerances.report.sigma.hypot(0.29 * quantum);
+    Disturbances {
+        noise: noise::channels(tracks),
+        report_noise: noise::of_report(tracks),
+        report: Wander { sigma, ..tolerances.report },
+        load: LOAD,
+        clutch: CLUTCH,
+        sensors: [NONE; 2],
+        late: [0.0; 2],
+    }
+}
+
+/// How a car's recordings were logged.
+pub fn logger(tracks: &[Track]) -> Logger {
+    let mut all: Vec<f64> = tracks.iter().map(Track::interval).collect();
+    all.sort_by(f64::total_cmp);
+    let interval_s = all.get(all.len() / 2).copied().unwrap_or(CONTROL_INTERVAL_S);
+    let loose = interval_s > 1.2 * CONTROL_INTERVAL_S || tracks.iter().any(Track::jitters);
+    Logger { interval_s, loose }
+}
+
+/// Recordings of a car with these disturbances, ready to be fitted.
+pub fn problem(tracks: Vec<Track>, vehicle: &Vehicle, tolerances: &Tolerances, with: &Disturbances) -> Problem {
+    let filters = tracks.par_iter().map(|t| filter_of(t, vehicle, with)).collect();
+    Problem { tracks, filters, vehicle: *vehicle, shared: tolerances.shared.clone(), own: tolerances.own.clone() }
+}
+
+/// The filter of a recording, with the clutch torque that the nominal car shows in a corrected replay.
+pub fn filter_of(track: &Track, vehicle: &Vehicle, with: &Disturbances) -> Filter {
+    let inertia = [vehicle.driveline.J_f, vehicle.driveline.J_c];
+    let without = filter(track, inertia, &Disturbances { clutch: NONE, ..*with }, &[]);
+    if with.clutch.sigma == 0.0 {
+        return without;
+    }
+    let torque = replay::torques(track, &without, &Car::nominal(vehicle), track.theta_0);
+    filter(track, inertia, with, &torque)
+}
+
+/// Tracks and tolerances of recordings.
+///
+/// # Errors
+/// Tolerances that are not sound.
+pub fn read(recordings: &[&Recording], vehicle_json: &serde_json::Value) -> Result<(Vec<Track>, Tolerances), tolerance::ToleranceError> {
+    let tracks: Vec<Track> = recordings.iter().map(|r| Track::new(r)).collect();
+    let tolerances = tolerance::read(vehicle_json, logger(&tracks))?;
+    Ok((tracks, tolerances))
+}

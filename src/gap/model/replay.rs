@@ -1,0 +1,191 @@
+//! Replays: the plant driven by a recording's inputs, free or corrected by the filter.
+
+use super::filter::{Filter, STATES, state};
+use super::tolerance::{Car, Signal};
+use super::track::{Channel, Track};
+use crate::effects::param as effects;
+use crate::plant::{Inputs, Outputs, Plant, Start};
+use std::ops::Range;
+
+/// Substep of the plant in a replay, s; the error it adds is far below any sensor's noise.
+pub const SUBSTEP_S: f64 = 1e-2;
+
+/// Torques that the filter adds to the inputs, N·m.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Added {
+    /// On the flywheel.
+    pub flywheel: f64,
+    /// On the disc.
+    pub disc: f64,
+}
+
+/// A law that the model lacks, as torques and sensor errors along a recording.
+#[derive(Clone, Debug, Default)]
+pub struct Missing {
+    /// Torque on flywheel and disc, N·m, by row; empty for none.
+    pub torque: [Vec<f64>; 2],
+    /// Error of both speeds as sensed, rad/s, by row; empty for none.
+    pub sensed: [Vec<f64>; 2],
+}
+
+impl Missing {
+    fn torque(&self, side: usize, row: usize) -> f64 {
+        self.torque[side].get(row).copied().unwrap_or(0.0)
+    }
+    fn sensed(&self, side: usize, row: usize) -> f64 {
+        self.sensed[side].get(row).copied().unwrap_or(0.0)
+    }
+}
+
+/// Slip in rad/s at which a recording that starts closed counts as starting locked.
+const LOCKED_SLIP: f64 = 0.6;
+
+/// State at a row: the speeds as measured there; a clutch that is closed on two nearly equal speeds is locked.
+pub fn start(track: &Track, car: &Car, row: usize, theta: [f64; 2], noise: f64) -> Start {
+    use crate::effects::param::clutch_speed_gain::gain;
+    let first = |c: Channel| {
+        let v = &track.measured[c as usize];
+        v[row..].iter().copied().find(|v| v.is_finite()).unwrap_or(0.0)
+    };
+    let (omega_f, omega_c) = (first(Channel::OmegaF), first(Channel::OmegaC) / car.effects[gain]);
+    let command = track.ticks[track.tick_of_row[row]].x_to;
+    let closed = command > 0.5 * (car.vehicle.actuator.x_cnt_0 + car.vehicle.actuator.x_cls_0);
+    let (omega_f, omega_c) = if closed && (omega_f - omega_c).abs() < LOCKED_SLIP.max(6.0 * noise) {
+        let mean = 0.5 * (omega_f + omega_c);
+        (mean, mean)
+    } else {
+        (omega_f, omega_c)
+    };
+    Start { omega_f, omega_c, theta_c: theta[0], theta_b: theta[1] }
+}
+
+/// Runs the plant over `rows`, calling `at` in each row with what the sensors would show there; what it leaves in the torques added holds from then on.
+pub fn replay(
+    track: &Track,
+    car: &Car,
+    start: &Start,
+    rows: Range<usize>,
+    missing: Option<&Missing>,
+    mut at: impl FnMut(usize, &Outputs, &mut Plant, &mut Added),
+) {
+    let [late_f, late_c, late_report, late_command] =
+        [Signal::OmegaF, Signal::OmegaC, Signal::Report, Signal::Command].map(|s| car.late[s as usize]);
+    let inputs = |k: usize| {
+        // A report that is late belongs to an earlier torque: the torque of now is reported later.
+        let tick = track.inputs(k, late_report, late_command);
+        Inputs { x_to: tick.x_to, t_e_ref: tick.t_e, theta_h: tick.theta_h, t_load: 0.0 }
+    };
+    let first = track.tick_of_row[rows.start];
+    let mut plant = Plant::new(&car.vehicle, &car.effects, start, &inputs(first));
+    plant.set_max_substep(SUBSTEP_S);
+    let gain = car.effects[crate::effects::param::engine_torque_gain::gain];
+    let speed_gain = car.effects[crate::effects::param::clutch_speed_gain::gain];
+    let mut added = Added::default();
+    let mut pace = [0.0; 2];
+    for row in rows {
+        let mut now = plant.outputs();
+        now.omega_f -= late_f * pace[0];
+        now.omega_c -= late_c * pace[1] * speed_gain;
+        if let Some(m) = missing {
+            now.omega_f += m.sensed(0, row);
+            now.omega_c += m.sensed(1, row);
+        }
+        at(row, &now, &mut plant, &mut added);
+        for k in track.tick_of_row[row]..track.tick_of_row[row + 1] {
+            let mut input = inputs(k);
+            let on = |side: usize| missing.map_or(0.0, |m| m.torque(side, row));
+            input.t_e_ref += (added.flywheel + on(0)) / gain;
+            input.t_load -= added.disc + on(1);
+            let h = track.tick_end(k) - track.ticks[k].time;
+            let before = &plant.state().y;
+            let speeds = [before[0], before[1]];
+            plant.step(&input, h);
+            let after = &plant.state().y;
+            pace = [(after[0] - speeds[0]) / h, (after[1] - speeds[1]) / h];
+        }
+    }
+}
+
+/// Whitened innovations of a corrected replay: two per observation, then the bench channels; 0 where there is no sample.
+pub fn innovations(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2], missing: Option<&Missing>) -> Vec<f64> {
+    corrected(track, filter, car, theta, missing, |_, _| {})
+}
+
+/// Clutch torque in N·m by observation in a corrected replay.
+pub fn torques(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Vec<f64> {
+    let mut all = vec![0.0; track.observations()];
+    let rows = track.rows_per_observation;
+    corrected(track, filter, car, theta, None, |row, now| {
+        let k = (row / rows).min(all.len() - 1);
+        all[k] = now.t_fc;
+    });
+    all
+}
+
+/// A corrected replay: its whitened innovations; `each` sees what the sensors would show in every row.
+pub fn corrected(
+    track: &Track,
+    filter: &Filter,
+    car: &Car,
+    theta: [f64; 2],
+    missing: Option<&Missing>,
+    mut each: impl FnMut(usize, &Outputs),
+) -> Vec<f64> {
+    let n = track.observations();
+    let mut speeds = Vec::with_capacity(2 * n + filter.bench.iter().map(Vec::len).sum::<usize>());
+    let mut bench: [Vec<f64>; 3] = [Vec::new(), Vec::new(), Vec::new()];
+    let noise = 1.0 / filter.gains.iter().map(|g| g.weight[0]).fold(1e-3, f64::max);
+    let speed_gain = car.effects[crate::effects::param::clutch_speed_gain::gain];
+    let begin = start(track, car, 0, theta, noise);
+    let d = car.vehicle.driveline;
+    let late = [effects::engine_speed_delay::delay, effects::clutch_speed_delay::delay];
+    let smooth = [effects::engine_speed_delay::smoothing, effects::clutch_speed_delay::smoothing];
+    let age: [f64; 2] = std::array::from_fn(|c| car.effects[late[c]] + car.effects[smooth[c]]);
+    let mut estimate = [0.0; STATES];
+    let mut sums = [(0.0, 0_usize); 5];
+    let mut k = 0;
+    let mut last_row = track.rows_of(0).end - 1;
+    replay(track, car, &begin, 0..track.rows(), missing, |row, now, plant, added| {
+        each(row, now);
+        for (c, predicted) in [now.omega_f, now.omega_c, now.x_to_actual, now.t_fc, now.theta_c].into_iter().enumerate() {
+            let error = track.measured[c].get(row).map_or(f64::NAN, |y| y - predicted);
+            if error.is_finite() {
+                sums[c] = (sums[c].0 + error, sums[c].1 + 1);
+            }
+        }
+        if row < last_row {
+            return;
+        }
+        let gain = &filter.gains[k];
+        let mean = |c: usize| sums[c].0 / sums[c].1.max(1) as f64;
+        let mut corrected = [0.0; 2];
+        for c in 0..2 {
+            if gain.weight[c] == 0.0 {
+                speeds.push(0.0);
+                continue;
+            }
+            let innovation = mean(c) - corrected[c] - estimate[[state::NOISE_F, state::NOISE_C][c]];
+            speeds.push(innovation * gain.weight[c]);
+            let of = gain.of[c];
+            (corrected[0], corrected[1]) = (corrected[0] + of[0] * innovation, corrected[1] + of[1] * innovation);
+            (2..STATES).for_each(|s| estimate[s] += of[s] * innovation);
+            // A speed that is sensed late tells of a moment ago; the torques that it shows missing have moved the speeds since.
+            let torque = [of[state::ENGINE] - of[state::CLUTCH], of[state::LOAD] + of[state::CLUTCH]];
+            let rate = [torque[0] * innovation / d.J_f, torque[1] * innovation / d.J_c];
+            plant.correct_speeds([of[0] * innovation, of[1] * innovation / speed_gain], rate, age[c]);
+        }
+        for (c, weights) in filter.bench.iter().enumerate().filter(|(_, w)| !w.is_empty()) {
+            bench[c].push(mean(c + 2) * weights[k]);
+        }
+        estimate.iter_mut().zip(gain.decay).skip(2).for_each(|(e, d)| *e *= d);
+        let clutch = estimate[state::CLUTCH];
+        *added = Added { flywheel: estimate[state::ENGINE] - clutch, disc: estimate[state::LOAD] + clutch };
+        sums = Default::default();
+        k += 1;
+        if k < n {
+            last_row = track.rows_of(k).end - 1;
+        }
+    });
+    speeds.extend(bench.into_iter().flatten());
+    speeds
+}

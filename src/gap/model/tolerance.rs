@@ -1,0 +1,294 @@
+//! What is known of a car and its logger before a recording is looked at: every number as a normal prior around what the vehicle file gives.
+//!
+//! `tolerance` of `vehicle.json` gives one standard deviation of each number, absolute or relative. A real car differs by that much in everything. What
+//! a logger and a car do beyond that, and no file declares, has the documented defaults of [`DEFAULTS`].
+
+use crate::effects::{self, PARAMETERS, Parameters, param};
+use crate::vehicle::{NUMBERS, Vehicle};
+use serde_json::Value;
+
+/// A signal that may be late, or early.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Signal {
+    /// Flywheel speed.
+    OmegaF,
+    /// Disc speed.
+    OmegaC,
+    /// Torque report: an input.
+    Report,
+    /// Position command: an input.
+    Command,
+}
+
+/// One number that may differ, in units of its standard deviation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Nuisance {
+    /// Name in `tolerance`, or of a default.
+    pub name: String,
+    /// One standard deviation, in the number's unit, or relative.
+    pub sigma: f64,
+    /// Whether `sigma` is relative.
+    pub relative: bool,
+    /// Whether only positive values occur: a sensor may be late, never early.
+    pub one_sided: bool,
+    /// Whether the vehicle file declares it; the rest are defaults.
+    pub declared: bool,
+    target: Target,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Target {
+    /// Numbers of the vehicle that move together.
+    Numbers(Vec<usize>),
+    /// An effect parameter stands for it: the plant has no number of that name.
+    Effect(usize),
+    /// A signal is that many seconds late.
+    Late(Signal),
+}
+
+/// A disturbance that comes and goes: standard deviation and correlation time of a first-order Gauss–Markov process.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wander {
+    /// Standard deviation.
+    pub sigma: f64,
+    /// Correlation time, s.
+    pub time_s: f64,
+}
+
+/// All of it.
+#[derive(Clone, Debug)]
+pub struct Tolerances {
+    /// Numbers that all recordings share.
+    pub shared: Vec<Nuisance>,
+    /// Numbers that each recording has of its own.
+    pub own: Vec<Nuisance>,
+    /// Slow error of the torque report, N·m.
+    pub report: Wander,
+    /// The part of it that the file declares.
+    pub declared_report: Wander,
+}
+
+/// How recordings were logged.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Logger {
+    /// Typical interval, s.
+    pub interval_s: f64,
+    /// Whether it keeps its own time: stamps that jitter, or fewer than the control unit's computations.
+    pub loose: bool,
+}
+
+impl Logger {
+    /// A bench's: 100 Hz, in step with the control unit.
+    pub const UNIFORM: Self = Self { interval_s: 0.01, loose: false };
+}
+
+/// Why a tolerance cannot be used.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum ToleranceError {
+    /// No such number.
+    #[error("vehicle.json: tolerance \"{0}\" names no number of the vehicle; correct its name or remove it")]
+    Unknown(String),
+    /// Neither `abs` nor `rel`, or not positive.
+    #[error("vehicle.json: tolerance \"{0}\" needs one positive number, \"abs\" or \"rel\"")]
+    Malformed(String),
+    /// A wander without its time.
+    #[error("vehicle.json: tolerance \"{0}\" needs \"abs\" and \"time_s\", both positive")]
+    Wander(String),
+    /// Other than `"recording"`.
+    #[error("vehicle.json: tolerance \"{0}\": \"per\" can only be \"recording\"")]
+    Per(String),
+}
+
+/// What no file declares: how far logger and car are trusted beyond their tolerances.
+pub mod defaults {
+    /// Slow error of the torque report, N·m, and its correlation time, s: an engine controller's model of torque is hardly better.
+    pub const REPORT: super::Wander = super::Wander { sigma: 0.15, time_s: 1.0 };
+    /// Bias of the torque report from recording to recording, N·m.
+    pub const REPORT_DRIFT_NM: f64 = 0.3;
+    /// Friction from recording to recording, relative.
+    pub const FRICTION_DRIFT: f64 = 0.004;
+    /// Time at which a torque report was true, s: it crosses a bus and a filter.
+    pub const REPORT_TIMING_S: f64 = 0.008;
+    /// Timing of command and speeds, in intervals of the logger.
+    pub const TIMING_INTERVALS: f64 = 0.1;
+    /// Timing of the command, in intervals of a logger that keeps its own time: when a command changed between two samples it cannot say.
+    pub const LOOSE_TIMING_INTERVALS: f64 = 0.2;
+}
+
+/// Reads the tolerances of a vehicle document, in the order of their names, and adds the defaults for this logger.
+///
+/// # Errors
+/// A tolerance that names no number, or has no positive size.
+pub fn read(vehicle: &Value, logger: Logger) -> Result<Tolerances, ToleranceError> {
+    let mut all =
+        Tolerances { shared: Vec::new(), own: Vec::new(), report: defaults::REPORT, declared_report: Wander { sigma: 0.0, time_s: 1.0 } };
+    let mut entries: Vec<(&String, &Value)> = vehicle.get("tolerance").and_then(Value::as_object).into_iter().flatten().collect();
+    entries.sort_by(|a, b| a.0.cmp(b.0));
+    for (name, size) in entries {
+        if name == "engine.T_e_wander" {
+            all.report = wander(name, size)?;
+            all.declared_report = all.report;
+            continue;
+        }
+        let one = nuisance(name, size)?;
+        match size.get("per").map(|p| p.as_str() == Some("recording")) {
+            None => all.shared.push(one),
+            Some(true) => all.own.push(one),
+            Some(false) => return Err(ToleranceError::Per(name.clone())),
+        }
+    }
+    let late = |name: &str, signal, sigma| Nuisance {
+        name: name.to_owned(),
+        sigma,
+        relative: false,
+        one_sided: false,
+        declared: false,
+        target: Target::Late(signal),
+    };
+    let timing = defaults::TIMING_INTERVALS * logger.interval_s;
+    let command = if logger.loose { defaults::LOOSE_TIMING_INTERVALS * logger.interval_s } else { timing };
+    let logger = [
+        late("sensors.omega_f_latency", Signal::OmegaF, timing),
+        late("sensors.omega_c_latency", Signal::OmegaC, timing),
+        late("engine.T_e_timing", Signal::Report, defaults::REPORT_TIMING_S.max(command)),
+        late("actuator.command_timing", Signal::Command, command),
+    ];
+    for one in logger {
+        if !all.shared.iter().chain(&all.own).any(|n| n.name == one.name) {
+            all.shared.push(one);
+        }
+    }
+    let drift = |name: &str, of: &str, sigma, relative| {
+        let target = target(of).expect("a number that every vehicle has");
+        Nuisance { name: name.to_owned(), sigma, relative, one_sided: false, declared: false, target }
+    };
+    for (drift, of) in [
+        (drift("engine.T_e_drift", "engine.T_e_bias", defaults::REPORT_DRIFT_NM, false), "engine.T_e_bias"),
+        (drift("friction.mu_drift", "friction.mu", defaults::FRICTION_DRIFT, true), "friction.mu"),
+    ] {
+        if !all.own.iter().any(|n| n.name == of) {
+            all.own.push(drift);
+        }
+    }
+    Ok(all)
+}
+
+fn positive(size: &Value, key: &str) -> Option<f64> {
+    size.get(key).and_then(Value::as_f64).filter(|x| *x > 0.0 && x.is_finite())
+}
+
+fn wander(name: &str, size: &Value) -> Result<Wander, ToleranceError> {
+    let both = positive(size, "abs").zip(positive(size, "time_s"));
+    both.map(|(sigma, time_s)| Wander { sigma, time_s }).ok_or_else(|| ToleranceError::Wander(name.to_owned()))
+}
+
+fn nuisance(name: &str, size: &Value) -> Result<Nuisance, ToleranceError> {
+    let (sigma, relative) = match (size.get("abs"), size.get("rel")) {
+        (Some(_), None) => (positive(size, "abs"), false),
+        (None, Some(_)) => (positive(size, "rel"), true),
+        _ => (None, false),
+    };
+    let sigma = sigma.ok_or_else(|| ToleranceError::Malformed(name.to_owned()))?;
+    let target = target(name).ok_or_else(|| ToleranceError::Unknown(name.to_owned()))?;
+    // A sensor may be late, never early.
+    let one_sided = name.ends_with("_latency");
+    Ok(Nuisance { name: name.to_owned(), sigma, relative, one_sided, declared: true, target })
+}
+
+fn target(name: &str) -> Option<Target> {
+    let group =
+        |names: &[&str]| names.iter().map(|n| NUMBERS.iter().position(|m| m.name == *n)).collect::<Option<Vec<_>>>().map(Target::Numbers);
+    match name {
+        "engine.T_e_bias" => Some(Target::Effect(param::engine_torque_bias::torque)),
+        "engine.T_e_gain" => Some(Target::Effect(param::engine_torque_gain::gain)),
+        "driveline.grade" => Some(Target::Effect(param::road_load::grade)),
+        "sensors.omega_f_latency" => Some(Target::Effect(param::engine_speed_delay::delay)),
+        "sensors.omega_c_latency" => Some(Target::Effect(param::clutch_speed_delay::delay)),
+        "engine.T_e_timing" => Some(Target::Late(Signal::Report)),
+        "actuator.command_timing" => Some(Target::Late(Signal::Command)),
+        // μ of eq. (4) is linear in these, so that one factor on all is a factor on μ.
+        "friction.mu" => group(&["friction.mu_0", "friction.alpha_1", "friction.m_0", "friction.m_1", "friction.m_2"]),
+        "cushion_spring.beta" => group(&["cushion_spring.beta_1", "cushion_spring.beta_2", "cushion_spring.beta_3"]),
+        "actuator.x_cnt" => group(&["actuator.x_cnt_0"]),
+        "actuator.x_cls" => group(&["actuator.x_cls_0"]),
+        _ => group(&[name]),
+    }
+}
+
+/// A car as a point of the prior has it, and how late its signals are, s.
+#[derive(Clone, Copy, Debug)]
+pub struct Car {
+    /// Numbers.
+    pub vehicle: Vehicle,
+    /// Effects.
+    pub effects: Parameters,
+    /// How late each [`Signal`] is, s.
+    pub late: [f64; 4],
+}
+
+impl Car {
+    /// As the vehicle file gives it.
+    pub fn nominal(vehicle: &Vehicle) -> Self {
+        Self { vehicle: *vehicle, effects: effects::null(), late: [0.0; 4] }
+    }
+
+    /// Moves numbers by `z` standard deviations; relative ones by their logarithm.
+    pub fn apply(&mut self, nuisances: &[Nuisance], z: &[f64]) {
+        for (n, z) in nuisances.iter().zip(z).filter(|(_, z)| **z != 0.0) {
+            let moved = |value: f64| if n.relative { value * (n.sigma * z).exp() } else { value + n.sigma * z };
+            match &n.target {
+                Target::Effect(k) => self.effects[*k] = moved(self.effects[*k]),
+                Target::Late(signal) => self.late[*signal as usize] += n.sigma * z,
+                Target::Numbers(numbers) => {
+                    for &k in numbers {
+                        let slot = (NUMBERS[k].get_mut)(&mut self.vehicle);
+                        *slot = moved(*slot);
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Nuisance {
+    /// The effect parameter that does to the car exactly what this number does.
+    fn parameter(&self) -> Option<usize> {
+        Some(match self.name.as_str() {
+            "engine.T_e_bias" | "engine.T_e_drift" => param::engine_torque_bias::torque,
+            "engine.T_e_gain" => param::engine_torque_gain::gain,
+            // Force and friction make the torque as a product.
+            "friction.mu" | "friction.mu_drift" | "cushion_spring.beta" => param::friction_level::factor,
+            "actuator.x_cnt" => param::kiss_point_offset::offset,
+            "actuator.x_cls" => param::kiss_point_offset::closed_offset,
+            "driveline.T_L0" => param::road_load::rolling_torque,
+            "driveline.J_c" => param::vehicle_mass::factor,
+            "driveline.grade" => param::road_load::grade,
+            "sensors.omega_f_latency" if self.declared => param::engine_speed_delay::delay,
+            "sensors.omega_c_latency" if self.declared => param::clutch_speed_delay::delay,
+            "thermal.gamma_1" => param::clutch_cooling::body_factor,
+            "thermal.gamma_2" => param::clutch_cooling::air_factor,
+            _ => return None,
+        })
+    }
+
+    /// How far the effect parameter that does the same moves for one standard deviation, at this car; the parameter's place with it.
+    pub fn same_as(&self, car: &Car) -> Option<(usize, f64)> {
+        let k = self.parameter()?;
+        let rate = match &self.target {
+            Target::Late(_) => return None,
+            Target::Numbers(_) if PARAMETERS[k].null == 1.0 && !self.relative => return None,
+            _ if !self.relative => self.sigma,
+            Target::Numbers(numbers) if PARAMETERS[k].null != 1.0 => self.sigma * (NUMBERS[numbers[0]].get)(&car.vehicle),
+            _ => self.sigma * car.effects[k],
+        };
+        Some((k, rate))
+    }
+
+    /// Puts a move of `z` standard deviations into the effect parameter that does the same to a car with this nuisance not applied.
+    pub fn hand_over(&self, z: f64, car: &mut Car) -> bool {
+        let Some((k, rate)) = self.same_as(car) else { return false };
+        let grown = if self.relative { ((self.sigma * z).exp() - 1.0) / self.sigma } else { z };
+        car.effects[k] = (car.effects[k] + rate * grown).clamp(PARAMETERS[k].min, PARAMETERS[k].max);
+        true
+    }
+}

@@ -1,0 +1,131 @@
+//! From the posterior to a verdict: which explanation stands, what may stand in its place, and where the gap lies.
+
+use super::infer::density::{Problem, misfit, prior};
+use super::infer::posterior::{Explanation, Posterior};
+use super::infer::search::Search;
+use crate::effects::{REGISTRY, Subsystem};
+use serde::Serialize;
+
+/// Verdict on a campaign, as the answer's schema names it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// Nothing beyond noise and tolerances.
+    NoGap,
+    /// The effects leave nothing structured.
+    Explained,
+    /// The effects help and something structured remains.
+    PartlyExplained,
+    /// A gap that no library effect accounts for.
+    Unexplained,
+    /// The recordings cannot be of this vehicle.
+    InputsDoNotFit,
+}
+
+/// Probability above which a rival is named beside what was chosen.
+pub const NAMED_BESIDE: f64 = 0.05;
+
+/// Share of the gap up to which a missing law in the subsystem of a named effect is a difference of form, and the gap counts as explained.
+pub const FORM_SHARE: f64 = 0.1;
+
+/// Share of the gap from which a missing law in the subsystem of a named effect is what is wrong, and the effect only stood in for a part of it.
+pub const STAND_IN_SHARE: f64 = 0.5;
+
+/// Mean square of the innovations that the best explanation may leave: with more, these are no recordings of such a car. Its largest errors
+/// on cars with a law that no library holds are a tenth of it.
+pub const STRANGE: f64 = 60.0;
+
+/// What was concluded.
+#[derive(Clone, Debug)]
+pub struct Conclusion {
+    /// Verdict.
+    pub verdict: Verdict,
+    /// Probability of the verdict's content: that nothing is wrong, that these effects are there, or that a law is missing there.
+    pub probability: f64,
+    /// The explanation that stands.
+    pub explanation: Explanation,
+    /// Subsystem of a structured remainder, or of an unexplained gap.
+    pub unexplained_at: Option<Subsystem>,
+    /// Subsystems with their shares of the gap, largest first.
+    pub shares: Vec<(Subsystem, f64)>,
+    /// Subsystems in which the gap, or its remainder, may lie instead.
+    pub or_at: Vec<Subsystem>,
+}
+
+/// Concludes.
+pub fn conclude(problem: &Problem, search: &Search, posterior: &Posterior) -> Conclusion {
+    let best = posterior.best().clone();
+    let fit = best.fit.as_ref().expect("the best was fitted");
+    let left = misfit(&fit.residuals) / problem.samples().max(1) as f64;
+    let shares = shares(search, posterior, &best);
+    let own = best.place.is_some_and(|p| best.effects.iter().any(|&e| REGISTRY[e].effect.subsystem == p));
+    let strange = left > STRANGE;
+    let (verdict, unexplained_at) = match (best.effects.is_empty(), best.place) {
+        _ if strange => (Verdict::InputsDoNotFit, None),
+        (true, None) => (Verdict::NoGap, None),
+        (true, place) => (Verdict::Unexplained, place),
+        (false, None) => (Verdict::Explained, None),
+        (false, Some(_)) if own && own_share(search, &best) < FORM_SHARE => (Verdict::Explained, None),
+        (false, place) if own && own_share(search, &best) > STAND_IN_SHARE => (Verdict::Unexplained, place),
+        (false, place) => (Verdict::PartlyExplained, place),
+    };
+    let probability = match verdict {
+        Verdict::NoGap => posterior.of_no_gap(),
+        Verdict::InputsDoNotFit => 1.0,
+        Verdict::Unexplained => best.place.map_or(0.0, |p| posterior.of_place(p)),
+        _ => posterior.explanations.iter().filter(|e| e.effects == best.effects).map(|e| e.probability).sum(),
+    };
+    let named: Vec<Subsystem> = shares.iter().map(|s| s.0).collect();
+    let mass = |s: Subsystem| -> f64 {
+        let holds = |e: &&Explanation| e.place == Some(s) || e.effects.iter().any(|&k| REGISTRY[k].effect.subsystem == s);
+        posterior.explanations.iter().filter(holds).map(|e| e.probability).sum()
+    };
+    let or_at = if matches!(verdict, Verdict::NoGap | Verdict::InputsDoNotFit) {
+        Vec::new()
+    } else {
+        Subsystem::ALL.into_iter().filter(|s| !named.contains(s) && mass(*s) > NAMED_BESIDE).collect()
+    };
+    let shares = if strange { Vec::new() } else { shares };
+    Conclusion { verdict, probability, explanation: best, unexplained_at, shares, or_at }
+}
+
+/// Cost of an explanation without the price of its law.
+fn cost(e: &Explanation) -> f64 {
+    e.fit.as_ref().map_or(f64::INFINITY, |f| misfit(&f.residuals) + prior(&f.point))
+}
+
+/// Share of the gap that a missing law takes beside the effects.
+fn own_share(search: &Search, best: &Explanation) -> f64 {
+    let base = search.base().fit.cost;
+    let without = search.of(&best.effects).map_or(base, |h| h.fit.cost);
+    (without - cost(best)).max(0.0) / (base - cost(best)).max(1e-9)
+}
+
+/// What each subsystem's part takes of the cost, relative to all that is taken.
+fn shares(search: &Search, posterior: &Posterior, best: &Explanation) -> Vec<(Subsystem, f64)> {
+    let base = search.base().fit.cost;
+    let full = cost(best);
+    let known = |effects: &[usize], with_place: bool| -> f64 {
+        let same = posterior
+            .explanations
+            .iter()
+            .filter(|e| e.effects == effects && e.fit.is_some() && (e.place == if with_place { best.place } else { None }));
+        same.map(cost).fold(base, f64::min)
+    };
+    let mut shares: Vec<(Subsystem, f64)> = Vec::new();
+    let mut add = |s: Subsystem, taken: f64| match shares.iter_mut().find(|(o, _)| *o == s) {
+        Some((_, sum)) => *sum += taken.max(0.0),
+        None => shares.push((s, taken.max(1e-9))),
+    };
+    for &e in &best.effects {
+        let rest: Vec<usize> = best.effects.iter().copied().filter(|o| *o != e).collect();
+        add(REGISTRY[e].effect.subsystem, known(&rest, best.place.is_some()) - full);
+    }
+    if let Some(place) = best.place {
+        add(place, known(&best.effects, false) - full);
+    }
+    let total: f64 = shares.iter().map(|s| s.1).sum();
+    shares.iter_mut().for_each(|s| s.1 /= total.max(f64::MIN_POSITIVE));
+    shares.sort_by(|a, b| b.1.total_cmp(&a.1));
+    shares
+}

@@ -1,0 +1,85 @@
+//! A survey's engagements as recordings of a campaign.
+//!
+//! Each engagement becomes a recording from half a second before its slip until the gear is left, at the samples' own stamps: engine speed,
+//! the speed behind the clutch times the ratio, the torque that the user calls the engine's, housing air, position and brake where the log has
+//! them. Start temperatures are unknown, and said to be.
+
+use super::Survey;
+use super::engagements::Engagement;
+use crate::campaign::{Channel, LogChannel, Quantity, Recording};
+
+/// What is taken in front of the slip, s.
+const LEAD_S: f64 = 0.5;
+/// Temperature that is written where none is known, °C, and how well, K.
+const UNKNOWN: (f64, f64) = (20.0, 40.0);
+
+/// One recording per engagement, in one gear if that is given, from 0; `torque` names the channel of the engine's torque.
+///
+/// # Errors
+/// The log has no such channel, or no engagement.
+pub fn recordings(s: &Survey, torque: &str, gear: Option<usize>) -> Result<Vec<Recording>, String> {
+    let Some(t_e) = s.log.channels.iter().find(|c| c.name == torque) else {
+        let there: Vec<&str> = s.torques.iter().map(|t| s.log.channels[t.channel].name.as_str()).collect();
+        return Err(format!("no channel is called `{torque}`; of torques there are {}", there.join(", ")));
+    };
+    let (Some(engine), Some(road)) = (s.engine, s.road) else { return Err(s.remarks.join("; ")) };
+    let engagements: Vec<&Engagement> = s.engagements.iter().filter(|e| gear.is_none_or(|g| g == e.gear)).collect();
+    if engagements.is_empty() {
+        let which = gear.map_or_else(String::new, |g| format!(" in gear {}", g + 1));
+        return Err(format!("no engagement{which} was found: there is nothing for a campaign"));
+    }
+    let [engine, road] = [engine, road].map(|k| &s.log.channels[k]);
+    let is = |channel: Channel| s.log.channels.iter().find(|c| c.guess == Some(channel));
+    let one = |(k, e): (usize, &Engagement)| {
+        let (from, to) = (e.from - LEAD_S, e.until);
+        let mut time: Vec<f64> = [engine, road, t_e].iter().flat_map(|c| c.trace().within(from, to).map(|i| c.time[i])).collect();
+        time.sort_by(f64::total_cmp);
+        time.dedup_by(|b, a| *b - *a < 1e-6);
+        let start = time.first().copied().unwrap_or(from);
+        let factor = s.gears.factor(e.gear);
+        let steps: Vec<f64> = time.windows(2).map(|w| w[1] - w[0]).collect();
+        Recording {
+            name: format!("r{:02}", k + 1),
+            manoeuvre: if e.launch { "launch".into() } else { "shift".into() },
+            sample_rate_hz: 1.0 / super::median(steps),
+            theta_c0: UNKNOWN.0,
+            theta_b0: UNKNOWN.0,
+            theta_0_sigma: [UNKNOWN.1; 2],
+            omega_f: sampled(engine, &time, 1.0),
+            omega_c: sampled(road, &time, factor),
+            t_e: held(t_e, &time),
+            x_to_cmd: is(Channel::XToCmd).map(|c| held(c, &time)).unwrap_or_default(),
+            theta_h: is(Channel::ThetaH).map_or_else(|| vec![UNKNOWN.0; time.len()], |c| held(c, &time)),
+            brake: is(Channel::Brake).map(|c| held(c, &time).into_iter().map(|v| v > 0.5).collect()),
+            time: time.iter().map(|t| t - start).collect(),
+            ..Recording::default()
+        }
+    };
+    Ok(engagements.into_iter().enumerate().map(one).collect())
+}
+
+/// Inertia of a car of `mass` kg at the disc in a gear, from 0, kg·m²: m (r/i)², without the driveline's own.
+///
+/// # Errors
+/// A shaft's speed without the tyre's radius says nothing of the car.
+pub fn inertia(s: &Survey, mass: f64, gear: usize) -> Result<f64, String> {
+    let road = s.road.map(|k| &s.log.channels[k]).filter(|_| gear < s.gears.levels.len());
+    let Some(road) = road else { return Err(format!("there is no gear {}: {} were found", gear + 1, s.gears.levels.len())) };
+    // Metres of road per radian of a shaft whose speed is measured.
+    let travel = if road.quantity == Some(Quantity::Velocity) { Some(1.0) } else { s.tyre_radius };
+    let travel = travel.ok_or("the mass needs --tyre-radius where the speed is that of a shaft")?;
+    Ok(mass * (travel / s.gears.factor(gear)).powi(2))
+}
+
+/// The samples at their own stamps, NaN elsewhere.
+fn sampled(c: &LogChannel, rows: &[f64], factor: f64) -> Vec<f64> {
+    let sample = |t: &f64| {
+        let k = c.time.partition_point(|s| *s < t - 1e-6);
+        c.time.get(k).filter(|s| **s <= t + 1e-6).map_or(f64::NAN, |_| factor * c.values[k])
+    };
+    rows.iter().map(sample).collect()
+}
+
+fn held(c: &LogChannel, rows: &[f64]) -> Vec<f64> {
+    rows.iter().map(|t| c.values[c.time.partition_point(|s| *s <= t + 1e-6).saturating_sub(1)]).collect()
+}

@@ -1,0 +1,88 @@
+//! Which of two speeds is late: the shift in time at which they agree best while the clutch is closed.
+//!
+//! Both are averaged over half a second first: faster than that a driveline rings, and engine and wheels move against each other. What is left
+//! of its wind-up counts as latency.
+
+use super::Trace;
+use super::engagements::Engagement;
+use super::gears::Gears;
+
+/// Largest shift that is tried, s.
+const MOST_S: f64 = 0.1;
+/// Distance of shifts, s.
+const FINE_S: f64 = 0.002;
+
+/// Width of the means, s.
+const MEAN_S: f64 = 0.5;
+
+/// A trace with the integrals up to its samples.
+struct Sums<'a> {
+    trace: Trace<'a>,
+    sums: Vec<f64>,
+}
+
+impl<'a> Sums<'a> {
+    fn of(trace: Trace<'a>) -> Sums<'a> {
+        let pairs = trace.time.windows(2).zip(trace.values.windows(2));
+        let parts = pairs.map(|(t, v)| 0.5 * (v[0] + v[1]) * (t[1] - t[0]));
+        let mut sum = 0.0;
+        let sums = std::iter::once(0.0).chain(parts.map(|part| {
+            sum += part;
+            sum
+        }));
+        Sums { sums: sums.collect(), trace }
+    }
+
+    /// ∫ from the beginning to `t`.
+    fn to(&self, t: f64) -> f64 {
+        let k = self.trace.time.partition_point(|s| *s <= t).saturating_sub(1);
+        self.sums[k] + 0.5 * (self.trace.values[k] + self.trace.at(t)) * (t - self.trace.time[k])
+    }
+
+    fn mean(&self, from: f64, to: f64) -> f64 {
+        (self.to(to) - self.to(from)) / (to - from)
+    }
+}
+
+/// How much later the road's speed comes than the engine's.
+#[derive(Clone, Copy, Debug)]
+pub struct Lag {
+    /// Shift, s.
+    pub seconds: f64,
+    /// Shifts that agree as well, s.
+    pub interval: (f64, f64),
+}
+
+/// The shift at which the rates of change of both speeds agree best over all engagements that are locked; `None` if there is too little.
+pub fn between(engine: Trace<'_>, road: Trace<'_>, gears: &Gears, engagements: &[Engagement]) -> Option<Lag> {
+    // The first half second after the speeds meet still slips.
+    let locked: Vec<(usize, f64, f64)> =
+        engagements.iter().map(|e| (e.gear, e.met + 0.5, e.until)).filter(|(_, a, b)| b - a > 0.5).collect();
+    let steps = (MOST_S / FINE_S) as i32;
+    let (engine, road) = (Sums::of(engine), Sums::of(road));
+    let change = |sums: &Sums<'_>, t: f64| sums.mean(t, t + MEAN_S) - sums.mean(t - MEAN_S, t);
+    let mut errors: Vec<(f64, f64)> = Vec::new();
+    let mut count = 0_usize;
+    for shift in (-steps..=steps).map(|k| f64::from(k) * FINE_S) {
+        let mut sum = 0.0;
+        count = 0;
+        for &(gear, from, to) in &locked {
+            for k in road.trace.within(from + MOST_S + MEAN_S, to - MOST_S - MEAN_S) {
+                let t = road.trace.time[k];
+                sum += (change(&engine, t - shift) - gears.factor(gear) * change(&road, t)).powi(2);
+                count += 1;
+            }
+        }
+        errors.push((shift, sum));
+    }
+    if count < 100 {
+        return None;
+    }
+    let &(seconds, least) = errors.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
+    // Neighbouring means share most of their samples: one counts for each of their width.
+    let seconds_seen: f64 = locked.iter().map(|(_, a, b)| b - a).sum();
+    let enough = least * (1.0 + 3.84 / (seconds_seen / MEAN_S).max(2.0));
+    let good: Vec<f64> = errors.iter().filter(|(_, e)| *e <= enough).map(|(s, _)| *s).collect();
+    let interval = (good[0], good[good.len() - 1]);
+    (interval.1 - interval.0 < MOST_S && seconds.abs() < MOST_S - FINE_S).then_some(Lag { seconds, interval })
+}

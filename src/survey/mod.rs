@@ -1,0 +1,173 @@
+//! A first look into a log: what its channels are worth, which gears and engagements it shows, what its torque can be.
+//!
+//! Neither a position nor a vehicle file is needed. Everything is found from two speeds, those of engine and road, and from what else is there:
+//! [`gears`] finds ratios and locked stretches, [`engagements`] launches and shifts, [`ringing`] the oscillation after them, [`torque`] what a
+//! torque channel can be, [`rests`] pedals that are switches, [`latency`] which speed is late.
+
+pub mod engagements;
+pub mod export;
+pub mod gears;
+pub mod latency;
+pub mod picture;
+pub mod rests;
+pub mod ringing;
+pub mod show;
+pub mod torque;
+
+use crate::campaign::{Channel, Log, LogChannel, Quantity};
+
+/// What the user knows.
+#[derive(Clone, Debug, Default)]
+pub struct Known {
+    /// Ratios of the gears, first gear first.
+    pub ratios: Vec<f64>,
+    /// Ratio of the final drive; 1 if the ratios hold it.
+    pub final_drive: Option<f64>,
+    /// Rolling radius of the tyre, m.
+    pub tyre_radius: Option<f64>,
+    /// Name of the channel of the engine's speed.
+    pub engine: Option<String>,
+    /// Name of the channel of the road's, wheels', output shaft's or gearbox input's speed.
+    pub road: Option<String>,
+}
+
+/// Everything that is found.
+#[derive(Clone, Debug)]
+pub struct Survey {
+    /// The log.
+    pub log: Log,
+    /// Position of the engine's speed among its channels.
+    pub engine: Option<usize>,
+    /// Position of the road's speed.
+    pub road: Option<usize>,
+    /// Ratios.
+    pub gears: gears::Gears,
+    /// Launches and shifts.
+    pub engagements: Vec<engagements::Engagement>,
+    /// What torque channels can be.
+    pub torques: Vec<torque::Reading>,
+    /// Pedals and the like that rest at a few values alone.
+    pub switches: Vec<rests::Switch>,
+    /// How much later the road's speed comes than the engine's.
+    pub latency: Option<latency::Lag>,
+    /// Rolling radius of the tyre, m, where it is given or follows from the ratios.
+    pub tyre_radius: Option<f64>,
+    /// Whether any channel is a position of the clutch.
+    pub has_position: bool,
+    /// Words on what could not be found, and why.
+    pub remarks: Vec<String>,
+}
+
+/// A series of samples.
+#[derive(Clone, Copy, Debug)]
+pub struct Trace<'a> {
+    /// Stamps, s.
+    pub time: &'a [f64],
+    /// Values.
+    pub values: &'a [f64],
+}
+
+impl Trace<'_> {
+    /// What counts as standing still: a hundredth of the greatest speed, above which no sensor's noise reaches.
+    pub fn standing(&self) -> f64 {
+        0.01 * self.values.iter().copied().fold(0.0, f64::max)
+    }
+
+    /// The value at a time, along the line between neighbours; the edge value beyond the ends. For looking, never for fitting.
+    pub fn at(&self, t: f64) -> f64 {
+        let k = self.time.partition_point(|s| *s <= t);
+        match (k.checked_sub(1), self.time.get(k)) {
+            (None, _) => self.values[0],
+            (Some(b), None) => self.values[b],
+            (Some(b), Some(after)) => {
+                let share = (t - self.time[b]) / (after - self.time[b]);
+                self.values[b] + share * (self.values[k] - self.values[b])
+            }
+        }
+    }
+
+    /// The positions of the samples from `from` to `to`.
+    pub fn within(&self, from: f64, to: f64) -> std::ops::Range<usize> {
+        self.time.partition_point(|t| *t < from)..self.time.partition_point(|t| *t <= to)
+    }
+}
+
+impl LogChannel {
+    /// Its samples.
+    pub fn trace(&self) -> Trace<'_> {
+        Trace { time: &self.time, values: &self.values }
+    }
+}
+
+/// The median, the greater one of two; NaN of nothing.
+pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    let middle = values.len() / 2;
+    if values.is_empty() { f64::NAN } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
+}
+
+/// Looks through a log.
+pub fn survey(log: Log, known: &Known) -> Survey {
+    let named = |name: &Option<String>| name.as_ref().and_then(|n| log.channels.iter().position(|c| &c.name == n));
+    let engine = named(&known.engine).or_else(|| log.channels.iter().position(|c| c.guess == Some(Channel::OmegaF)));
+    let road = named(&known.road).or_else(|| road(&log, engine));
+    let mut s = Survey {
+        has_position: log
+            .channels
+            .iter()
+            .any(|c| matches!(c.guess, Some(Channel::XToCmd | Channel::XTo)) && c.quantity == Some(Quantity::Length)),
+        switches: rests::switches(&log),
+        engine,
+        road,
+        gears: gears::Gears::default(),
+        engagements: Vec::new(),
+        torques: Vec::new(),
+        latency: None,
+        tyre_radius: known.tyre_radius,
+        remarks: Vec::new(),
+        log,
+    };
+    let (Some(engine), Some(road)) = (s.engine, s.road) else {
+        let missing = if s.engine.is_none() { "the engine's speed (--engine NAME)" } else { "a speed behind the clutch (--road NAME)" };
+        s.remarks.push(format!("no channel is {missing}: no gears, launches or shifts can be found"));
+        return s;
+    };
+    let (omega, road) = (&s.log.channels[engine], &s.log.channels[road]);
+    let shaft = road.quantity != Some(Quantity::Velocity);
+    // The gearbox input turns as the disc does: no gear lies between.
+    let direct = Known { ratios: vec![1.0], tyre_radius: None, ..Known::default() };
+    let known = if road.guess == Some(Channel::OmegaC) && known.ratios.is_empty() { &direct } else { known };
+    let (omega, v) = (omega.trace(), road.trace());
+    s.gears = gears::find(omega, v, known, shaft, &mut s.remarks);
+    let drive = known.final_drive.filter(|_| !shaft);
+    s.tyre_radius = s.tyre_radius.or_else(|| Some(drive? / s.gears.common?));
+    s.engagements = engagements::find(omega, v, &s.gears);
+    s.torques = torque::readings(&s.log, omega, v);
+    let clutch = s.torques.first().map(|reading| s.log.channels[reading.channel].trace());
+    for engagement in &mut s.engagements {
+        let factor = s.gears.factor(engagement.gear);
+        engagement.ringing = ringing::after(omega, v, factor, engagement.met, engagement.until);
+        engagement.heat = clutch.map(|torque| engagements::heat(omega, v, torque, factor, engagement));
+    }
+    s.latency = latency::between(omega, v, &s.gears, &s.engagements);
+    s
+}
+
+/// The speed behind the clutch: the gearbox input's, else the road's, else a wheel's or the output shaft's; the finest of several.
+fn road(log: &Log, engine: Option<usize>) -> Option<usize> {
+    let rank = |k: usize| {
+        let c = &log.channels[k];
+        let name = c.name.to_lowercase();
+        let shaft = ["wheel", "output", "shaft", "whl"].iter().any(|w| name.contains(w));
+        match (c.guess, c.quantity) {
+            _ if Some(k) == engine => None,
+            (Some(Channel::OmegaC), _) => Some(3),
+            (_, Some(Quantity::Velocity)) => Some(2),
+            (_, Some(Quantity::Speed)) if shaft => Some(1),
+            _ => None,
+        }
+    };
+    let all = (0..log.channels.len()).filter_map(|k| Some((rank(k)?, k)));
+    all.max_by(|(a, i), (b, j)| a.cmp(b).then(log.channels[*i].values.len().cmp(&log.channels[*j].values.len()).then(j.cmp(i))))
+        .map(|(_, k)| k)
+}

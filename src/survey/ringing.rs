@@ -1,0 +1,86 @@
+//! Oscillation of the driveline after an engagement: the peak of the spectrum of the slip, with its interval.
+//!
+//! The slip ω_e − ω_c at the road speed's own stamps, less its running mean over half a second, is fitted by one sinusoid over the two seconds
+//! after the speeds meet, at every frequency of the band. The share of the variance that it takes is the spectrum. The 95 % set holds all
+//! frequencies whose residual is below the least one times 1 + 3.84 / N, where N = 2 B T counts the independent values of a band B within
+//! the time T: noise beside a ringing driveline is coloured, so samples are not counted. Where that set has several parts, the data do not
+//! settle which of them is the driveline's.
+
+use super::Trace;
+use std::f64::consts::TAU;
+
+/// Band of a car's driveline and its neighbours, Hz.
+const BAND: (f64, f64) = (2.0, 12.0);
+/// Distance of frequencies, Hz.
+const FINE: f64 = 0.02;
+/// What is looked at after the speeds meet, s.
+const LONGEST_S: f64 = 2.0;
+/// Width of the running mean, s.
+const MEAN_S: f64 = 0.5;
+/// Least share of the variance that is called an oscillation.
+const LEAST: f64 = 0.15;
+
+/// An oscillation.
+#[derive(Clone, Debug)]
+pub struct Ringing {
+    /// Frequency, Hz.
+    pub frequency: f64,
+    /// Share of the variance.
+    pub share: f64,
+    /// The 95 % set, Hz.
+    pub set: Vec<(f64, f64)>,
+}
+
+/// The oscillation after `met`; `None` if there is none or the gear is left too soon.
+pub fn after(engine: Trace<'_>, road: Trace<'_>, factor: f64, met: f64, until: f64) -> Option<Ringing> {
+    let end = until.min(met + LONGEST_S);
+    let seconds = end - met;
+    if seconds < 3.0 / BAND.0 * 0.5 {
+        return None;
+    }
+    let slip = |k: usize| (road.time[k], engine.at(road.time[k]) - factor * road.values[k]);
+    let around: Vec<(f64, f64)> = road.within(met - MEAN_S, end + MEAN_S).map(slip).filter(|(t, _)| *t >= met && *t <= until).collect();
+    let points: Vec<(f64, f64)> = around.iter().filter(|(t, _)| *t <= end).map(|&(t, s)| (t - met, s - mean_around(&around, t))).collect();
+    let total: f64 = points.iter().map(|p| p.1 * p.1).sum();
+    if points.len() < 20 || total == 0.0 {
+        return None;
+    }
+    // Above a third of the rate two samples and a half make a period: what is seen there is folded.
+    let rate = (points.len() - 1) as f64 / seconds;
+    let count = ((BAND.1.min(rate / 3.0) - BAND.0) / FINE) as usize;
+    let spectrum: Vec<(f64, f64)> = (0..=count).map(|k| BAND.0 + k as f64 * FINE).map(|f| (f, share(&points, f) / total)).collect();
+    let &(frequency, best) = spectrum.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let independent = 2.0 * (BAND.1 - BAND.0) * seconds;
+    let enough = 1.0 - (1.0 - best) * (1.0 + 3.84 / independent);
+    let mut set: Vec<(f64, f64)> = Vec::new();
+    for (f, _) in spectrum.iter().filter(|(_, s)| *s >= enough) {
+        match set.last_mut() {
+            Some((_, high)) if f - *high < 1.5 * FINE => *high = *f,
+            _ => set.push((*f, *f)),
+        }
+    }
+    (best >= LEAST).then_some(Ringing { frequency, share: best, set })
+}
+
+fn mean_around(points: &[(f64, f64)], t: f64) -> f64 {
+    // Near the ends the window shrinks on both sides alike, or a ramp would be biased.
+    let reach = (0.5 * MEAN_S).min(t - points[0].0).min(points[points.len() - 1].0 - t);
+    let near = points.iter().filter(|p| (p.0 - t).abs() <= reach + 1e-9);
+    let (sum, n) = near.fold((0.0, 0.0), |(sum, n), p| (sum + p.1, n + 1.0));
+    sum / n
+}
+
+/// What the best sinusoid of a frequency takes from the sum of squares.
+fn share(points: &[(f64, f64)], f: f64) -> f64 {
+    let (mut cc, mut ss, mut cs, mut yc, mut ys) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for &(t, y) in points {
+        let (s, c) = (TAU * f * t).sin_cos();
+        cc += c * c;
+        ss += s * s;
+        cs += c * s;
+        yc += y * c;
+        ys += y * s;
+    }
+    let determinant = cc * ss - cs * cs;
+    (yc * yc * ss - 2.0 * yc * ys * cs + ys * ys * cc) / determinant
+}

@@ -1,0 +1,102 @@
+//! What a torque channel can be, by what it reads where the clutch transmits nothing.
+//!
+//! At standstill with the clutch open the clutch torque is 0 and the engine obeys J_f ω̇_f = T_e − b_f ω_f. A channel that reads something else
+//! than 0 at steady speed there is neither the clutch's or gearbox input's torque nor the engine's net torque, unless its zero is off. If in
+//! addition its changes there ask for an inertia that no engine has, it is not the engine's torque at all.
+
+use super::{Trace, median};
+use crate::campaign::{Log, Quantity};
+
+/// Shortest standstill that is looked at, s.
+const SHORTEST_S: f64 = 0.5;
+/// Length of the steadiest part, s.
+const STEADY_S: f64 = 0.3;
+/// Inertias that engines of cars have with flywheel, kg·m².
+const INERTIAS: (f64, f64) = (0.03, 1.0);
+/// Torque that is no offset, N·m.
+const SMALL: f64 = 5.0;
+
+/// What a torque channel reads.
+#[derive(Clone, Debug)]
+pub struct Reading {
+    /// Its position in the log.
+    pub channel: usize,
+    /// At standstill with the clutch open and the channel steadiest: from, to in s, median in N·m.
+    pub idle: Option<(f64, f64, f64)>,
+    /// Inertia that its changes at standstill ask for, kg·m².
+    pub inertia: Option<f64>,
+    /// What follows.
+    pub verdict: String,
+}
+
+/// The readings of all torque channels; those that may be the clutch's come first.
+pub fn readings(log: &Log, engine: Trace<'_>, road: Trace<'_>) -> Vec<Reading> {
+    let pedal = log.channels.iter().find(|c| c.quantity == Some(Quantity::Share) && c.name.to_lowercase().contains("clutch"));
+    let open = standstills(road, pedal.map(|p| p.trace()));
+    // A channel that never changes says nothing.
+    let all = (0..log.channels.len()).filter(|&k| log.channels[k].quantity == Some(Quantity::Torque) && log.channels[k].quantum > 0.0);
+    let mut out: Vec<Reading> = all.map(|k| reading(k, log.channels[k].trace(), engine, &open, pedal.is_some())).collect();
+    let wheel = |r: &Reading| log.channels[r.channel].name.to_lowercase().contains("wheel");
+    out.sort_by_key(wheel);
+    out
+}
+
+/// Stretches without speed in which the clutch is open, as far as a pedal tells.
+fn standstills(road: Trace<'_>, pedal: Option<Trace<'_>>) -> Vec<(f64, f64)> {
+    let standing = road.standing();
+    let still = |k: usize| road.values[k] <= standing && pedal.is_none_or(|p| p.at(road.time[k]) > 95.0);
+    let mut out: Vec<(f64, f64)> = Vec::new();
+    let mut running = false;
+    for k in 0..road.time.len() {
+        match out.last_mut() {
+            Some(last) if still(k) && running => last.1 = road.time[k],
+            _ if still(k) => out.push((road.time[k], road.time[k])),
+            _ => {}
+        }
+        running = still(k);
+    }
+    out.retain(|(from, to)| to - from >= SHORTEST_S);
+    out
+}
+
+fn reading(channel: usize, torque: Trace<'_>, engine: Trace<'_>, open: &[(f64, f64)], sure: bool) -> Reading {
+    let idle = open.iter().filter_map(|&(from, to)| steadiest(torque, from, to)).min_by(|a, b| a.3.total_cmp(&b.3));
+    let Some((from, to, level, _)) = idle else {
+        let verdict = "no standstill with an open clutch: what it is can't be checked".to_string();
+        return Reading { channel, idle: None, inertia: None, verdict };
+    };
+    let inertia = open.iter().find(|(a, b)| *a <= from && to <= *b).and_then(|&(a, _)| {
+        let range = torque.within(a, from);
+        let impulse: f64 =
+            range.clone().zip(range.skip(1)).map(|(i, j)| (torque.values[i] - level) * (torque.time[j] - torque.time[i])).sum();
+        let gain = engine.at(from) - engine.at(a);
+        // Changes that are lost in noise ask for nothing.
+        (impulse.abs() > 2.0).then(|| impulse / gain)
+    });
+    let clutch = if sure { "the clutch open" } else { "the car at rest (whether the clutch is open, no channel tells)" };
+    let verdict = match inertia {
+        _ if level.abs() < SMALL => format!("reads nothing with {clutch}: it may be the torque of clutch, gearbox input or wheels"),
+        Some(j) if !(INERTIAS.0..=INERTIAS.1).contains(&j) => format!(
+            "it can't be T_e: with {clutch} its changes would ask for an engine of {j:.2} kg·m² (engines have {} to {}); nor is it the clutch's or \
+             gearbox input's torque, which is 0 there, unless its zero is off by {level:.0} N·m",
+            INERTIAS.0, INERTIAS.1
+        ),
+        _ => format!(
+            "with {clutch} the torque of clutch and gearbox input is 0 and the engine's net torque small: it may be indicated torque (with \
+             friction, accessories), or its zero is off by {level:.0} N·m. Say which"
+        ),
+    };
+    Reading { channel, idle: Some((from, to, level)), inertia, verdict }
+}
+
+/// The part of a standstill where the channel changes least: from, to, median, range.
+fn steadiest(torque: Trace<'_>, from: f64, to: f64) -> Option<(f64, f64, f64, f64)> {
+    let starts = torque.within(from, to - STEADY_S);
+    let part = |k: usize| {
+        let (a, b) = (torque.time[k], torque.time[k] + STEADY_S);
+        let values = || torque.within(a, b).map(|i| torque.values[i]);
+        let range = values().fold(f64::NEG_INFINITY, f64::max) - values().fold(f64::INFINITY, f64::min);
+        (a, b, median(values()), range)
+    };
+    starts.map(part).min_by(|a, b| a.3.total_cmp(&b.3))
+}

@@ -1,0 +1,176 @@
+//! The bundled campaign as a road logger would have given it: what is lost or wrong is left out, everything else is kept as it was.
+
+use kisspoint::campaign::{self, Campaign, ReadOptions};
+use std::path::{Path, PathBuf};
+
+/// The cells of a recording, the header apart.
+type Rows = Vec<Vec<String>>;
+
+const TIME: usize = 0;
+const OMEGA_F: usize = 1;
+const OMEGA_C: usize = 2;
+
+fn bundled() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/campaigns/example")
+}
+
+/// The campaign with every recording's rows changed; the first argument is the recording's number.
+fn altered(name: &str, change: impl Fn(usize, &mut Rows)) -> Campaign {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("altered").join(name);
+    std::fs::create_dir_all(&folder).unwrap();
+    let mut files: Vec<PathBuf> = std::fs::read_dir(bundled()).unwrap().map(|e| e.unwrap().path()).collect();
+    files.sort();
+    let mut number = 0;
+    for file in files {
+        let text = std::fs::read_to_string(&file).unwrap();
+        let target = folder.join(file.file_name().unwrap());
+        if file.extension().is_none_or(|e| e != "csv") {
+            std::fs::write(target, text).unwrap();
+            continue;
+        }
+        let mut lines = text.lines();
+        let header = lines.next().unwrap();
+        let mut rows: Rows = lines.map(|l| l.split(',').map(str::to_string).collect()).collect();
+        number += 1;
+        change(number, &mut rows);
+        let rows: Vec<String> = rows.iter().map(|r| r.join(",")).collect();
+        std::fs::write(target, format!("{header}\n{}\n", rows.join("\n"))).unwrap();
+    }
+    campaign::read(&folder, &ReadOptions::default()).unwrap()
+}
+
+fn whole() -> Campaign {
+    campaign::read(&bundled(), &ReadOptions::default()).unwrap()
+}
+
+/// The notes of a campaign as one text.
+fn notes(c: &Campaign) -> String {
+    c.notes.iter().map(|n| format!("{}: {}\n", n.recording, n.text)).collect()
+}
+
+fn number(cell: &str) -> f64 {
+    cell.parse().unwrap()
+}
+
+/// A number that looks drawn, from 0 to 1.
+fn drawn(k: usize) -> f64 {
+    f64::from((k as u32).wrapping_mul(2_654_435_761).rotate_left(13).wrapping_mul(0x9e37_79b9) >> 8) / f64::from(1_u32 << 24)
+}
+
+#[test]
+fn as_it_is_there_is_nothing_to_say() {
+    let c = whole();
+    assert_eq!((c.recordings.len(), c.left_out.len(), notes(&c).as_str()), (9, 0, ""));
+}
+
+#[test]
+fn every_second_sample_of_the_disc_speed_is_missing() {
+    let c = altered("half", |_, rows| rows.iter_mut().skip(1).step_by(2).for_each(|r| r[OMEGA_C].clear()));
+    assert_eq!((c.recordings.len(), notes(&c).as_str()), (9, ""));
+    for (r, w) in c.recordings.iter().zip(&whole().recordings) {
+        // A last row without a disc speed is no part of the recording.
+        let n = r.time.len();
+        assert_eq!((&r.time[..], &r.omega_f[..], r.sample_rate_hz), (&w.time[..n], &w.omega_f[..n], w.sample_rate_hz));
+        assert!(n + 1 >= w.time.len());
+        let same = |k: usize| if k % 2 == 0 { r.omega_c[k] == w.omega_c[k] } else { r.omega_c[k].is_nan() };
+        assert!((0..r.time.len()).all(same));
+    }
+}
+
+#[test]
+fn both_speeds_at_half_the_rate() {
+    let c = altered("slow", |_, rows| {
+        rows.iter_mut().skip(1).step_by(2).for_each(|r| {
+            r[OMEGA_F].clear();
+            r[OMEGA_C].clear();
+        });
+    });
+    assert_eq!(c.recordings.len(), 9);
+    for (r, w) in c.recordings.iter().zip(&whole().recordings) {
+        let n = r.time.len();
+        assert!(n + 1 >= w.time.len());
+        assert_eq!((&r.time[..], &r.t_e[..], &r.x_to_cmd[..]), (&w.time[..n], &w.t_e[..n], &w.x_to_cmd[..n]));
+        assert!(r.omega_f.iter().skip(1).step_by(2).chain(r.omega_c.iter().skip(1).step_by(2)).all(|v| v.is_nan()));
+    }
+}
+
+#[test]
+fn one_code_for_not_available() {
+    let c = altered("code", |number, rows| {
+        if number == 4 {
+            rows[120][OMEGA_C] = "983.025".into();
+        }
+    });
+    assert_eq!(c.recordings.len(), 9);
+    assert!(notes(&c).contains("r04: omega_c_rad_s: 1 sample is not believed and left out"), "{}", notes(&c));
+    assert!(notes(&c).contains("line 122: 983.025 rad/s"), "{}", notes(&c));
+    let (r, w) = (&c.recordings[3], &whole().recordings[3]);
+    assert!((0..r.time.len()).all(|k| if k == 120 { r.omega_c[k].is_nan() } else { r.omega_c[k] == w.omega_c[k] }));
+}
+
+#[test]
+fn every_command_says_what_is_not_believed() {
+    _ = altered("said", |_, rows| rows[100][OMEGA_F] = "983.025".into());
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("altered/said");
+    let file = folder.join("r01.csv");
+    for (command, path) in [("inspect", &file), ("survey", &file), ("replay", &folder)] {
+        let out = std::process::Command::new(env!("CARGO_BIN_EXE_kisspoint")).arg(command).arg(path).output().unwrap();
+        let text = String::from_utf8(out.stdout).unwrap();
+        assert!(text.contains("1 sample is not believed and left out"), "{command}: {text}");
+    }
+}
+
+#[test]
+fn a_dead_band_of_the_disc_speed() {
+    let c = altered("dead", |_, rows| {
+        rows.iter_mut().filter(|r| number(&r[OMEGA_C]).abs() < 3.0).for_each(|r| r[OMEGA_C] = "0".into());
+    });
+    assert_eq!(c.left_out, []);
+    let mut hidden = 0;
+    for (r, w) in c.recordings.iter().zip(&whole().recordings) {
+        // No zero is believed where the speed passes through the band; what is above it stays.
+        let passes = w.omega_c.iter().any(|v| v.abs() < 1.0) && w.omega_c.iter().any(|v| *v > 20.0);
+        assert!(!passes || r.omega_c.iter().all(|v| *v != 0.0), "{}: {}", r.name, notes(&c));
+        assert!(r.omega_c.iter().zip(&w.omega_c).all(|(r, w)| w.abs() < 3.0 || r == w));
+        hidden += usize::from(passes);
+    }
+    assert!(hidden >= 4 && notes(&c).contains("the sensor reads 0 below 3."), "{}", notes(&c));
+}
+
+#[test]
+fn lost_frames_lose_themselves_alone() {
+    let c = altered("lost", |number, rows| {
+        let mut k = 0;
+        rows.retain(|_| {
+            k += 1;
+            k == 1 || drawn(10_000 * number + k) > 0.005
+        });
+    });
+    assert_eq!((c.recordings.len(), c.left_out.len()), (9, 0), "{:?}", c.left_out);
+    let (mut lost, mut all) = (0, 0);
+    for (r, w) in c.recordings.iter().zip(&whole().recordings) {
+        all += w.time.len();
+        lost += w.time.len() - r.time.len();
+        // Every frame that was not lost stands where it stood.
+        let at = |t: f64| w.time.partition_point(|s| *s < t - 1e-9);
+        assert!(r.time.iter().zip(&r.omega_f).all(|(t, v)| w.omega_f[at(*t)] == *v), "{}", r.name);
+        assert!((r.time.last().unwrap() - w.time.last().unwrap()).abs() < 0.05, "{}", r.name);
+    }
+    assert!((0.002..0.01).contains(&(lost as f64 / all as f64)), "{lost} of {all}");
+    assert!(notes(&c).contains("the value before is held"), "{}", notes(&c));
+}
+
+#[test]
+fn stamps_jitter_by_almost_half_of_the_interval() {
+    let shift = |row: usize| 0.009 * (drawn(row) - 0.5);
+    let c = altered("jitter", |_, rows| {
+        for (k, r) in rows.iter_mut().enumerate().skip(1) {
+            r[TIME] = format!("{:.5}", number(&r[TIME]) + shift(k));
+        }
+    });
+    assert_eq!((c.recordings.len(), c.left_out.len()), (9, 0), "{:?}", c.left_out);
+    for (r, w) in c.recordings.iter().zip(&whole().recordings) {
+        assert_eq!(r.omega_c, w.omega_c);
+        assert!(r.time.iter().zip(&w.time).enumerate().skip(1).all(|(k, (r, w))| (r - w - shift(k)).abs() < 1e-5));
+    }
+}

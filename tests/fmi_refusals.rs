@@ -1,0 +1,110 @@
+//! What the FMU refuses although each value alone may be one: results that are no numbers, saved states beyond the bounds of their variables,
+//! shafts that are neither rigid nor soft enough to be followed.
+
+use kisspoint::fmi2::{controller, exports::*, plant, types::*, words};
+use std::ffi::{CString, c_char, c_void};
+use std::ptr;
+
+fn instance(guid: &str) -> *mut c_void {
+    let callbacks = CallbackFunctions {
+        logger: None,
+        allocate_memory: None,
+        free_memory: None,
+        step_finished: None,
+        component_environment: ptr::null_mut(),
+    };
+    let guid = CString::new(guid).unwrap();
+    let c = fmi2Instantiate(c"x".as_ptr(), CO_SIMULATION, guid.as_ptr(), ptr::null(), &callbacks, 0, 0);
+    assert!(!c.is_null());
+    c
+}
+
+fn initialize(c: *mut c_void) {
+    assert_eq!(fmi2EnterInitializationMode(c), Status::Ok);
+    assert_eq!(fmi2ExitInitializationMode(c), Status::Ok);
+}
+
+fn set(c: *mut c_void, vr: u32, value: f64) -> Status {
+    fmi2SetReal(c, &vr, 1, &value)
+}
+
+fn get(c: *mut c_void, vr: u32) -> f64 {
+    let mut value = f64::NAN;
+    assert_eq!(fmi2GetReal(c, &vr, 1, &mut value), Status::Ok);
+    value
+}
+
+fn serialized(c: *mut c_void) -> Vec<u8> {
+    let (mut state, mut size) = (ptr::null_mut(), 0);
+    assert_eq!(fmi2GetFMUstate(c, &mut state), Status::Ok);
+    assert_eq!(fmi2SerializedFMUstateSize(c, state, &mut size), Status::Ok);
+    let mut stored = vec![0_u8; size];
+    assert_eq!(fmi2SerializeFMUstate(c, state, stored.as_mut_ptr().cast::<c_char>(), size), Status::Ok);
+    assert_eq!(fmi2FreeFMUstate(c, &mut state), Status::Ok);
+    stored
+}
+
+/// Takes up the state of `c` with every word that holds `from` changed to `to`, sealed anew.
+fn take_up_changed(c: *mut c_void, guid: &str, from: f64, to: f64) -> Status {
+    let mut payload = words::payload(guid, &serialized(c)).unwrap();
+    let places = payload.iter_mut().filter(|word| **word == from.to_bits());
+    assert!(places.map(|word| *word = to.to_bits()).count() > 0, "the state holds {from}");
+    let bytes: Vec<u8> = words::bytes(guid, &payload).collect();
+    let mut state = ptr::null_mut();
+    let status = fmi2DeSerializeFMUstate(c, bytes.as_ptr().cast::<c_char>(), bytes.len(), &mut state);
+    if status != Status::Ok {
+        assert!(state.is_null(), "a refused state was handed out");
+        return status;
+    }
+    let status = fmi2SetFMUstate(c, state);
+    assert_eq!(fmi2FreeFMUstate(c, &mut state), Status::Ok);
+    status
+}
+
+#[test]
+fn a_step_that_leaves_no_numbers_is_refused_until_a_reset() {
+    let c = instance(plant::GUID);
+    assert_eq!((set(c, plant::vr::omega_f_start, 100.0), set(c, plant::vr::x_to, 6.5)), (Status::Ok, Status::Ok));
+    initialize(c);
+    assert_eq!(fmi2DoStep(c, 0.0, 0.01, 1), Status::Ok);
+    // No sound run comes to such a speed; its friction power is beyond every number.
+    assert_eq!(take_up_changed(c, plant::GUID, get(c, plant::vr::omega_f), 1e308), Status::Ok);
+    assert_eq!(fmi2DoStep(c, 0.01, 0.01, 1), Status::Error);
+    assert_eq!(fmi2DoStep(c, 0.02, 0.01, 1), Status::Error, "a failed instance steps no further");
+    assert_eq!(fmi2Reset(c), Status::Ok);
+    initialize(c);
+    assert_eq!(fmi2DoStep(c, 0.0, 0.01, 1), Status::Ok);
+    fmi2FreeInstance(c);
+}
+
+#[test]
+fn a_state_beyond_the_bounds_of_its_variables_is_refused() {
+    for (guid, vr, beyond) in [(plant::GUID, plant::vr::x_to, 50.1), (controller::GUID, controller::vr::omega_f, 2000.1)] {
+        let c = instance(guid);
+        initialize(c);
+        assert_eq!(set(c, vr, beyond), Status::Error, "that is its bound");
+        assert_eq!(set(c, vr, 12.345), Status::Ok);
+        assert_eq!(take_up_changed(c, guid, 12.345, 23.456), Status::Ok, "within the bounds it is a state like any other");
+        assert_eq!(get(c, vr), 23.456);
+        assert_eq!(take_up_changed(c, guid, 23.456, beyond), Status::Error);
+        assert_eq!(get(c, vr), 23.456, "a refused state changes nothing");
+        assert_eq!(fmi2DoStep(c, 0.0, 0.01, 1), Status::Ok);
+        fmi2FreeInstance(c);
+    }
+}
+
+#[test]
+fn shafts_are_rigid_or_soft_enough_to_be_followed() {
+    let c = instance(plant::GUID);
+    initialize(c);
+    let compliance = plant::vr::effect_driveline_compliance_compliance;
+    for refused in [1e-300, 5e-7, 9.999e-7, -1e-6, 0.11] {
+        assert_eq!(set(c, compliance, refused), Status::Error, "{refused}");
+        assert_eq!(get(c, compliance), 0.0);
+    }
+    for taken in [1e-6, 1e-3, 0.0] {
+        assert_eq!(set(c, compliance, taken), Status::Ok, "{taken}");
+        assert_eq!(get(c, compliance), taken);
+    }
+    fmi2FreeInstance(c);
+}

@@ -1,0 +1,107 @@
+//! The GUID tells cars apart: an FMU starts as the car that its GUID names, or not at all.
+
+use kisspoint::effects;
+use kisspoint::fmi2::{controller, exports::*, plant, types::*};
+use kisspoint::fmu::{Model, description};
+use kisspoint::vehicle::Vehicle;
+use std::ffi::{CString, c_void};
+use std::path::{Path, PathBuf};
+use std::{fs, ptr};
+
+const OTHER_J_C: f64 = 0.75;
+
+/// A resource folder with a car of another inertia, and that car.
+fn other_car(name: &str) -> (PathBuf, Vehicle) {
+    let mut vehicle = Vehicle::paper();
+    vehicle.driveline.J_c = OTHER_J_C;
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    resources(&folder, &vehicle);
+    (folder, vehicle)
+}
+
+fn resources(folder: &Path, vehicle: &Vehicle) {
+    fs::create_dir_all(folder).unwrap();
+    fs::write(folder.join("vehicle.json"), vehicle.to_value().to_string()).unwrap();
+}
+
+fn guid(model: &Model, vehicle: &Vehicle) -> String {
+    let xml = description::complete(model, vehicle, &effects::null());
+    xml.lines().find_map(|line| description::attribute(line, "guid")).unwrap().to_owned()
+}
+
+fn instantiate(guid: &str, location: Option<&[u8]>) -> *mut c_void {
+    let callbacks = CallbackFunctions {
+        logger: None,
+        allocate_memory: None,
+        free_memory: None,
+        step_finished: None,
+        component_environment: ptr::null_mut(),
+    };
+    let (guid, location) = (CString::new(guid).unwrap(), location.map(|bytes| CString::new(bytes).unwrap()));
+    let location = location.as_ref().map_or(ptr::null(), |text| text.as_ptr());
+    fmi2Instantiate(c"x".as_ptr(), CO_SIMULATION, guid.as_ptr(), location, &callbacks, 0, 0)
+}
+
+/// J_c that an instance starts with; none if it was refused.
+fn inertia(guid: &str, location: Option<&[u8]>) -> Option<f64> {
+    let c = instantiate(guid, location);
+    if c.is_null() {
+        return None;
+    }
+    let mut value = f64::NAN;
+    assert_eq!(fmi2EnterInitializationMode(c), Status::Ok);
+    assert_eq!(fmi2GetReal(c, &plant::vr::driveline_J_c, 1, &mut value), Status::Ok);
+    fmi2FreeInstance(c);
+    Some(value)
+}
+
+fn uri(folder: &Path) -> Vec<u8> {
+    format!("file://{}", folder.display()).into_bytes()
+}
+
+#[test]
+fn an_fmu_starts_as_its_own_car_or_not_at_all() {
+    let (folder, other) = other_car("other");
+    let paper_folder = folder.with_file_name("paper");
+    resources(&paper_folder, &Vehicle::paper());
+    let paper_j_c = Vehicle::paper().driveline.J_c;
+    for model in &kisspoint::fmu::MODELS {
+        let (of_paper, of_other) = (guid(model, &Vehicle::paper()), guid(model, &other));
+        assert_eq!(inertia(&of_other, Some(&uri(&folder))), Some(OTHER_J_C));
+        assert_eq!(inertia(&of_paper, Some(&uri(&paper_folder))), Some(paper_j_c));
+        // The resources of another FMU.
+        assert_eq!(inertia(&of_other, Some(&uri(&paper_folder))), None);
+        assert_eq!(inertia(&of_paper, Some(&uri(&folder))), None);
+        // None, a folder that is not there, Latin-1 where none is named so: the values of the source serve if they are the FMU's own.
+        for absent in [None, Some(&b"file:///nowhere"[..]), Some(b"file:///m\xfcll"), Some(b"http://example.org/x")] {
+            assert_eq!(inertia(&of_other, absent), None);
+            assert_eq!(inertia(&of_paper, absent), Some(paper_j_c));
+        }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_folder_named_in_latin_1_is_found() {
+    use std::os::unix::ffi::OsStrExt;
+    let (folder, other) = other_car("latin");
+    let latin = folder.join(std::ffi::OsStr::from_bytes(b"m\xfcll"));
+    resources(&latin, &other);
+    let (model, plain) = (&kisspoint::fmu::MODELS[1], uri(&folder));
+    let guid = guid(model, &other);
+    assert_eq!(inertia(&guid, Some(&[&plain[..], b"/m\xfcll"].concat())), Some(OTHER_J_C));
+    assert_eq!(inertia(&guid, Some(&[&plain[..], b"/m%FCll"].concat())), Some(OTHER_J_C));
+}
+
+#[test]
+fn measurements_take_any_value_and_commands_do_not() {
+    for (guid, reference, status) in
+        [(controller::GUID, controller::vr::omega_f, Status::Ok), (plant::GUID, plant::vr::x_to, Status::Error)]
+    {
+        let c = instantiate(guid, None);
+        for value in [f64::NAN, f64::INFINITY, 2500.0, -1e300] {
+            assert_eq!(fmi2SetReal(c, &reference, 1, &value), status, "{value}");
+        }
+        fmi2FreeInstance(c);
+    }
+}

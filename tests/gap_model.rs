@@ -1,0 +1,157 @@
+//! The model of the data against cars that the plant itself makes up: what it takes for noise is noise, and what it finds is what was put in.
+
+use kisspoint::campaign::{self, Recording};
+use kisspoint::effects::{self, REGISTRY, param};
+use kisspoint::gap::infer::density::{Problem, misfit};
+use kisspoint::gap::infer::fit::{Free, fit};
+use kisspoint::gap::infer::pulsation;
+use kisspoint::gap::infer::search::search;
+use kisspoint::gap::model::replay::{replay, start};
+use kisspoint::gap::model::tolerance::Car;
+use kisspoint::gap::model::track::{Channel, Track};
+use kisspoint::gap::model::{filter, prepare};
+use kisspoint::vehicle::Vehicle;
+use std::path::Path;
+
+/// Standard normal numbers, the same ones every time.
+fn normals(mut seed: u64) -> impl FnMut() -> f64 {
+    move || {
+        let mut uniform = || {
+            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            ((seed >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
+        };
+        (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+    }
+}
+
+fn example() -> (Vec<Recording>, serde_json::Value) {
+    let campaign = campaign::read(Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
+    (campaign.recordings, campaign.vehicle_json)
+}
+
+/// The bundled campaign's inputs, as a car with these effects would have answered them, with white sensor noise of 0.1 rad/s.
+fn made_up(change: impl Fn(&mut effects::Parameters)) -> Problem {
+    let (mut recordings, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let mut normal = normals(3);
+    for r in &mut recordings {
+        (r.x_to, r.t_fc, r.theta_c) = (None, None, None);
+        let track = Track::new(r);
+        let mut car = Car::nominal(&vehicle);
+        change(&mut car.effects);
+        let mut speeds = [vec![0.0; track.rows()], vec![0.0; track.rows()]];
+        let begin = start(&track, &Car::nominal(&vehicle), 0, track.theta_0, 0.1);
+        replay(&track, &car, &begin, 0..track.rows(), None, |row, now, _, _| {
+            (speeds[0][row], speeds[1][row]) = (now.omega_f + 0.1 * normal(), now.omega_c + 0.1 * normal());
+        });
+        [r.omega_f, r.omega_c] = speeds;
+    }
+    let all: Vec<&Recording> = recordings.iter().collect();
+    let (tracks, tolerances) = prepare::read(&all, &vehicle_json).unwrap();
+    let with = prepare::disturbances(&tracks, &tolerances);
+    prepare::problem(tracks, &vehicle, &tolerances, &with)
+}
+
+#[test]
+fn innovations_of_the_true_car_are_white_and_of_unit_variance_at_most() {
+    let problem = made_up(|_| {});
+    let all = problem.all_residuals(&problem.nominal(), None);
+    for (r, f) in all.iter().zip(&problem.filters) {
+        for c in 0..2 {
+            let v: Vec<f64> = (0..f.gains.len()).map(|k| r[2 * k + c]).collect();
+            let n = v.len() as f64;
+            let variance = v.iter().map(|x| x * x).sum::<f64>() / n;
+            let neighbours = v.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / (n * variance);
+            // Disturbances that this car does not have are allowed for, so that less than one is left.
+            assert!((0.5..1.2).contains(&variance), "variance {variance}");
+            assert!(neighbours.abs() < 0.3, "correlation {neighbours}");
+        }
+    }
+}
+
+#[test]
+fn an_effect_that_is_there_is_found_and_one_more_is_not_believed() {
+    let problem = made_up(|e| e[param::vehicle_mass::factor] = 1.12);
+    let found = search(&problem, &|_, _| {});
+    let mass = effects::find("vehicle_mass").unwrap();
+    assert_eq!(found.best().effects, [mass]);
+    let factor = found.best().fit.point.effects[param::vehicle_mass::factor];
+    assert!((factor - 1.12).abs() < 0.06, "{factor}");
+    // A set never fits worse than one that it holds.
+    let base = found.base().fit.cost;
+    for h in &found.hypotheses {
+        assert!(h.fit.cost < base + 1.0, "{:?}: {} {base}", h.effects, h.fit.cost);
+    }
+}
+
+#[test]
+fn a_healthy_car_stays_healthy() {
+    let found = search(&made_up(|_| {}), &|_, _| {});
+    assert!(found.best().effects.is_empty(), "{:?}", found.best().effects);
+}
+
+#[test]
+fn the_order_of_a_ripple_is_found() {
+    let judder = effects::find("judder").unwrap();
+    for order in [0.6, 1.7, 3.1] {
+        let problem = made_up(|e| (e[param::judder::sine], e[param::judder::order]) = (0.2, order));
+        let starts = pulsation::starts(&problem, &problem.nominal());
+        let found: Vec<f64> = starts.iter().map(|(_, p)| p.effects[param::judder::order]).collect();
+        assert!(starts.iter().all(|(e, _)| *e == judder) && found.iter().any(|f| (f - order).abs() < 0.01), "order {order}: {found:?}");
+    }
+}
+
+#[test]
+fn a_brake_is_no_gap() {
+    let (mut recordings, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let r = recordings.iter_mut().find(|r| r.manoeuvre == "open_rev").unwrap();
+    // From the middle on the car's side is pulled by 100 N·m that nobody reports.
+    let half = r.time.len() / 2;
+    let begin = r.time[half];
+    let speed = r.omega_c[half];
+    for k in half..r.time.len() {
+        r.omega_c[k] = (speed - 100.0 / 0.6 * (r.time[k] - begin)).max(0.0);
+    }
+    let marked: Vec<bool> = (0..r.time.len()).map(|k| k >= half).collect();
+    let cost = |brake: Option<Vec<bool>>| {
+        let track = Track::new(&Recording { brake, ..r.clone() });
+        let (_, tolerances) = prepare::read(&[&*r], &vehicle_json).unwrap();
+        let with = prepare::disturbances(std::slice::from_ref(&track), &tolerances);
+        let filter = prepare::filter_of(&track, &vehicle, &with);
+        let n = track.observations();
+        let all = kisspoint::gap::model::replay::innovations(&track, &filter, &Car::nominal(&vehicle), track.theta_0, None);
+        assert_eq!(all.len(), 2 * n);
+        misfit(&[(0..n).map(|k| all[2 * k + 1]).collect()]) / n as f64
+    };
+    let (without, with) = (cost(None), cost(Some(marked)));
+    assert!(with < 4.0 && without > 20.0 * with, "marked {with}, not marked {without}");
+}
+
+#[test]
+fn derivatives_that_are_kept_lead_to_the_same_mode() {
+    let problem = made_up(|e| e[param::friction_level::factor] = 1.15);
+    let level = [effects::find("friction_level").unwrap()];
+    let base = fit(&problem, Free::default(), &problem.nominal(), 12, None);
+    let fresh = fit(&problem, Free { effects: &level, basis: None }, &problem.nominal(), 12, None);
+    let kept = fit(&problem, Free { effects: &level, basis: None }, &base.point, 12, Some(&base.columns));
+    assert!((fresh.cost - kept.cost).abs() < 1.0, "{} {}", fresh.cost, kept.cost);
+    let factor = |f: &kisspoint::gap::infer::fit::Fit| f.point.effects[param::friction_level::factor];
+    assert!((factor(&fresh) - factor(&kept)).abs() < 0.01 && (factor(&fresh) - 1.15).abs() < 0.05);
+    assert_eq!(REGISTRY[level[0]].id, "friction_level");
+}
+
+#[test]
+fn samples_that_are_not_there_are_not_made_up() {
+    let (mut recordings, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let r = &mut recordings[0];
+    (1..r.omega_c.len()).step_by(2).for_each(|k| r.omega_c[k] = f64::NAN);
+    let (tracks, tolerances) = prepare::read(&[&*r], &vehicle_json).unwrap();
+    let with = prepare::disturbances(&tracks, &tolerances);
+    let f = filter::filter(&tracks[0], [vehicle.driveline.J_f, vehicle.driveline.J_c], &with, &[]);
+    let known = |c: usize| f.gains.iter().filter(|g| g.weight[c] > 0.0).count();
+    assert_eq!(known(0), tracks[0].observations());
+    assert_eq!(known(1), tracks[0].observations().div_ceil(2));
+    assert!(tracks[0].measured[Channel::OmegaC as usize].iter().any(|v| v.is_nan()));
+}

@@ -1,0 +1,212 @@
+//! The FMUs under load: ten thousand instances on 64 threads, effects at drawn extremes while inputs step wildly. Every number is one, memory stays
+//! what it was, and no plant has more energy than was put in.
+//!
+//! `packaging/soak.sh` runs the same for an hour: `KISSPOINT_SOAK_S` is how long, in s; without it each test does a set amount of work.
+
+use kisspoint::effects::{self, PARAMETERS, Parameters, param};
+use kisspoint::fmi2::variables::{Causality, Description, Kind, Variability};
+use kisspoint::fmi2::{controller, exports::*, plant, types::*};
+use kisspoint::plant::{Inputs, Plant, Start};
+use kisspoint::vehicle::Vehicle;
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::ffi::{CString, c_void};
+use std::ptr;
+use std::time::{Duration, Instant};
+
+mod random;
+use random::Random;
+
+const THREADS: usize = 64;
+const INSTANCES: usize = 10_000;
+const STEPS: usize = 10_000_000;
+
+struct Counting;
+
+thread_local! {
+    static COUNT: Cell<usize> = const { Cell::new(0) };
+}
+
+// SAFETY: everything is handed on to the system's allocator.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        COUNT.with(|n| n.set(n.get() + 1));
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// How long to go on, if it was said.
+fn soak() -> Option<Duration> {
+    let seconds = std::env::var("KISSPOINT_SOAK_S").ok()?;
+    Some(Duration::from_secs(seconds.parse().expect("KISSPOINT_SOAK_S is a number of seconds")))
+}
+
+/// A bound, or anywhere between the bounds.
+fn extreme(random: &mut Random, min: f64, max: f64) -> f64 {
+    match (random.next() * 3.0) as u32 {
+        0 => min,
+        1 => max,
+        _ => min + (max - min) * random.next(),
+    }
+}
+
+fn make(guid: &str) -> *mut c_void {
+    let callbacks = CallbackFunctions {
+        logger: None,
+        allocate_memory: None,
+        free_memory: None,
+        step_finished: None,
+        component_environment: ptr::null_mut(),
+    };
+    let guid = CString::new(guid).unwrap();
+    let c = fmi2Instantiate(c"x".as_ptr(), CO_SIMULATION, guid.as_ptr(), ptr::null(), &callbacks, 0, 0);
+    assert!(!c.is_null());
+    begin(c);
+    c
+}
+
+fn begin(c: *mut c_void) {
+    assert_eq!((fmi2EnterInitializationMode(c), fmi2ExitInitializationMode(c)), (Status::Ok, Status::Ok));
+}
+
+struct Instance {
+    component: *mut c_void,
+    description: &'static Description,
+    time: f64,
+}
+
+impl Instance {
+    /// Sets what may be set while running: inputs always, a tunable parameter with a probability.
+    fn unsettle(&self, random: &mut Random, share: f64) {
+        for v in self.description.variables {
+            let tunable = v.causality == Causality::Parameter && v.variability == Variability::Tunable;
+            if v.kind != Kind::Real || !(v.causality == Causality::Input || tunable && random.next() < share) {
+                continue;
+            }
+            // Shafts between rigid and soft are refused, and shafts too fast to be followed when the step comes.
+            let least = if v.name == "effect.driveline_compliance.compliance" { 1e-4 } else { v.min };
+            let value = extreme(random, least, v.max);
+            assert_eq!(fmi2SetReal(self.component, &v.value_reference, 1, &value), Status::Ok, "{} = {value}", v.name);
+        }
+    }
+
+    /// One step; false if the parameters make a plant that cannot be followed, after which it begins anew.
+    fn step(&mut self, h: f64) -> bool {
+        let done = fmi2DoStep(self.component, self.time, h, 1) == Status::Ok;
+        for v in self.description.variables.iter().filter(|v| v.causality == Causality::Output && v.kind == Kind::Real) {
+            let mut x = f64::NAN;
+            assert_eq!(fmi2GetReal(self.component, &v.value_reference, 1, &mut x), Status::Ok);
+            assert!(x.is_finite() || !done, "{} is {x} after a step that was made", v.name);
+        }
+        if !done {
+            assert_eq!(fmi2Reset(self.component), Status::Ok);
+            begin(self.component);
+        }
+        self.time = if done { self.time + h } else { 0.0 };
+        done
+    }
+}
+
+/// Works on a thread's instances; returns steps made and refused.
+fn work(thread: usize, until: Option<Instant>) -> [usize; 2] {
+    let models = [(plant::GUID, &plant::DESCRIPTION), (controller::GUID, &controller::DESCRIPTION)];
+    let instance = |k: usize| Instance { component: make(models[k % 2].0), description: models[k % 2].1, time: 0.0 };
+    let mut all: Vec<Instance> = (0..INSTANCES / THREADS + usize::from(thread < INSTANCES % THREADS)).map(instance).collect();
+    let mut random = Random(0x9e37_79b9_7f4a_7c15 ^ (thread as u64 + 1).wrapping_mul(0x2545_f491_4f6c_dd1d));
+    let (mut made, mut refused) = (0, 0);
+    let before = COUNT.get();
+    while until.map_or(made + refused < STEPS / THREADS, |until| Instant::now() < until) {
+        for one in &mut all {
+            let share = [0.0, 0.0, 0.02, 0.3][(random.next() * 4.0) as usize];
+            one.unsettle(&mut random, share);
+            for _ in 0..64 {
+                let ok = one.step(10_f64.powf(-5.0 + 2.3 * random.next()));
+                (made, refused) = (made + usize::from(ok), refused + usize::from(!ok));
+            }
+        }
+    }
+    assert_eq!(COUNT.get() - before, 0, "allocations in {made} steps");
+    all.iter().for_each(|one| fmi2FreeInstance(one.component));
+    [made, refused]
+}
+
+#[test]
+fn ten_thousand_instances_on_64_threads_give_numbers_and_take_no_memory() {
+    let until = soak().map(|time| Instant::now() + time);
+    let done: Vec<[usize; 2]> = std::thread::scope(|scope| {
+        let threads: Vec<_> = (0..THREADS).map(|thread| scope.spawn(move || work(thread, until))).collect();
+        threads.into_iter().map(|thread| thread.join().expect("no thread fails")).collect()
+    });
+    let [made, refused] = [0, 1].map(|k| done.iter().map(|d| d[k]).sum::<usize>());
+    println!("{INSTANCES} instances on {THREADS} threads: {made} steps, {refused} refused");
+    assert!(made + refused >= STEPS || until.is_some());
+    assert!(refused < made / 10, "{refused} of {made} steps were refused");
+}
+
+fn effects_at_extremes(random: &mut Random) -> Parameters {
+    let mut parameters = effects::null();
+    let share = [0.1, 0.5, 1.0][(random.next() * 3.0) as usize];
+    for (value, p) in parameters.iter_mut().zip(&PARAMETERS) {
+        if random.next() < share {
+            *value = extreme(random, p.min, p.max);
+        }
+    }
+    // Faster pulsations than some radians in a substep are no longer followed.
+    parameters[param::judder::order] = parameters[param::judder::order].min(3.0);
+    let compliance = &mut parameters[param::driveline_compliance::compliance];
+    *compliance = if *compliance < 1e-4 { 0.0 } else { *compliance };
+    parameters
+}
+
+#[test]
+fn no_plant_has_more_energy_than_was_put_in() {
+    let begin = Instant::now();
+    let mut random = Random(0x2545_f491_4f6c_dd1d);
+    let (mut plants, mut balanced, mut steps, mut most) = (0, 0, 0, 0.0_f64);
+    while soak().map_or(plants < 400, |time| begin.elapsed() < time) {
+        let vehicle = Vehicle::paper();
+        let parameters = effects_at_extremes(&mut random);
+        let omega_f = 300.0 * random.next();
+        let start = Start { omega_f, omega_c: 300.0 * random.next() - 50.0, theta_c: 250.0 * random.next(), theta_b: 60.0 };
+        let mut wild = || Inputs {
+            x_to: 3.0 + 6.0 * random.next(),
+            t_e_ref: 600.0 * random.next() - 300.0,
+            theta_h: 25.0,
+            t_load: 400.0 * random.next() - 200.0,
+        };
+        let mut plant = Plant::new(&vehicle, &parameters, &start, &wild());
+        if plant.config().pace.check().is_err() {
+            continue;
+        }
+        plants += 1;
+        let first = plant.energy();
+        // What went through: without it, a plant that only coasts would have to balance to nothing.
+        let (mut last, mut moved, mut off) = (first, first.stored, 0.0_f64);
+        for _ in 0..50 {
+            let inputs = wild();
+            for _ in 0..20 {
+                plant.step(&inputs, 2e-3);
+                let now = plant.energy();
+                moved += (now.work_in - last.work_in).abs() + (now.losses - last.losses).abs() + (now.dissipated - last.dissipated).abs();
+                let beyond = now.stored - first.stored + now.losses - now.work_in;
+                assert!(now.stored >= 0.0 && beyond.is_finite() && now.dissipated >= last.dissipated - 1e-9 * moved);
+                most = most.max(beyond / moved);
+                assert!(beyond < 1e-3 * moved, "{beyond} J of {moved} J beyond what was put in, {:?}", effects::to_value(&parameters));
+                off = off.max((beyond + now.dissipated).abs() / moved);
+                (last, steps) = (now, steps + 1);
+            }
+        }
+        balanced += usize::from(off < 1e-3);
+    }
+    println!(
+        "{plants} plants, {steps} steps: at most {most:.1e} of the energy that passed beyond what was put in; {balanced} balance to 1e-3"
+    );
+    // Where friction is so steep that a substep is just stable, its heat is less exact than the motion.
+    assert!(100 * balanced > 95 * plants, "{balanced} of {plants} balance");
+}

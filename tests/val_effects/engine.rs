@@ -1,0 +1,42 @@
+//! Engine: a free flywheel shows the torque on the crankshaft, J (ω − ω_0) = ∫ T dt.
+
+use crate::bench::{Bench, Law, omega_f, remains};
+use kisspoint::effects::param::{engine_torque_bias as bias, engine_torque_gain as gain, engine_torque_lag as lag};
+
+const J: f64 = 0.2;
+const START: f64 = 200.0;
+
+/// A flywheel without damping, clutch open, with `report` N·m from time 0 on.
+fn free(start: f64, report: f64) -> Bench {
+    let mut bench = Bench::held(start, 0.0, 25.0, 0.0);
+    bench.vehicle.driveline.J_f = J;
+    bench.driven(0.0, report)
+}
+
+/// Speed after `t` seconds behind a lag with the time constant `tau`, from rest at 0: the law integrated once gives the impulse.
+fn lagged(report: f64, tau: f64, kappa: f64, t: f64) -> f64 {
+    let (z, v) = remains(tau, kappa, t);
+    START + report * (t - tau * (1.0 - z) - kappa * tau * tau * -v) / J
+}
+
+pub fn laws() -> Vec<Law> {
+    let law = Law::new;
+    let slow = |k, a| vec![(lag::time_constant, 0.1), (lag::curvature, k), (lag::asymmetry, a)];
+    vec![
+        law("gain", &[(gain::gain, 1.3)], free(START, 20.0), 0.5, omega_f, START + 1.3 * 20.0 * 0.5 / J),
+        law("gain, drag", &[(gain::gain, 0.7)], free(START, -20.0), 0.5, omega_f, START - 0.7 * 20.0 * 0.5 / J),
+        law("bias", &[(bias::torque, -7.0)], free(START, 20.0), 0.5, omega_f, START + (20.0 - 7.0) * 0.5 / J),
+        law("bias is not scaled", &[(bias::torque, 7.0), (gain::gain, 2.0)], free(START, 20.0), 0.5, omega_f, START + 47.0 * 0.5 / J),
+        // J ω ω̇ = −P.
+        law("accessory", &[(bias::accessory_power, 800.0)], free(START, 0.0), 1.0, omega_f, (START * START - 2.0 * 800.0 / J).sqrt()),
+        law("slow accessory", &[(bias::accessory_power, 800.0)], free(40.0, 0.0), 0.2, omega_f, 40.0 - 800.0 / 50.0 * 0.2 / J),
+        law("lag", &slow(0.0, 0.0), free(START, 30.0), 0.07, omega_f, lagged(30.0, 0.1, 0.0, 0.07)),
+        law("lag of two equal parts", &slow(0.25, 0.0), free(START, 30.0), 0.07, omega_f, lagged(30.0, 0.1, 0.25, 0.07)),
+        law("lag that overshoots", &slow(1.0, 0.0), free(START, 30.0), 0.3, omega_f, lagged(30.0, 0.1, 1.0, 0.3)),
+        law("slower up", &slow(0.0, 0.4), free(START, 30.0), 0.07, omega_f, lagged(30.0, 0.14, 0.0, 0.07)),
+        law("faster down", &slow(0.0, 0.4), free(START, -30.0), 0.07, omega_f, lagged(-30.0, 0.06, 0.0, 0.07)),
+        law("the bias lags along", &[(lag::time_constant, 0.1), (bias::torque, 5.0)], free(START, 30.0), 0.07, omega_f, {
+            lagged(30.0, 0.1, 0.0, 0.07) + 5.0 * 0.07 / J
+        }),
+    ]
+}

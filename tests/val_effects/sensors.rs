@@ -1,0 +1,45 @@
+//! Sensors: speeds that change evenly, or decay, as they are sensed.
+
+use crate::bench::{Bench, Law, omega_c, omega_f};
+use kisspoint::effects::param::{clutch_speed_delay as late_c, clutch_speed_gain as gain, engine_speed_delay as late_f};
+
+/// Flywheel and disc lose speed to a damping at 4 and 5 1/s.
+fn decaying() -> Bench {
+    let mut bench = Bench::held(200.0, 100.0, 25.0, 0.0);
+    let d = &mut bench.vehicle.driveline;
+    (d.J_f, d.b_f, d.J_c, d.b_c) = (0.2, 0.8, 0.5, 2.5);
+    bench.step = 2.5e-4;
+    bench
+}
+
+/// The disc loses 40 rad/s every second.
+fn ramp() -> Bench {
+    let mut bench = Bench::held(200.0, 100.0, 25.0, 0.0);
+    bench.vehicle.driveline.J_c = 0.5;
+    bench.rest.t_load = 20.0;
+    bench
+}
+
+pub fn laws() -> Vec<Law> {
+    let law = Law::new;
+    let decay = |from: f64, rate: f64, t: f64| from * (-rate * t).exp();
+    vec![
+        law("disc speed by a factor", &[(gain::gain, 1.02)], ramp(), 0.5, omega_c, 1.02 * 80.0),
+        law("disc speed late", &[(late_c::delay, 0.05)], ramp(), 0.5, omega_c, 100.0 - 40.0 * 0.45),
+        law("disc speed filtered", &[(late_c::smoothing, 0.03)], ramp(), 0.5, omega_c, 100.0 - 40.0 * 0.47),
+        law("disc speed late and filtered", &[(late_c::delay, 0.05), (late_c::smoothing, 0.03)], ramp(), 0.5, omega_c, 100.0 - 40.0 * 0.42),
+        law("disc speed late and by a factor", &[(late_c::delay, 0.05), (gain::gain, 1.02)], ramp(), 0.5, omega_c, 1.02 * 82.0),
+        law("no value is older than the start", &[(late_c::delay, 0.2)], ramp(), 0.1, omega_c, 100.0),
+        law("engine speed late", &[(late_f::delay, 0.05)], decaying(), 0.4, omega_f, decay(200.0, 4.0, 0.35)).within(1e-6),
+        // A filter makes e^(−λt) of e^(−λt)/(1 − λτ); three moments of it leave (λτ)⁴.
+        law("engine speed filtered", &[(late_f::smoothing, 0.01)], decaying(), 0.4, omega_f, decay(200.0, 4.0, 0.4) / (1.0 - 0.04))
+            .within(1e-5),
+        law("disc speed of a filter", &[(late_c::smoothing, 0.01)], decaying(), 0.4, omega_c, decay(100.0, 5.0, 0.4) / (1.0 - 0.05))
+            .within(2e-5),
+        law("engine speed late and filtered", &[(late_f::delay, 0.03), (late_f::smoothing, 0.01)], decaying(), 0.4, omega_f, {
+            decay(200.0, 4.0, 0.37) / (1.0 - 0.04)
+        })
+        .within(1e-5),
+        law("the engine's delay is not the disc's", &[(late_f::delay, 0.05)], decaying(), 0.4, omega_c, decay(100.0, 5.0, 0.4)).limit(),
+    ]
+}

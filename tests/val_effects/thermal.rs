@@ -1,0 +1,67 @@
+//! Heat: the temperatures of disc and body under a known friction power, or none.
+
+use crate::bench::{Bench, Law, MU, theta_b, theta_c, torque};
+use kisspoint::effects::param::{clutch_cooling as cooling, heat_partition as partition};
+
+const C_1: f64 = 70.0;
+const C_B: f64 = 700.0;
+/// Friction power at 6 mm and a slip of 50 rad/s is this times 50, W.
+fn power() -> f64 {
+    50.0 * torque(6.0, MU)
+}
+
+/// Clutch that slips with a heat share of 0.3 into the disc and no other exchange.
+fn heated(slip: f64) -> Bench {
+    let mut bench = Bench::held(100.0, 100.0 - slip, 30.0, 6.0);
+    (bench.vehicle.thermal.C_1, bench.vehicle.thermal.C_b) = (C_1, C_B);
+    bench
+}
+
+/// A clutch without friction power, with a hot disc: locked at 6 mm, or open at 0 mm.
+fn cooling_down(x: f64, gamma_1: f64, gamma_2: f64) -> Bench {
+    let mut bench = Bench::held(100.0, 100.0, 20.0, x);
+    let t = &mut bench.vehicle.thermal;
+    (t.C_1, t.C_b, t.gamma_1, t.gamma_2) = (C_1, C_B, gamma_1, gamma_2);
+    (bench.start.theta_c, bench.start.theta_b) = (180.0, 60.0);
+    bench
+}
+
+pub fn laws() -> Vec<Law> {
+    let law = Law::new;
+    let share = |change| [(partition::share_change, change)];
+    let body = [(cooling::body_factor, 2.0)];
+    let air = [(cooling::air_factor, 3.0)];
+    // Two bodies: their difference decays, the heat in both stays.
+    let difference = 120.0 * (-2.0 * 15.0 * (1.0 / C_1 + 1.0 / C_B) * 2.0_f64).exp();
+    let mean = (C_1 * 180.0 + C_B * 60.0) / (C_1 + C_B);
+    vec![
+        law("more heat into the disc", &share(0.15), heated(50.0), 1.0, theta_c, 30.0 + 0.45 * power() / C_1),
+        law("less heat into the body", &share(0.15), heated(50.0), 1.0, theta_b, 30.0 + 0.55 * power() / C_B),
+        law("less heat into the disc", &share(-0.1), heated(-50.0), 1.0, theta_c, 30.0 + 0.2 * power() / C_1),
+        law("no heat into the disc", &share(-0.5), heated(50.0), 1.0, theta_c, 30.0),
+        law("no heat into the body", &share(0.9), heated(50.0), 1.0, theta_b, 30.0),
+        law("the disc cools into the body", &body, cooling_down(6.0, 15.0, 0.0), 2.0, theta_c, mean + difference * C_B / (C_1 + C_B)),
+        law("the body is heated by the disc", &body, cooling_down(6.0, 15.0, 0.0), 2.0, theta_b, mean - difference * C_1 / (C_1 + C_B)),
+        law("an open clutch keeps its heat", &body, cooling_down(0.0, 15.0, 0.0), 2.0, theta_c, 180.0).limit(),
+        law(
+            "the disc cools into the air",
+            &air,
+            cooling_down(0.0, 0.0, 5.0),
+            2.0,
+            theta_c,
+            20.0 + 160.0 * (-3.0 * 5.0 * 2.0_f64 / C_1).exp(),
+        ),
+        // Both sides of the body give to the air while the clutch is open, one while it is closed.
+        law("the body cools into the air", &air, cooling_down(0.0, 0.0, 5.0), 2.0, theta_b, {
+            20.0 + 40.0 * (-2.0 * 3.0 * 5.0 * 2.0_f64 / C_B).exp()
+        }),
+        law(
+            "a closed clutch cools by half",
+            &air,
+            cooling_down(6.0, 0.0, 5.0),
+            2.0,
+            theta_b,
+            20.0 + 40.0 * (-3.0 * 5.0 * 2.0_f64 / C_B).exp(),
+        ),
+    ]
+}

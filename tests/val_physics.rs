@@ -1,0 +1,195 @@
+//! Single equations against numbers worked out by hand, where no scenario of the plant singles them out.
+
+use kisspoint::effects::{self, PARAMETERS, REGISTRY, SignalDelay, Subsystem, param};
+use kisspoint::physics::cushion::{self, CushionSpring};
+use kisspoint::physics::friction::{self, Friction};
+use kisspoint::physics::{driveline, map, thermal};
+use kisspoint::plant::history::{CAPACITY, History};
+use kisspoint::plant::{Inputs, Plant, Start};
+use kisspoint::vehicle::{Vehicle, VehicleError};
+use serde_json::json;
+
+fn close(what: &str, found: f64, expected: f64) {
+    assert!((found - expected).abs() <= 1e-12 * expected.abs().max(1.0), "{what}: {found} against {expected}");
+}
+
+#[test]
+fn contact_begins_at_the_largest_root_below_one() {
+    let root = |beta_1, beta_2, beta_3| cushion::contact_point(&CushionSpring { beta_1, beta_2, beta_3 });
+    close("a parabola", root(-100.0, 400.0, 0.0), 0.25);
+    close("a parabola that begins at once", root(100.0, 400.0, 0.0), 0.0);
+    close("a line", root(100.0, 0.0, 0.0), 0.0);
+    // ξ (ξ − 0.1)(ξ − 0.3), and with either root elsewhere.
+    close("two roots inside", root(30.0, -400.0, 1000.0), 0.3);
+    close("one root beyond the closed point", root(200.0, -2100.0, 1000.0), 0.1);
+    close("one root at the open end", root(0.0, -300.0, 1000.0), 0.3);
+    close("both roots below zero", root(30.0, 400.0, 1000.0), 0.0);
+    close("no real root", root(500.0, 100.0, 1000.0), 0.0);
+    close("a root at the closed point is none", root(-1000.0, 0.0, 1000.0), 0.0);
+}
+
+#[test]
+fn a_spring_is_inverted_within_its_travel() {
+    let spring = CushionSpring { beta_1: 0.0, beta_2: 0.0, beta_3: 5000.0 };
+    close("half way", cushion::inverse(&spring, 0.0, 625.0), 0.5);
+    close("no force", cushion::inverse(&spring, 0.2, 0.0), 0.2);
+    close("a pull", cushion::inverse(&spring, 0.2, -1.0), 0.2);
+    close("more than it has", cushion::inverse(&spring, 0.2, 6000.0), 1.0);
+    close("below contact", cushion::force(&spring, 0.2, 0.2), 0.0);
+    close("above contact", cushion::force(&spring, 0.2, 0.4), 320.0);
+}
+
+#[test]
+fn friction_is_that_of_equation_4() {
+    let p = Friction { R_1: 0.07, R_2: 0.11, mu_0: 0.15, alpha_1: 0.02, alpha_2: 0.3, m_0: 0.2, m_1: 0.001, m_2: -2e-6 };
+    let mu_d = 0.2 + 0.1 - 0.02;
+    close("dynamic", friction::dynamic_friction(&p, 100.0), mu_d);
+    close("at rest", friction::friction_coefficient(&p, 0.0, 100.0), 0.15);
+    let falling = (0.15 - mu_d + 0.02 * 4.0) * (-1.2_f64).exp();
+    close("in slip", friction::friction_coefficient(&p, 4.0, 100.0), mu_d + falling);
+    close("far outside", friction::friction_coefficient(&p, 100.0, 1e4), friction::MU_MIN);
+    // At rest μ is one number, and its mean over the facing is that times the mean radius.
+    close("radius at rest", friction::equivalent_radius(&p, 0.0, 100.0), 0.15 * 0.09);
+    close("mean radius", friction::mean_radius(&p), 0.09);
+    close("torque of both faces", map::torque_of(&p, 500.0, 0.4), 2.0 * 0.09 * 0.4 * 500.0);
+    close("capacity", map::torque_capacity(&p, 500.0, 0.0, 100.0), 2.0 * 0.09 * 0.15 * 500.0);
+}
+
+#[test]
+fn balances_are_those_of_equation_7() {
+    let d = Vehicle::paper().driveline;
+    let hold = driveline::holding_torque(&d, 0.5, 100.0, 60.0, 12.0);
+    let common = driveline::flywheel_acceleration(&d, 100.0, 60.0, hold);
+    close("both sides accelerate alike", driveline::driveline_acceleration(0.5, hold, 12.0), common);
+    close("as one inertia", (0.5 + d.J_f) * common, 60.0 - d.b_f * 100.0 - 12.0);
+}
+
+#[test]
+fn two_discs_and_a_body_exchange_what_they_lose() {
+    let t = Vehicle::paper().thermal;
+    let (disc, body) = thermal::dual_rates(&t, [150.0, 90.0], 60.0, 25.0, [true, false], [800.0, 0.0]);
+    close("engaged disc", disc[0], (t.gamma_1 * (60.0 - 150.0) + t.gamma_3 * 800.0) / t.C_1);
+    close("open disc", disc[1], t.gamma_2 * (25.0 - 90.0) / t.C_1);
+    close("body", body, (t.gamma_1 * 90.0 + t.gamma_2 * (25.0 - 60.0) + (1.0 - t.gamma_3) * 800.0) / t.C_b);
+    let closed = thermal::Thermal { gamma_2: 0.0, gamma_3: 0.3, ..t };
+    let (disc, body) = thermal::dual_rates(&closed, [150.0, 90.0], 60.0, 25.0, [true, true], [800.0, 300.0]);
+    close("all heat is kept", t.C_1 * (disc[0] + disc[1]) + t.C_b * body, 1100.0);
+}
+
+#[test]
+fn a_filter_keeps_its_first_three_moments() {
+    let nodes = SignalDelay { dead_time: 0.0, smoothing: 1.0 }.nodes();
+    for (k, factorial) in [1.0, 1.0, 2.0, 6.0].into_iter().enumerate() {
+        close("moment", nodes.iter().map(|(age, weight)| weight * age.powi(k as i32)).sum(), factorial);
+    }
+    let late = SignalDelay { dead_time: 0.05, smoothing: 0.02 }.nodes();
+    close("mean age", late.iter().map(|(age, weight)| weight * age).sum(), 0.07);
+    assert!(SignalDelay::default().is_none() && !SignalDelay { dead_time: 0.01, smoothing: 0.0 }.is_none());
+    assert!(!SignalDelay { dead_time: 0.0, smoothing: 0.01 }.is_none());
+}
+
+#[test]
+fn effects_of_a_vehicle_file_are_read_within_their_bounds_and_written_back() {
+    for (k, p) in PARAMETERS.iter().enumerate() {
+        for value in [p.min, p.max] {
+            let read = effects::from_value(&json!({"effects": {p.variable: value}})).unwrap();
+            assert_eq!(read[k], value);
+            assert_eq!(effects::from_value(&json!({"effects": effects::to_value(&read)})).unwrap(), read, "{}", p.variable);
+        }
+        for value in [p.min - 1e-6, p.max + 1e-6] {
+            let refused = effects::from_value(&json!({"effects": {p.variable: value}}));
+            assert!(matches!(refused, Err(VehicleError::Bounds { .. })), "{} = {value}", p.variable);
+        }
+    }
+    assert_eq!(effects::to_value(&effects::null()), json!({}));
+    assert!(matches!(effects::from_value(&json!({"effects": {"effect.judder.size": 1.0}})), Err(VehicleError::Unknown(..))));
+    assert!(matches!(effects::from_value(&json!({"effects": {"effect.judder.sine": "1"}})), Err(VehicleError::NotANumber(..))));
+}
+
+#[test]
+fn the_registry_finds_its_effects_and_says_how_large_they_are() {
+    for (place, entry) in REGISTRY.iter().enumerate() {
+        assert_eq!(effects::find(entry.id), Some(place));
+        assert!(entry.is_null(&effects::null()), "{}", entry.id);
+        for &k in entry.effect.amplitudes {
+            let mut set = effects::null();
+            set[k] = if PARAMETERS[k].null < PARAMETERS[k].max { PARAMETERS[k].max } else { PARAMETERS[k].min };
+            assert!(!entry.is_null(&set), "{}", PARAMETERS[k].variable);
+        }
+    }
+    let ids = ["engine", "actuator", "clutch_force", "friction", "thermal", "driveline", "sensors"];
+    assert_eq!(Subsystem::ALL.map(Subsystem::id), ids);
+    assert_eq!(effects::find("no_such_effect"), None);
+    let scale = |k: usize| effects::owner(k).scale(k);
+    close("of the larger start", scale(param::actuator_delay::delay), 0.05);
+    close("of a departure", scale(param::cushion_hysteresis::stroke), 0.2);
+    close("of either sign", scale(param::friction_level::factor), 0.15);
+    let shape = param::friction_slip_gradient::proportional_share;
+    close("without a start", scale(shape), PARAMETERS[shape].nominal);
+}
+
+#[test]
+fn a_delay_line_is_what_it_holds() {
+    let mut line = History::new();
+    assert!(line.is_empty());
+    for (time, value) in [(0.0, 1.0), (0.5, 3.0), (1.0, 2.0)] {
+        line.push(time, value);
+    }
+    let mut copy = History::new();
+    assert!(line.iter().all(|(time, value)| copy.restore(time, value)));
+    assert!(copy == line);
+    copy.push(1.5, 0.0);
+    assert!(copy != line);
+    close("between two values", line.interpolate(0.25, 2.0, 9.0), 2.0);
+    close("before the first", line.interpolate(-1.0, 2.0, 9.0), 1.0);
+    close("after the last", line.interpolate(1.5, 2.0, 9.0), 5.5);
+    close("beyond now", line.interpolate(3.0, 2.0, 9.0), 9.0);
+    line.clear();
+    assert!(line.is_empty() && line == History::new());
+    close("of an empty line", line.interpolate(0.0, 2.0, 9.0), 9.0);
+    // The newest value gives way to one that comes soon after; the oldest goes when the line is full.
+    line.push(0.0, 1.0);
+    for k in 1..=3 {
+        line.push(f64::from(k) * 5e-5, f64::from(k));
+    }
+    assert_eq!(line.iter().collect::<Vec<_>>(), [(0.0, 1.0), (3.0 * 5e-5, 3.0)]);
+    for k in 1..=CAPACITY as u32 {
+        line.push(f64::from(k) * 1e-3, f64::from(k));
+    }
+    assert_eq!((line.iter().count(), line.iter().next()), (CAPACITY, Some((1e-3, 1.0))));
+    assert!(!line.restore(9.0, 9.0), "a full line takes nothing up");
+}
+
+#[test]
+fn a_state_is_taken_up_under_the_vehicle_and_effects_that_come_with_it() {
+    let (start, inputs) =
+        (Start { omega_f: 100.0, omega_c: 20.0, theta_c: 80.0, theta_b: 50.0 }, Inputs { x_to: 6.3, ..Inputs::default() });
+    let mut heavy = Vehicle::paper();
+    heavy.driveline.J_c *= 2.0;
+    let mut hot = effects::null();
+    hot[param::friction_level::factor] = 0.8;
+    for (vehicle, parameters) in [(heavy, effects::null()), (Vehicle::paper(), hot), (Vehicle::paper(), effects::null())] {
+        let mut origin = Plant::new(&vehicle, &parameters, &start, &inputs);
+        origin.step(&inputs, 0.05);
+        let mut other = Plant::new(&Vehicle::paper(), &effects::null(), &Start { omega_f: 0.0, ..start }, &Inputs::default());
+        other.take_up(&vehicle, &parameters, origin.state());
+        origin.step(&inputs, 0.05);
+        other.step(&inputs, 0.05);
+        assert_eq!(origin.outputs(), other.outputs());
+    }
+}
+
+#[test]
+fn a_substep_is_what_was_asked_for() {
+    let inputs = Inputs { x_to: 2.0, ..Inputs::default() };
+    let start = Start { omega_f: 100.0, omega_c: 20.0, theta_c: 80.0, theta_b: 50.0 };
+    let mut plant = Plant::new(&Vehicle::paper(), &effects::null(), &start, &inputs);
+    assert_eq!(plant.max_substep(), kisspoint::plant::MAX_SUBSTEP);
+    for (substep, pieces) in [(1e-3, 10), (2e-3, 5), (3e-3, 4), (1e-1, 1)] {
+        plant.set_max_substep(substep);
+        plant.step(&inputs, 1e-2);
+        assert_eq!((plant.max_substep(), plant.iterations()), (substep, pieces));
+    }
+    // 64 pieces of one integration and one search each, 8 searches for switches, and the rest.
+    assert_eq!(plant.most_iterations(1e-2), 64 * 61 + 8 * 60 + 1);
+}

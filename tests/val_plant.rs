@@ -1,0 +1,146 @@
+//! What the plant does between its equations: events inside a substep, effects that are switched on while running, corrections from outside.
+//! The bench is that of the effects' laws, so each number is known in closed form.
+
+#[allow(dead_code)]
+#[path = "val_effects/bench.rs"]
+mod bench;
+
+use bench::{Bench, MU, X_CNT, torque};
+use kisspoint::effects::{self, param};
+use kisspoint::plant::motion::index;
+use kisspoint::plant::{Phase, Plant};
+
+/// Effects with these values.
+fn with(set: &[(usize, f64)]) -> effects::Parameters {
+    let mut parameters = effects::null();
+    set.iter().for_each(|&(k, value)| parameters[k] = value);
+    parameters
+}
+
+fn close(what: &str, found: f64, expected: f64, tolerance: f64) {
+    assert!((found - expected).abs() <= tolerance, "{what}: {found} against {expected}, {:.1e} apart", (found - expected).abs());
+}
+
+#[test]
+fn contact_is_found_inside_a_substep() {
+    // The bearing travels at 100 mm/s and passes contact within the first substep of 10 ms; only then heat flows between disc and body.
+    for (from, to) in [(X_CNT - 0.37, X_CNT + 1.0), (X_CNT + 0.37, X_CNT - 1.0)] {
+        let mut bench = Bench::held(100.0, 100.0, 20.0, from).moved(0.0, to);
+        let t = &mut bench.vehicle.thermal;
+        (t.C_1, t.gamma_1, t.gamma_2) = (70.0, 2000.0, 5.0);
+        bench.start.theta_c = 180.0;
+        let mut plant = Plant::new(&bench.vehicle, &with(&[(param::actuator_rate_limit::inverse_speed, 0.01)]), &bench.start, &bench.rest);
+        plant.set_max_substep(1e-2);
+        plant.step(&bench.then[0].1, 1e-2);
+        // Body and air are both at 20 °C, so that the disc's excess decays by e^(−γ t/C_1) of whichever it touches.
+        let (first, second) = if from < to { (5.0, 2000.0) } else { (2000.0, 5.0) };
+        let expected = 20.0 + 160.0 * (-(first * 3.7e-3 + second * 6.3e-3) / 70.0_f64).exp();
+        close("disc", plant.outputs().theta_c, expected, 1e-4);
+        assert_eq!(plant.outputs().phase == Phase::Open, from > to);
+    }
+}
+
+#[test]
+fn the_approach_of_a_limited_bearing_is_exact_in_long_substeps() {
+    let limited = with(&[(param::actuator_rate_limit::inverse_speed, 0.1), (param::actuator_rate_limit::approach, 0.4)]);
+    for (from, to) in [(2.0, 3.0), (3.0, 2.0)] {
+        let bench = Bench::held(100.0, 50.0, 25.0, from).moved(0.0, to);
+        let mut plant = Plant::new(&bench.vehicle, &limited, &bench.start, &bench.rest);
+        plant.set_max_substep(1.0);
+        for k in 1..=6 {
+            // At full speed for 0.06 s, from 0.4 mm away it decays within 0.04 s.
+            plant.step(&bench.then[0].1, 0.025);
+            let t = 0.025 * f64::from(k);
+            let left = if t < 0.06 { 1.0 - 10.0 * t } else { 0.4 * (-(t - 0.06) / 0.04).exp() };
+            close("bearing", plant.outputs().x_to_actual, to - left * (to - from), 1e-12);
+        }
+    }
+}
+
+#[test]
+fn a_clutch_that_opens_at_standstill_is_open() {
+    let mut bench = Bench::held(0.0, 0.0, 25.0, 6.0).moved(0.0, 0.0);
+    bench.vehicle.driveline.J_f = 0.2;
+    let rest = bench.run(&effects::null(), 0.0).outputs();
+    assert_eq!((rest.phase, rest.t_fc), (Phase::Locked, 0.0));
+    assert_eq!(bench.run(&effects::null(), 0.01).outputs().phase, Phase::Open, "with no torque at all to break it away");
+}
+
+#[test]
+fn a_delayed_command_arrives_inside_a_substep() {
+    let mut bench = Bench::held(100.0, 50.0, 25.0, 2.0).moved(0.0, 5.0);
+    bench.vehicle.driveline.J_f = 0.2;
+    let mut plant = Plant::new(&bench.vehicle, &with(&[(param::actuator_delay::delay, 3.7e-3)]), &bench.start, &bench.rest);
+    plant.set_max_substep(1e-2);
+    plant.step(&bench.then[0].1, 1e-2);
+    close("impulse of the clutch", 0.2 * (100.0 - plant.outputs().omega_f), torque(5.0, MU) * 6.3e-3, 1e-9);
+}
+
+#[test]
+fn hysteresis_that_is_switched_on_begins_between_its_branches() {
+    let bench = Bench::held(100.0, 50.0, 25.0, 5.0).moved(0.0, 6.0);
+    let mut plant = bench.run(&effects::null(), 0.01);
+    let on = with(&[(param::cushion_hysteresis::width, 0.4), (param::cushion_hysteresis::stroke, 0.8)]);
+    plant.set_effects(&bench.vehicle, &on).unwrap();
+    close("at once", plant.outputs().t_fc, torque(6.0, MU), 1e-9);
+    let closing = bench.then[0].1;
+    plant.step(&kisspoint::plant::Inputs { x_to: 6.5, ..closing }, 1e-3);
+    let z = 1.0 - (-2.0 * 0.5 / 0.8_f64).exp();
+    close("after 0.5 mm", plant.outputs().t_fc, (1.0 + 0.2 * z) * torque(6.5, MU), 1e-9);
+    // Set anew while it acts, it keeps its memory.
+    plant.set_effects(&bench.vehicle, &on).unwrap();
+    close("set anew", plant.outputs().t_fc, (1.0 + 0.2 * z) * torque(6.5, MU), 1e-9);
+}
+
+#[test]
+fn a_delay_that_is_switched_on_begins_with_what_is_there() {
+    let mut bench = Bench::held(200.0, 100.0, 25.0, 2.0).moved(0.0, 3.0);
+    bench.vehicle.driveline.J_c = 0.5;
+    bench.rest.t_load = 20.0;
+    bench.then[0].1.t_load = 20.0;
+    let mut plant = bench.run(&effects::null(), 0.5);
+    let late = with(&[(param::actuator_delay::delay, 0.05), (param::clutch_speed_delay::delay, 0.05)]);
+    plant.set_effects(&bench.vehicle, &late).unwrap();
+    let now = kisspoint::plant::Inputs { x_to: 2.5, ..bench.then[0].1 };
+    (0..49).for_each(|_| plant.step(&now, 1e-3));
+    assert_eq!(plant.outputs().x_to_actual, 3.0, "the command that held before");
+    close("the speed of then", plant.outputs().omega_c, 80.0, 1e-6);
+    (0..51).for_each(|_| plant.step(&now, 1e-3));
+    assert_eq!(plant.outputs().x_to_actual, 2.5);
+    close("the speed of 50 ms ago", plant.outputs().omega_c, 80.0 - 40.0 * 0.05, 1e-6);
+}
+
+#[test]
+fn corrections_move_both_sides_apart_or_together() {
+    let mut bench = Bench::held(100.0, 50.0, 25.0, 5.0);
+    (bench.vehicle.driveline.J_f, bench.vehicle.driveline.J_c) = (0.2, 0.6);
+    let mut slipping = bench.run(&effects::null(), 0.0);
+    slipping.correct_speeds([2.0, -3.0], [0.0; 2], 0.0);
+    assert_eq!((slipping.outputs().omega_f, slipping.outputs().omega_c, slipping.state().y[index::OMEGA_V]), (102.0, 47.0, 47.0));
+    // Once the disc is the faster one, the clutch pulls the other way.
+    slipping.correct_speeds([-60.0, 0.0], [0.0; 2], 0.0);
+    close("torque", slipping.outputs().t_fc, -torque(5.0, MU), 1e-9);
+    bench.start.omega_c = 100.0;
+    let mut stuck = bench.run(&effects::null(), 0.0);
+    assert_eq!(stuck.outputs().phase, Phase::Locked);
+    stuck.correct_speeds([4.0, 1.0], [0.0; 2], 0.0);
+    // The momentum that both corrections carry: 0.2 · 4 + 0.6 · 1 = 0.8 · 1.75.
+    for speed in [stuck.outputs().omega_f, stuck.outputs().omega_c, stuck.state().y[index::OMEGA_V]] {
+        close("common speed", speed, 101.75, 1e-12);
+    }
+}
+
+#[test]
+fn damping_and_load_follow_their_laws_in_both_directions() {
+    for direction in [1.0, -1.0] {
+        let coasting = |change: fn(&mut kisspoint::physics::driveline::Driveline)| {
+            let mut bench = Bench::held(0.0, direction * 100.0, 25.0, 0.0);
+            bench.vehicle.driveline.J_c = 0.5;
+            change(&mut bench.vehicle.driveline);
+            direction * bench.run(&effects::null(), 0.5).outputs().omega_c
+        };
+        close("air", coasting(|d| d.k_L = 0.01), 100.0 / (1.0 + 0.01 * 100.0 * 0.5 / 0.5), 1e-7);
+        close("damping", coasting(|d| d.b_c = 0.7), 100.0 * (-0.7_f64).exp(), 1e-7);
+        close("rolling", coasting(|d| d.T_L0 = 8.0), 100.0 - 8.0 * 0.5 / 0.5, 1e-7);
+    }
+}
