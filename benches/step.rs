@@ -52,7 +52,14 @@ fn plant_in_rust() -> Figures {
 fn controller_in_rust() -> Figures {
     let inputs: Vec<control::Inputs> = (0..1100)
         .map(|k| f64::from(k) * STEP / 1.2)
-        .map(|a| control::Inputs { omega_f: 104.7 + 4.0 * a, omega_c: 100.0 * a * a, t_e: 3.0 + 60.0 * a, theta_h: 25.0, engage: true })
+        .map(|a| control::Inputs {
+            omega_f: 104.7 + 4.0 * a,
+            omega_c: 100.0 * a * a,
+            t_e: 3.0 + 60.0 * a,
+            theta_h: 25.0,
+            engage: true,
+            wish: control::Wish::default(),
+        })
         .collect();
     let mut controller = Controller::new(&Vehicle::paper(), &Settings::robust());
     let times = (0..LAUNCHES).map(|_| {

@@ -178,6 +178,6 @@ fn nothing_is_overwritten_without_force_and_nothing_half_written_remains() {
     printed(&["vehicle", "new", "--out", &path, "--force"]);
     printed(&["launch", "--plots", &folder.path("figures")]);
     let written: Vec<PathBuf> = std::fs::read_dir(folder.path("figures")).unwrap().map(|item| item.unwrap().path()).collect();
-    assert_eq!(written.len(), 6);
+    assert_eq!(written.len(), 8);
     assert!(written.iter().all(|path| path.extension().is_some_and(|e| e == "svg")), "{written:?}");
 }

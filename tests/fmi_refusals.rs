@@ -79,7 +79,7 @@ fn a_step_that_leaves_no_numbers_is_refused_until_a_reset() {
 
 #[test]
 fn a_state_beyond_the_bounds_of_its_variables_is_refused() {
-    for (guid, vr, beyond) in [(plant::GUID, plant::vr::x_to, 50.1), (controller::GUID, controller::vr::omega_f, 2000.1)] {
+    for (guid, vr, beyond) in [(plant::GUID, plant::vr::x_to, 50.1), (controller::GUID, controller::vr::T_e_max, 2000.1)] {
         let c = instance(guid);
         initialize(c);
         assert_eq!(set(c, vr, beyond), Status::Error, "that is its bound");

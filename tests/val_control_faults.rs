@@ -4,7 +4,7 @@
 mod coupled;
 
 use coupled::{Coupled, STANDSTILL};
-use kisspoint::control::{Controller, Fault, Inputs, Settings};
+use kisspoint::control::{Controller, Fault, Inputs, Settings, Wish};
 use kisspoint::effects;
 use kisspoint::plant::Phase;
 use kisspoint::vehicle::Vehicle;
@@ -128,7 +128,8 @@ fn no_sequence_of_garbage_makes_an_output_that_is_not_finite() {
     };
     for _ in 0..20_000 {
         let mut value = || garbage[pick() % garbage.len()];
-        let inputs = Inputs { omega_f: value(), omega_c: value(), t_e: value(), theta_h: value(), engage: value() > 0.0 };
+        let wish = Wish { t_e_max: value(), aggressiveness: value(), creep: value() > 0.0, forget: value() > 0.0 };
+        let inputs = Inputs { omega_f: value(), omega_c: value(), t_e: value(), theta_h: value(), engage: value() > 0.0, wish };
         controller.step(&inputs, [1e-6, 1e-3, 0.02, 0.1][pick() % 4]);
         let c = controller.outputs();
         let all = [c.x_to, c.t_fc_hat, c.theta_c, c.theta_b, c.t_e_ref, c.x_to_fb, c.t_c_ref, c.e_d];
@@ -144,7 +145,7 @@ fn a_state_taken_up_goes_on_bit_for_bit() {
     let mut other = Controller::new(&Vehicle::paper(), &Settings::robust());
     other.set_state(run.controller.state());
     let mut first = run.controller;
-    let inputs = Inputs { omega_f: 105.0, omega_c: 40.0, t_e: 60.0, theta_h: 25.0, engage: true };
+    let inputs = Inputs { omega_f: 105.0, omega_c: 40.0, t_e: 60.0, theta_h: 25.0, engage: true, wish: Wish::default() };
     for k in 0..200 {
         let inputs = Inputs { omega_c: 40.0 + 0.01 * f64::from(k), ..inputs };
         first.step(&inputs, 1e-3);

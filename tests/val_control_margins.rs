@@ -1,4 +1,4 @@
-//! Phase margin of the loops, from the transfer functions of the linearised loop with an actuator of 30 ms lag and 15 ms delay.
+//! Phase margin of the loops, of the paper's law and of the governed one, from the transfer functions of the linearised loop with an actuator of 30 ms lag and 15 ms delay.
 //!
 //! The loop is cut at the position command: both paths that act on it, the speed loop through the inverse map and the torque
 //! feedback through the observer, count at once. With K = dT_fc/dx of the plant and K̂ that of the controller's map,
@@ -63,8 +63,8 @@ fn slope(torque: f64, theta: f64) -> f64 {
 }
 
 #[test]
-fn the_default_set_keeps_its_margins_behind_a_real_actuator() {
-    let g = Settings::robust();
+fn the_set_of_figure_3_keeps_its_margins_behind_a_real_actuator() {
+    let g = Settings::figure_3();
     for (plant_over_map, least_phase, least_gain) in [(1.0, 40.0, 2.5), (0.5, 40.0, 2.5), (1.5, 30.0, 1.8)] {
         for theta in [25.0, 150.0] {
             for torque in [2.0, 10.0, 30.0, 60.0, 90.0] {
@@ -108,4 +108,52 @@ fn margins_of_a_loop_that_is_known() {
     let (phase, gain) = margins(|w| (-C::new(0.0, w) * 0.1).exp() / C::new(0.0, w));
     assert!((phase - (90.0 - 5.7296)).abs() < 0.05, "{phase}");
     assert!((gain / (5.0 * std::f64::consts::PI) - 1.0).abs() < 1e-3, "{gain}");
+}
+
+/// The governed loop, cut at the torque asked for: speed feedback k_P, load observer with Q = p²/(s + p)², filter F of the speed, actuator as
+/// it is (30 ms lag, 15 ms delay, 1.5 samples) and as the controller has it (A),
+///
+/// L = (k_P + Q J_c s) F P A_true / (1 − Q A F), P from clutch torque to disc speed.
+fn governed_loop(g: &Settings, p: impl Fn(C) -> C, sampling: f64, w: f64) -> C {
+    let s = C::new(0.0, w);
+    let one = C::from(1.0);
+    let truly = (-s * (0.015 + 1.5 * sampling)).exp() / (one + s * 0.03);
+    let lag = |time: f64| one / (one + s * time);
+    let a = lag(0.5 * g.actuator_time) * lag(0.5 * g.actuator_time);
+    let f = lag(g.filter_time) * lag(g.filter_time);
+    let q = C::from(g.load_bandwidth * g.load_bandwidth) / ((s + g.load_bandwidth) * (s + g.load_bandwidth));
+    (C::from(g.kp_clutch) + q * s * Vehicle::paper().driveline.J_c) * f * p(s) * truly / (one - q * a * f)
+}
+
+/// From clutch torque to disc speed with shafts of this compliance, disc share and damping; 0 is rigid.
+fn driveline(compliance: f64, share: f64, damping: f64) -> impl Fn(C) -> C {
+    let d = Vehicle::paper().driveline;
+    move |s: C| {
+        if compliance == 0.0 {
+            return C::from(1.0) / (s * d.J_c + d.b_c);
+        }
+        let (disc, beyond) = (share * d.J_c, (1.0 - share) * d.J_c);
+        let shaft = s * damping + 1.0 / compliance;
+        let far = s * s * beyond + s * d.b_c;
+        s * (far + shaft) / (s * s * disc * (far + shaft) + far * shaft)
+    }
+}
+
+#[test]
+fn the_governed_loop_keeps_its_margins_on_rigid_and_elastic_drivelines() {
+    let g = Settings::robust();
+    for (compliance, share, damping) in
+        [(0.0, 1.0, 0.0), (0.003, 0.1, 1.0), (0.006, 0.1, 0.3), (0.006, 0.1, 1.0), (0.01, 0.1, 1.0), (0.015, 0.1, 0.5)]
+    {
+        for sampling in [1e-3, 1e-2, 2e-2] {
+            // The plant may be 1.5 times as steep as the map.
+            for steep in [0.7, 1.0, 1.5] {
+                let p = driveline(compliance, share, damping);
+                let (phase, gain) = margins(|w| governed_loop(&g, &p, sampling, w) * steep);
+                let what = format!("{compliance} rad/(N·m), damping {damping}, samples of {sampling} s, {steep} × map");
+                println!("{what}: {phase:.1} deg, factor {gain:.2}");
+                assert!(phase > 30.0 && gain > 1.8, "{what}: {phase:.1} deg, factor {gain:.2}");
+            }
+        }
+    }
 }

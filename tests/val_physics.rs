@@ -67,12 +67,12 @@ fn balances_are_those_of_equation_7() {
 #[test]
 fn two_discs_and_a_body_exchange_what_they_lose() {
     let t = Vehicle::paper().thermal;
-    let (disc, body) = thermal::dual_rates(&t, [150.0, 90.0], 60.0, 25.0, [true, false], [800.0, 0.0]);
+    let (disc, body) = thermal::dual_rates(&thermal::DualThermal::equal(&t), [150.0, 90.0], 60.0, 25.0, [true, false], [800.0, 0.0]);
     close("engaged disc", disc[0], (t.gamma_1 * (60.0 - 150.0) + t.gamma_3 * 800.0) / t.C_1);
     close("open disc", disc[1], t.gamma_2 * (25.0 - 90.0) / t.C_1);
     close("body", body, (t.gamma_1 * 90.0 + t.gamma_2 * (25.0 - 60.0) + (1.0 - t.gamma_3) * 800.0) / t.C_b);
     let closed = thermal::Thermal { gamma_2: 0.0, gamma_3: 0.3, ..t };
-    let (disc, body) = thermal::dual_rates(&closed, [150.0, 90.0], 60.0, 25.0, [true, true], [800.0, 300.0]);
+    let (disc, body) = thermal::dual_rates(&thermal::DualThermal::equal(&closed), [150.0, 90.0], 60.0, 25.0, [true, true], [800.0, 300.0]);
     close("all heat is kept", t.C_1 * (disc[0] + disc[1]) + t.C_b * body, 1100.0);
 }
 

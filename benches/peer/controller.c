@@ -1,5 +1,5 @@
-/* The controller by hand in C: the yardstick of benches/step.rs. Same scheme as the Rust controller: guard of the inputs, exact
- * observer and thermal model, references, three PI controllers with anti-windup, inverse map, rate limits.
+/* The controller by hand in C: the yardstick of benches/step.rs. Same scheme as the Rust controller with its default settings: guard of
+ * the inputs, exact observer and thermal model, and the governed law with its lags, load observer, inertia and learning.
  * Prints nanoseconds per step (median of batches) and final outputs. */
 #include <math.h>
 #include <stdio.h>
@@ -24,15 +24,21 @@ typedef struct {
   double i_engine, i_clutch, i_torque, omega_hat, t_hat, theta_c, theta_b, last_slip;
   Inputs good;
   double last[2], bad_for, agree_for, unchanged_for;
-  double x_to, t_e_ref, t_c_ref, x_fb, e_d;
+  double x_to, t_e_ref, t_c_ref, x_fb, e_d, last_c;
+  double load_w, load_t, inertia[5], speed[2], slip[2], wanted[4], carried[4], expected[3], lacking;
+  double hold_back, near_for, closing_for, landing_for, bitten_for, engaged_for, from, pace, k_map;
+  double touch, friction, learn_t[3], learn_k[3], sums[5];
 } State;
 
 /* Vehicle and the default settings. */
 static double R_1 = 0.074, R_2 = 0.108, mu_0 = 0.15, alpha_1 = 0.02, alpha_2 = 0.3, m_0 = 0.1834, m_1 = 0.0024, m_2 = -7.06e-06;
 static double x_cnt[3] = {4.02, 0, 0}, x_cls[3] = {7.78, 0, 0}, beta[3] = {26.1195, -1304.6, 5818.5}, xi_0;
 static double C_1 = 70.0, C_b = 6928.0, gamma_1 = 14.58, gamma_2 = 25.0, gamma_3 = 0.5, J_f = 0.189, J_c = 0.578, b_f = 0.03;
-static double t_r = 1.3, w_end = 111.0, end_slope = 40.0, least_share = 0.3, idle = 104.71975511965978;
-static double kpf = 2.0, kif = 4.0, kpc = 4.0, kic = 1.5, kpt = 0.003, kit = 0.04, l_1 = 300.0, l_2 = -4252.0;
+static double b_c = 0.012, T_L0 = 3.1, w_L = 0.5, k_L = 2e-5;
+static double t_r = 1.3, w_end = 111.0, end_slope = 20.0, least_share = 0.3, idle = 104.71975511965978;
+static double kpf = 1.2, kif = 2.0, kpc = 1.2, l_1 = 300.0, l_2 = -4252.0;
+static double actuator_time = 0.045, filter_time = 0.05, load_band = 3.0, torque_band = 1.5, droop = 15.0, kp_droop = 1.5, ki_droop = 6.0;
+static double reserve = 8.0, lock_time = 0.04, landing_time = 1.5, closing_rate = 150.0;
 static double slip_lock = 1.5, slip_release = 5.0, t_max = 180.0, te_min = -30.0, te_max = 180.0, x_open = 0.0, x_max = 9.0;
 static double rate_open = 60.0, rate_close = 200.0, fb_max = 1.5, stall = 50.0, stall_margin = 20.0;
 static double hold = 0.05, recover = 0.1, freeze = 0.2, jump = 20.0, acceleration = 3000.0;
@@ -152,18 +158,131 @@ static void guard(State *s, const Inputs *u, double h) {
   s->good.engage = u->engage;
 }
 
-static void references(const State *s, double *f, double *c) {
+/* References of speed and their slopes; the clutch's goes on with its last slope. */
+static void references(const State *s, double *f, double *c, double *df, double *dc) {
   double a = s->elapsed / s->duration;
-  *f = *c = s->end;
-  if (a >= 1) return;
-  double rise = a * a * (3 - 2 * a);
+  if (a >= 1) {
+    double over = s->slope * (s->elapsed - s->duration);
+    *f = s->end, *c = s->end + fmin(over, 12.0), *df = 0, *dc = s->slope;
+    return;
+  }
+  double rise = a * a * (3 - 2 * a), rate = 6 * a * (1 - a) / s->duration;
   *f = s->f0 + (s->end - s->f0) * rise;
   *c = s->c0 + (s->end - s->c0) * rise + s->slope * s->duration * a * a * (a - 1);
+  *df = (s->end - s->f0) * rate;
+  *dc = (s->end - s->c0) * rate + s->slope * a * (3 * a - 2);
+}
+
+static double share(double time, double h) { return h / (time + h); }
+
+static double lags(double *y, int n, double u, const double *by) {
+  for (int i = 0; i < n; i++) u = y[i] += (u - y[i]) * by[i];
+  return u;
+}
+
+static double resistance(double w, double extra) { return b_c * w + T_L0 * tanh(w / w_L) + k_L * w * fabs(w) + extra; }
+
+static double inertia_factor(const double *m) {
+  double p = m[0] + 25.0, q = m[2] + 1.0 / 2500.0, d = p * q - m[1] * m[1];
+  return d > 0 ? bound(1 + (m[3] * q - m[1] * m[4]) / d, 0.6, 1.6) : 1;
+}
+
+static void sums(double *to, double w, double a, double b, double c, double d, double e) {
+  to[0] += w * a, to[1] += w * b, to[2] += w * c, to[3] += w * d, to[4] += w * e;
+}
+
+static double delivery(const State *s, double t) {
+  return bound(2 - fabs(s->expected[2] - t) / (10 + 0.25 * s->expected[2]), 0, 1);
+}
+
+static void observe_load(State *s, const Inputs *u, double slip, double h) {
+  double a = share(0.5 * actuator_time, h), f = share(filter_time, h), by[4] = {a, a, f, f};
+  double torque = s->mode == 0 ? 0 : s->mode == 1 ? s->t_c_ref : s->t_hat;
+  double w = lags(s->speed, 2, u->omega_c, by + 2);
+  double quick[2] = {share(0.6 * filter_time, h), share(0.6 * filter_time, h)};
+  lags(s->slip, 2, slip, quick);
+  double t = lags(s->carried, 4, torque, by), departs = s->mode == 1 ? s->t_hat - s->expected[2] : 0;
+  t = fmin(t + departs, fmax(s->t_hat, 0) + 10 + 0.25 * t);
+  s->engaged_for = s->mode == 0 ? 0 : s->engaged_for + h;
+  double band = fmax(fmin(3.0 / fmax(s->engaged_for, h), 20.0), load_band), slow = band * h / (1 + band * h), j = J_c * inertia_factor(s->inertia);
+  double predicted = s->load_w + h * (t - resistance(s->load_w, s->load_t)) / j, error = w - predicted;
+  s->load_w = predicted + error * slow * (2 - slow);
+  s->load_t = bound(s->load_t - j * error * slow * slow / h, -t_max, t_max);
+  if (s->mode == 1 && t > 10) {
+    double acc = J_c * (s->speed[0] - s->speed[1]) / fmax(filter_time, h), r = t - resistance(w, 0) - acc;
+    sums(s->inertia, h / 3.6, acc * acc, acc, 1, acc * r, r);
+  }
 }
 
 static void move_to(State *s, double target, double h) {
   target = bound(target, x_open, x_max);
   s->x_to = fmin(fmax(target, s->x_to - rate_open * h), s->x_to + rate_close * h);
+}
+
+static void engage(State *s, const Inputs *u, double h) {
+  double wf, wc, df, dc, a = share(0.5 * actuator_time, h), f = share(filter_time, h), o = share((b_f + l_1) / -l_2, h);
+  double by[4] = {a, a, f, f}, seen[3] = {a, a, o};
+  /* What the engine can spare. */
+  references(s, &wf, &wc, &df, &dc);
+  double available = te_max - b_f * u->omega_f - J_f * df - reserve, spare = u->omega_f - (fmin(wf, s->f0) - droop);
+  s->hold_back += (ki_droop * spare + 15 * fmax(spare, 0) * fmax(spare, 0)) * h;
+  s->hold_back = fmax(fmin(s->hold_back, s->t_c_ref + 20), 0);
+  double limit = fmax(fmin(available, s->hold_back + kp_droop * fmin(spare, 0)), 0);
+  /* The plan. */
+  double j = J_c * inertia_factor(s->inertia), resist = resistance(s->load_w, s->load_t), wanted = j * dc;
+  double by_torque = wanted > 0 ? bound((limit - resist) / wanted, 0, 1) : 1, error = s->wanted[3] - s->speed[1];
+  double rate = fmin(fmin(by_torque, bound((20 - error) / 12, 0, 1)), delivery(s, s->t_hat));
+  s->elapsed += rate * h * bound(1 - error / 8, 1, 3);
+  if (s->elapsed >= s->duration) s->landing_for += h;
+  references(s, &wf, &wc, &df, &dc);
+  df *= rate, dc *= rate;
+  s->near_for = s->from * s->slip[1] <= slip_lock ? s->near_for + h : 0;
+  error = lags(s->wanted, 4, wc, by) - s->speed[1];
+  /* The torque asked for. */
+  double low = 0, high = 0, direction = 1, seen_slip = s->slip[1] + slip_lock;
+  if (seen_slip < 0) low = -t_max, direction = -1;
+  else high = bound((u->omega_f - stall) / stall_margin, 0, 1) * t_max;
+  high = fmin(high, limit);
+  int rising = 2 * s->elapsed < s->duration;
+  double last = fmax(s->t_c_ref, 0), delivered = fmax(delivery(s, direction * s->t_hat), 0.1);
+  double needed = j * dc + resist, landing = fmin(needed - j * fmax(dc - 0.8 * s->slope, 0), needed);
+  double t_c = fmax(fmax(needed + kpc * error, rising ? s->t_c_ref : landing), last - 400 * h);
+  t_c = bound(fmin(t_c, last + 150 * s->pace * delivered * h), low, high);
+  int bites = s->bitten_for == 0 && direction * s->t_hat > 8;
+  s->bitten_for = bites || s->bitten_for > 0 ? s->bitten_for + h : 0;
+  double feed = t_c + (s->bitten_for > 0 ? 0.3 : 1.0) * direction * (fabs(s->t_hat) - s->expected[2]);
+  s->t_e_ref = pi(&s->i_engine, kpf, kif, wf - u->omega_f, feed, te_min, te_max, h);
+  if (bites && s->engaged_for > 0.4) s->pace = 0.4 / s->engaged_for, s->i_torque = 0, t_c = fmin(t_c, fabs(s->t_hat));
+  s->t_c_ref = t_c;
+  double slip = fmax(direction * (s->slip[1] + (actuator_time + 1.2 * filter_time) * (df - dc)), 0);
+  double least = rising && t_c < high ? s->x_to : x_open;
+  /* The position. */
+  double per_force = 2 * radius(slip, s->theta_c), xi = spring_inverse(fabs(t_c) / s->friction / per_force), x = at_xi(xi, s->theta_c) + s->touch;
+  double travel = at_xi(1, s->theta_c) - at_xi(0, s->theta_c);
+  s->k_map = s->friction * fmax(per_force * (beta[0] + xi * (2 * beta[1] + 3 * xi * beta[2])) / travel, 0);
+  double observed = direction * s->t_hat, lacks = lags(s->expected, 3, fabs(t_c), seen) - observed;
+  s->lacking += (lacks - s->lacking) * share(0.1, h);
+  double will = lacks + 0.3 * (lacks - s->lacking) / 0.1;
+  will = will * lacks > 0 ? copysign(fmin(fabs(will), fabs(lacks)), lacks) : 0;
+  double band = fmax(fmin(2.0 / fmax(s->engaged_for, h), 5.0), torque_band) * fmax(delivery(s, observed), 0.1);
+  s->i_torque = bound(s->i_torque + bound(band * will / fmax(s->k_map, 15), -1, 1) * h, -fb_max, fb_max);
+  s->i_torque = fmax(s->i_torque, fmin(least - x, s->i_torque + h));
+  s->x_fb = s->i_torque;
+  if (slip > slip_lock) {
+    double t = lags(s->learn_t, 3, fabs(t_c) + s->k_map * s->x_fb, seen), k = lags(s->learn_k, 3, s->k_map, seen), r = observed - t;
+    if (t >= 3 || observed >= 3) sums(s->sums, h / 1.6, k * k, k * t, t * t, k * r, t * r);
+  }
+  move_to(s, fmax(x + s->x_fb, least), h);
+}
+
+/* What a launch has taught; this vehicle's touch point does not move with temperature. */
+static void conclude(State *s) {
+  double *m = s->sums, a = m[0] + 1 / (0.3 * 0.3), b = m[2] + 25, d = a * b - m[1] * m[1];
+  if (d > 0) {
+    s->touch = bound(s->touch + 0.5 * bound((-m[3] * b + m[1] * m[4]) / d, -0.5, 0.5), -3, 3);
+    s->friction = bound(s->friction * (1 + 0.5 * bound((a * m[4] - m[1] * m[3]) / d, -0.3, 0.3)), 0.3, 3);
+  }
+  for (int i = 0; i < 5; i++) m[i] = 0;
 }
 
 static void step(State *s, const Inputs *raw, double h) {
@@ -180,50 +299,61 @@ static void step(State *s, const Inputs *raw, double h) {
       s->duration = t_r * fmax(left, least_share);
       s->slope = end_slope * left;
       s->c0 = u.omega_c, s->f0 = u.omega_f;
-      s->i_clutch = s->i_torque = s->e_d = 0;
-      s->last_slip = slip;
+      s->i_torque = s->e_d = 0;
+      for (int i = 0; i < 4; i++) s->wanted[i] = u.omega_c;
+      for (int i = 0; i < 3; i++) s->expected[i] = s->learn_t[i] = s->learn_k[i] = 0;
+      for (int i = 0; i < 5; i++) s->inertia[i] = s->sums[i] = 0;
+      s->lacking = 0, s->hold_back = 1e6;
+      s->bitten_for = s->near_for = s->landing_for = s->closing_for = 0;
+      s->from = slip < 0 ? -1 : 1, s->pace = 1;
     }
   } else if (s->mode == 1) {
     if (!u.engage || !trusted || stalling) s->mode = 0;
-    else if (fabs(slip) <= slip_lock || slip * s->last_slip < 0) s->i_engine += s->t_c_ref, s->mode = 2;
+    else if (s->near_for > lock_time || (s->landing_for > landing_time && fabs(s->slip[1]) <= slip_lock + 0.06 * fabs(u.omega_f)))
+      s->i_engine += s->t_c_ref, s->mode = 3, conclude(s);
   } else if (!u.engage || stalling) s->i_engine -= s->t_hat, s->mode = 0;
   if (s->started) {
-    if (!s->observing) s->observing = 1, s->omega_hat = u.omega_f, s->i_engine = b_f * u.omega_f;
-    double before = s->t_hat;
+    if (!s->observing) {
+      s->observing = 1, s->omega_hat = u.omega_f, s->i_engine = b_f * u.omega_f;
+      s->speed[0] = s->speed[1] = s->load_w = s->last_c = u.omega_c, s->slip[0] = s->slip[1] = slip;
+    }
+    double before = s->t_hat, w_before = s->omega_hat;
     if (s->believed) advance(&observer, &s->omega_hat, &s->t_hat, (u.t_e + l_1 * u.omega_f) / J_f, l_2 * u.omega_f);
     double mean = 0.5 * (before + s->t_hat) + (b_f + l_1) / -l_2 * (s->t_hat - before) / h;
-    double power = s->phase == 2 ? mean * slip : 0;
+    double mean_slip = 0.5 * (w_before + s->omega_hat) - 0.5 * (s->last_c + u.omega_c), power = s->phase == 2 ? mean * mean_slip : 0;
+    s->last_c = u.omega_c;
     if (s->phase != 1) advance(&engaged_system, &s->theta_c, &s->theta_b, gamma_3 * power / C_1, (gamma_2 * u.theta_h + (1 - gamma_3) * power) / C_b);
     else advance(&open_system, &s->theta_c, &s->theta_b, gamma_2 * u.theta_h / C_1, 2 * gamma_2 * u.theta_h / C_b);
     s->e_d += power * h;
+    if (s->believed) observe_load(s, &u, slip, h);
   }
   if (s->mode == 0) {
-    double feed = s->x_to > at_xi(xi_0, s->theta_c) ? s->t_hat : 0;
+    double feed = s->x_to > at_xi(xi_0, s->theta_c) + s->touch ? s->t_hat : 0;
     s->t_e_ref = s->believed ? pi(&s->i_engine, kpf, kif, idle - u.omega_f, feed, te_min, te_max, h) : bound(b_f * idle, te_min, te_max);
     s->t_c_ref = s->x_fb = 0;
     move_to(s, x_open, h);
   } else if (s->mode == 1 && s->believed) {
-    double wf, wc, low = 0, high = 0, direction = slip < 0 ? -1 : 1;
-    s->elapsed += h;
-    references(s, &wf, &wc);
-    if (slip < 0) low = -t_max; else high = bound((u.omega_f - stall) / stall_margin, 0, 1) * t_max;
-    s->t_c_ref = pi(&s->i_clutch, kpc, kic, wc - u.omega_c, 0, low, high, h);
-    s->t_e_ref = pi(&s->i_engine, kpf, kif, wf - u.omega_f, s->t_c_ref, te_min, te_max, h);
-    s->x_fb = pi(&s->i_torque, kpt, kit, direction * (s->t_c_ref - s->t_hat), 0, -fb_max, fb_max, h);
-    move_to(s, at_xi(spring_inverse(fabs(s->t_c_ref) / (2 * radius(fabs(slip), s->theta_c))), s->theta_c) + s->x_fb, h);
-  } else if (s->mode == 2) {
+    engage(s, &u, h);
+  } else if (s->mode >= 2) {
     if (s->believed) {
-      double wf, wc;
+      double wf, wc, df, dc, i = kif * J_f / (J_f + J_c);
       s->elapsed += h;
-      references(s, &wf, &wc);
-      s->t_e_ref = pi(&s->i_engine, kpf, kif * J_f / (J_f + J_c), wf - u.omega_f, 0, te_min, te_max, h);
+      references(s, &wf, &wc, &df, &dc);
+      s->t_e_ref = pi(&s->i_engine, 2 * kpf, 2 * i, wf - s->speed[1] - 0.5 * s->slip[1], 0, te_min, te_max, h);
     }
     s->t_c_ref = s->t_hat;
-    s->x_fb = 0;
-    move_to(s, x_max, h);
+    if (s->mode == 2) {
+      s->x_fb = 0;
+      move_to(s, x_max, h);
+    } else {
+      double gently = closing_rate * h / fmax(s->k_map, 15);
+      s->closing_for += h;
+      move_to(s, s->x_to + (s->closing_for < 0.25 ? gently : fmax(gently, 20 * h)), h);
+      if (s->x_to >= x_max) s->mode = 2;
+    }
   }
   s->last_slip = slip;
-  s->phase = s->mode == 2 && fabs(slip) <= slip_release ? 3 : s->x_to > at_xi(xi_0, s->theta_c) ? 2 : 1;
+  s->phase = s->mode >= 2 && fabs(s->slip[1]) <= slip_release ? 3 : s->x_to > at_xi(xi_0, s->theta_c) + s->touch ? 2 : 1;
 }
 
 static double now(void) {
@@ -250,7 +380,7 @@ int main(void) {
   static double batch[LAUNCHES];
   State s;
   for (int b = 0; b < LAUNCHES; b++) {
-    s = (State){.phase = 1, .fault = 1, .theta_c = 25.0, .theta_b = 25.0, .good = {0, 0, 0, 25.0, 0}};
+    s = (State){.phase = 1, .fault = 1, .theta_c = 25.0, .theta_b = 25.0, .good = {0, 0, 0, 25.0, 0}, .friction = 1};
     double begin = now();
     for (int k = 0; k < STEPS; k++) step(&s, &inputs[k], 1e-3);
     batch[b] = (now() - begin) / STEPS;

@@ -1,63 +1,86 @@
-//! `kisspoint launch`: the coupled start-up beside Table II, and the paper's figures.
+//! `kisspoint launch`: the coupled start-up beside Table II, the paper's figures, hot launches, and many drawn cars.
 
 use super::error::CommandError;
 use super::files::{read_faults, read_vehicle, write_all};
+use super::launch_drawn;
 use super::output::{print, print_json};
 use crate::control::performance::Performance;
-use crate::launch::{self, Column, Setup, TABLE_II};
+use crate::launch::drive::Meeting;
+use crate::launch::temperature::{self, Case};
+use crate::launch::{self, Column, Launch, Setup, TABLE_II};
 use crate::plots;
 use crate::vehicle::Vehicle;
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Options of `kisspoint launch`.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  \
     kisspoint launch\n  \
     kisspoint launch --plots figures\n  \
+    kisspoint launch --monte-carlo 2000 --plots figures\n  \
     kisspoint launch --vehicle vehicle.json --json")]
 pub struct Args {
     /// Print the table as JSON
     #[arg(long)]
     json: bool,
-    /// Write Figures 1, 2, 4, 5, 6 and 7 of the paper as SVG into this directory
+    /// Write Figures 1 to 7 of the paper and the hot launches, or those of the Monte-Carlo, as SVG into this directory
     #[arg(long, value_name = "DIR")]
     plots: Option<PathBuf>,
     /// Faults of the plant: a JSON list of parameter, time_s, ramp_s and value
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "monte_carlo")]
     faults: Option<PathBuf>,
     /// Launch another vehicle than the paper's
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
+    /// Launch N drawn cars under the governed controller, the paper's and a plain PI instead, and print what share does well
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    monte_carlo: Option<u32>,
+    /// Seed of the drawn cars
+    #[arg(long, value_name = "SEED", default_value_t = 1, requires = "monte_carlo")]
+    seed: u64,
 }
 
-/// Figures of a column that this run has found; none if the clutch has not locked.
-type Found = (Column, Option<Performance>);
+/// A launch of Table II, and how the slip really vanished.
+struct Found {
+    column: Column,
+    performance: Option<Performance>,
+    meeting: Option<Meeting>,
+}
 
 /// Runs the subcommand.
 ///
 /// # Errors
-/// A vehicle file that is missing or not sound; a directory that cannot be written.
+/// A file of a vehicle or of faults that is missing or not sound; a directory that cannot be written.
 pub fn run(args: &Args) -> Result<(), CommandError> {
     let vehicle = args.vehicle.as_deref().map_or(Ok(Vehicle::paper()), |path| read_vehicle(path).map(|file| file.vehicle))?;
+    if let Some(count) = args.monte_carlo {
+        return launch_drawn::run(&vehicle, count as usize, args.seed, args.plots.as_deref(), args.json);
+    }
     let faults = args.faults.as_deref().map(read_faults).transpose()?.unwrap_or_default();
     let setups = TABLE_II.map(|column| Setup { faults: faults.clone(), ..column.setup(&vehicle) });
     for (setup, path) in setups.iter().zip(args.faults.iter().cycle()) {
         setup.check_faults().map_err(|e| CommandError::Faults { path: path.clone(), what: e.to_string() })?;
     }
     let launches = setups.each_ref().map(launch::simulate);
-    let found: Vec<Found> = TABLE_II.iter().zip(&launches).map(|(column, launch)| (*column, launch.performance)).collect();
-    let mut wrote = Vec::new();
-    if let Some(folder) = &args.plots {
-        let figures = plots::all(&vehicle, &launches).into_iter().map(|(name, svg)| (name, svg.into_bytes())).collect::<Vec<_>>();
-        write_all(folder, &figures)?;
-        wrote.extend(figures.iter().map(|(name, _)| folder.join(name)));
-    }
+    let found: Vec<Found> =
+        TABLE_II.iter().zip(&launches).map(|(c, l)| Found { column: *c, performance: l.performance, meeting: l.meeting }).collect();
+    let cases = temperature::cases(&vehicle);
+    let mut figures = plots::all(&vehicle, &launches);
+    figures.push(("hot_launches.svg", plots::hot_launches(&cases)));
+    let wrote = write_figures(args.plots.as_deref(), figures)?;
     if args.json {
-        return print_json(&as_json(&found));
+        return print_json(&json!({"table_ii": table_ii(&found), "hot_launches": hot(&cases)}));
     }
-    let wrote: String = wrote.iter().map(|path| format!("wrote {}\n", path.display())).collect();
-    print(&(as_text(&found) + &wrote))
+    print(&(as_text(&found) + &hot_as_text(&cases) + &wrote))
+}
+
+/// Writes figures if a folder is named; the lines that say so.
+pub fn write_figures(folder: Option<&Path>, figures: Vec<(&'static str, String)>) -> Result<String, CommandError> {
+    let Some(folder) = folder else { return Ok(String::new()) };
+    let figures: Vec<_> = figures.into_iter().map(|(name, svg)| (name, svg.into_bytes())).collect();
+    write_all(folder, &figures)?;
+    Ok(figures.iter().map(|(name, _)| format!("wrote {}\n", folder.join(name).display())).collect())
 }
 
 /// The three figures under their JSON names, with decimals for the table.
@@ -69,25 +92,27 @@ fn percent(found: f64, paper: f64) -> f64 {
     100.0 * (found / paper - 1.0)
 }
 
-fn as_json(found: &[Found]) -> Value {
-    let columns = found.iter().map(|(column, figures_found)| {
-        let mut entry = json!({"column": column.name, "meaning": column.meaning, "locked": figures_found.is_some()});
-        for (k, (name, paper, _)) in figures(&column.paper).into_iter().enumerate() {
-            let value = figures_found.map(|p| figures(&p)[k].1);
+fn table_ii(found: &[Found]) -> Value {
+    let columns = found.iter().map(|f| {
+        let mut entry = json!({"column": f.column.name, "meaning": f.column.meaning, "locked": f.performance.is_some()});
+        for (k, (name, paper, _)) in figures(&f.column.paper).into_iter().enumerate() {
+            let value = f.performance.map(|p| figures(&p)[k].1);
             entry[name] = json!({"found": value, "paper": paper, "deviation_percent": value.map(|v| percent(v, paper))});
         }
+        entry["slip_acceleration_at_zero_rad_s2"] = json!(f.meeting.map(|m| m.slip_acceleration));
+        entry["torque_at_zero_n_m"] = json!(f.meeting.map(|m| m.torque));
         entry
     });
-    json!({"table_ii": columns.collect::<Vec<_>>()})
+    Value::Array(columns.collect())
 }
 
 fn as_text(found: &[Found]) -> String {
     let mut text = String::from("Table II of the paper            t_f [s]             E_d [J]    slip acceleration [rad/s2]\n");
-    for (column, figures_found) in found {
-        let paper = figures(&column.paper);
+    for f in found {
+        let paper = figures(&f.column.paper);
         let row = |what: &str, cells: [String; 3]| format!("{what:<28}{:>12}{:>20}{:>30}\n", cells[0], cells[1], cells[2]);
-        text += &format!("{}: {}\n", column.name, column.meaning);
-        let Some(p) = figures_found else {
+        text += &format!("{}: {}\n", f.column.name, f.column.meaning);
+        let Some(p) = &f.performance else {
             text += "   the clutch has not locked\n";
             continue;
         };
@@ -95,6 +120,44 @@ fn as_text(found: &[Found]) -> String {
         text += &row("   this run", here.map(|(_, v, digits)| format!("{v:.digits$}")));
         text += &row("   paper", paper.map(|(_, v, digits)| format!("{v:.digits$}")));
         text += &row("   deviation", std::array::from_fn(|k| format!("{:+.2} %", percent(here[k].1, paper[k].1))));
+        if let Some(m) = &f.meeting {
+            let torque = format!("peak {:.0} N m", m.torque);
+            text += &row("   where the slip is 0", [String::new(), torque, format!("{:.1}", m.slip_acceleration)]);
+        }
+    }
+    text
+}
+
+/// Each hot launch: what the controller knows, without and with feedback.
+fn rows(cases: &[Case; 3]) -> impl Iterator<Item = (&'static str, &'static str, &Launch)> {
+    cases.iter().flat_map(|c| [(c.name, "no", &c.open_loop), (c.name, "yes", &c.closed_loop)])
+}
+
+fn hot(cases: &[Case; 3]) -> Value {
+    let entries = rows(cases).map(|(name, feedback, launch)| {
+        json!({
+            "temperature": name,
+            "torque_feedback": feedback == "yes",
+            "t_f_s": launch.performance.map(|p| p.time),
+            "e_d_j": launch.performance.map(|p| p.energy),
+            "slip_acceleration_rad_s2": launch.performance.map(|p| p.slip_acceleration),
+        })
+    });
+    Value::Array(entries.collect())
+}
+
+fn hot_as_text(cases: &[Case; 3]) -> String {
+    let mut text = format!(
+        "\nA hot launch ({:.0} degC) of a car whose touch point moves by {} mm/K\n\
+         temperature   torque feedback     t_f [s]     E_d [J]    slip acceleration [rad/s2]\n",
+        temperature::HOT,
+        temperature::TOUCH_POINT
+    );
+    for (name, feedback, launch) in rows(cases) {
+        text += &match launch.performance {
+            Some(p) => format!("{name:<14}{feedback:<16}{:>11.3}{:>12.0}{:>30.1}\n", p.time, p.energy, p.slip_acceleration),
+            None => format!("{name:<14}{feedback:<16}  does not lock\n"),
+        };
     }
     text
 }

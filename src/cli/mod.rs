@@ -11,6 +11,7 @@ pub mod files;
 pub mod fmu;
 pub mod inspect;
 pub mod launch;
+pub mod launch_drawn;
 pub mod output;
 pub mod plausible;
 pub mod progress;

@@ -1,24 +1,25 @@
-//! The controller of paper Figure 3, as a sampled controller.
+//! Phases and estimates of the sampled controller; what it does while engaging is in [`super::figure_3`] and [`super::governed`].
 //!
 //! ```text
 //!            engage, engine fast enough, inputs trusted
 //!     open ------------------------------------------> engaging
 //!      ^  <------------------------------------------     |
-//!      |           engage drops, stall, fault             | slip ≤ slip_lock, or changes sign
+//!      |           engage drops, stall, fault             | slip is gone
 //!      |                                                  v
-//!      +------------------------------------------------ closed
-//!                     engage drops, stall
+//!      +------------------------------- closed <------ closing (governed law only)
+//!                engage drops, stall           full torque
 //! ```
 //!
-//! While engaging, T_c,ref = PI(ω_c,ref − ω_c), T_e,ref = PI(ω_f,ref − ω_f) + T_c,ref, and
-//! x_to = x(T_c,ref, ω_fc, θ̂_c) + PI(T_c,ref − T̂_fc), with x the inverse torque map. A clutch torque has the sign of the slip:
-//! with the engine slower than the clutch, a torque that would have to drive is none, so the clutch waits at its contact point
-//! for the engine. Closed, the position goes to its maximum and the engine controller holds the reference speed of both.
+//! A clutch torque has the sign of the slip: with the engine slower than the clutch, a torque that would have to drive is none, so
+//! the clutch waits at its contact point for the engine. Closed, the position goes to its maximum and the engine controller holds the
+//! reference speed of both.
 //!
 //! A step is cut into samples of at most [`MAX_SAMPLE`], with the inputs held: integrators, references and estimates run on
 //! between the importer's steps, so that its step size changes nothing but the age of the measurements.
 
+use super::governed::Governed;
 use super::guard::{Fault, Guard, Inputs};
+use super::learning::Learning;
 use super::observer::{Estimate, Observer};
 use super::performance;
 use super::pi::{Gains, Limits, Pi};
@@ -34,6 +35,9 @@ pub const MAX_SAMPLE: f64 = 1e-3;
 
 /// Samples in one step at most: a longer step has longer samples, which the exact estimators stand.
 pub const MAX_SAMPLES: usize = 1000;
+
+/// Times the engine controller's gains with which the governed law holds the filtered speed of a locked driveline.
+const FIRMNESS: f64 = 2.0;
 
 /// Relative length under which what remains of a step is rounding.
 const SLIVER: f64 = 1e-9;
@@ -61,6 +65,12 @@ pub struct Outputs {
     pub phase: Phase,
     /// What is wrong with the inputs.
     pub fault: Fault,
+    /// Load observed beyond the vehicle file's, N·m.
+    pub t_load_hat: f64,
+    /// Touch point learned, over the vehicle file's, mm.
+    pub touch_point_offset: f64,
+    /// Friction learned, over the vehicle file's.
+    pub friction_factor: f64,
 }
 
 /// What the controller is doing.
@@ -73,6 +83,8 @@ pub enum Mode {
     Engaging = 1,
     /// Handed over after lock-up.
     Closed = 2,
+    /// Locked; the torque that the clutch can carry rises softly.
+    Closing = 3,
 }
 
 /// Everything that changes while the controller runs.
@@ -98,6 +110,14 @@ pub struct State {
     pub temperatures: Temperatures,
     /// Slip of the sample before, rad/s.
     pub last_slip: f64,
+    /// Disc speed of the sample before, rad/s.
+    pub last_omega_c: f64,
+    /// The clutch has cooled for `soak_time`.
+    pub soaked: bool,
+    /// The governed law.
+    pub governed: Governed,
+    /// What launches have taught.
+    pub learning: Learning,
     /// Guard of the inputs.
     pub guard: Guard,
     /// Outputs.
@@ -107,12 +127,12 @@ pub struct State {
 /// The clutch engagement controller of one vehicle: a plain value without heap memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Controller {
-    vehicle: Vehicle,
-    settings: Settings,
-    xi_0: f64,
-    observer: Observer,
-    estimator: Estimator,
-    state: State,
+    pub(super) vehicle: Vehicle,
+    pub(super) settings: Settings,
+    pub(super) xi_0: f64,
+    pub(super) observer: Observer,
+    pub(super) estimator: Estimator,
+    pub(super) state: State,
 }
 
 impl Controller {
@@ -164,6 +184,9 @@ impl Controller {
     pub fn step(&mut self, inputs: &Inputs, h: f64) {
         let slipping = self.state.mode == Mode::Engaging && self.state.outputs.phase == Phase::Slipping;
         self.state.guard.take(&self.settings, inputs, slipping, h);
+        if self.state.guard.good.wish.forget {
+            self.state.learning = Learning::new(&self.settings);
+        }
         let count = (h / MAX_SAMPLE * (1.0 - SLIVER)).ceil().clamp(1.0, MAX_SAMPLES as f64);
         for _ in 0..count as usize {
             self.sample(h / count);
@@ -178,7 +201,11 @@ impl Controller {
         self.estimate(&inputs, slip, h);
         match self.state.mode {
             Mode::Open => self.open(&inputs, h),
-            Mode::Engaging => self.engage(&inputs, slip, h),
+            // Bridging: with measurements that stand still, only the position and torques reached so far are safe.
+            Mode::Engaging if !self.state.guard.believed => (),
+            Mode::Engaging if self.settings.is_figure_3() => self.engage_by_figure_3(&inputs, slip, h),
+            Mode::Engaging => self.engage_governed(&inputs, h),
+            Mode::Closing => self.close_softly(&inputs, h),
             Mode::Closed => self.hold_closed(&inputs, h),
         }
         self.state.last_slip = slip;
@@ -196,19 +223,29 @@ impl Controller {
                 }
             }
             Mode::Engaging if !inputs.engage || !trusted || stalling => self.state.mode = Mode::Open,
-            Mode::Engaging => {
+            Mode::Engaging if s.is_figure_3() => {
                 if slip.abs() <= s.slip_lock || slip * self.state.last_slip < 0.0 {
-                    // The clutch torque is no input any more: what it contributed goes on as the engine controller's own.
-                    self.state.engine.integral += self.state.outputs.t_c_ref;
-                    self.state.mode = Mode::Closed;
+                    self.hand_over(Mode::Closed);
                 }
             }
-            Mode::Closed if !inputs.engage || stalling => {
+            Mode::Engaging => {
+                if self.state.governed.has_locked(s, inputs.omega_f) {
+                    self.hand_over(Mode::Closing);
+                    self.conclude_learning();
+                }
+            }
+            Mode::Closed | Mode::Closing if !inputs.engage || stalling => {
                 self.state.engine.integral -= self.state.estimate.t_fc;
                 self.state.mode = Mode::Open;
             }
-            Mode::Closed => {}
+            Mode::Closed | Mode::Closing => {}
         }
+    }
+
+    /// The clutch torque is no input any more: what it contributed goes on as the engine controller's own.
+    fn hand_over(&mut self, to: Mode) {
+        self.state.engine.integral += self.state.outputs.t_c_ref;
+        self.state.mode = to;
     }
 
     fn begin(&mut self, inputs: &Inputs, slip: f64) {
@@ -220,6 +257,8 @@ impl Controller {
         state.feedback = Pi::default();
         state.last_slip = slip;
         state.outputs.e_d = 0.0;
+        state.governed.begin(inputs.omega_c, slip);
+        state.learning.begin();
     }
 
     /// Torque observer, temperatures and dissipated energy.
@@ -232,18 +271,31 @@ impl Controller {
             state.observing = true;
             state.estimate.omega_f = inputs.omega_f;
             state.engine.integral = self.vehicle.driveline.b_f * inputs.omega_f;
+            state.governed.settle(inputs.omega_c, slip);
+            state.last_omega_c = inputs.omega_c;
         }
-        let before = state.estimate.t_fc;
+        if !state.soaked {
+            state.soaked = true;
+            state.temperatures = self.estimator.advance(state.temperatures, inputs.theta_h, false, 0.0, self.settings.soak_time);
+        }
+        let before = state.estimate;
         if state.guard.believed {
             state.estimate = self.observer.advance(state.estimate, inputs.omega_f, inputs.t_e, h);
         }
         let slipping = state.outputs.phase == Phase::Slipping;
-        // The mean of the torque over the sample without the observer's lag.
-        let mean = 0.5 * (before + state.estimate.t_fc) + self.observer.lag() * (state.estimate.t_fc - before) / h;
-        let power = if slipping { performance::dissipated_power(mean, slip) } else { 0.0 };
+        // Means over the sample, the torque without the observer's lag. Its noise is the rate of that of ω̂_f: against a slip that is
+        // measured with the same ω̂_f it adds up to nothing, where against the raw slip it would look like work.
+        let now = state.estimate;
+        let torque = 0.5 * (before.t_fc + now.t_fc) + self.observer.lag() * (now.t_fc - before.t_fc) / h;
+        let mean_slip = 0.5 * (before.omega_f + now.omega_f) - 0.5 * (state.last_omega_c + inputs.omega_c);
+        state.last_omega_c = inputs.omega_c;
+        let power = if slipping { performance::dissipated_power(torque, mean_slip) } else { 0.0 };
         let engaged = state.outputs.phase != Phase::Open;
         state.temperatures = self.estimator.advance(state.temperatures, inputs.theta_h, engaged, power, h);
         state.outputs.e_d += power * h;
+        if state.guard.believed {
+            self.observe_load(inputs, slip, h);
+        }
     }
 
     /// Opens at a bounded rate; the engine idles, and is relieved of the clutch's torque as that vanishes.
@@ -264,50 +316,34 @@ impl Controller {
         self.move_to(s.x_open, h);
     }
 
-    /// Figure 3: references, speed controllers, decoupling, feedforward and torque feedback.
-    fn engage(&mut self, inputs: &Inputs, slip: f64, h: f64) {
-        if !self.state.guard.believed {
-            // Bridging: with measurements that stand still, only the position and torques reached so far are safe.
-            return;
-        }
-        let (s, state) = (&self.settings, &mut self.state);
-        state.elapsed += h;
-        let wanted = reference::references(&state.plan, state.elapsed);
-        let (direction, limits) = clutch_limits(s, inputs.omega_f, slip);
-        let gains = Gains { p: s.kp_clutch, i: s.ki_clutch };
-        let t_c = state.clutch.step(gains, wanted.omega_c - inputs.omega_c, 0.0, limits, h);
-        let gains = Gains { p: s.kp_engine, i: s.ki_engine };
-        let t_e = state.engine.step(gains, wanted.omega_f - inputs.omega_f, t_c, engine_limits(s), h);
-        let gains = Gains { p: s.kp_torque, i: s.ki_torque };
-        let reach = Limits { low: -s.x_fb_max, high: s.x_fb_max };
-        let x_fb = state.feedback.step(gains, direction * (t_c - state.estimate.t_fc), 0.0, reach, h);
-        let v = &self.vehicle;
-        let theta_c = state.temperatures.theta_c;
-        let x = map::inverse_above(&v.friction, &v.actuator, &v.cushion_spring, self.xi_0, t_c.abs(), slip.abs(), theta_c);
-        state.outputs.t_c_ref = t_c;
-        state.outputs.t_e_ref = t_e;
-        state.outputs.x_to_fb = x_fb;
-        self.move_to(x + x_fb, h);
-    }
-
     /// After lock-up: the position goes to its maximum, the engine controller holds the speed of both inertias.
     fn hold_closed(&mut self, inputs: &Inputs, h: f64) {
+        self.hold_speed(inputs, h);
+        self.move_to(self.settings.x_max, h);
+    }
+
+    /// Both inertias at the reference speed. The governed law takes the filtered speed: the raw one would shake the shafts.
+    pub(super) fn hold_speed(&mut self, inputs: &Inputs, h: f64) {
         let (s, state) = (&self.settings, &mut self.state);
         if state.guard.believed {
             state.elapsed += h;
             let wanted = reference::references(&state.plan, state.elapsed);
             let d = &self.vehicle.driveline;
             // The same damping with the driveline's inertia on top needs less integral gain.
-            let gains = Gains { p: s.kp_engine, i: s.ki_engine * d.J_f / (d.J_f + d.J_c) };
-            state.outputs.t_e_ref = state.engine.step(gains, wanted.omega_f - inputs.omega_f, 0.0, engine_limits(s), h);
+            let i = s.ki_engine * d.J_f / (d.J_f + d.J_c);
+            let (gains, speed) = if s.is_figure_3() {
+                (Gains { p: s.kp_engine, i }, inputs.omega_f)
+            } else {
+                (Gains { p: FIRMNESS * s.kp_engine, i: FIRMNESS * i }, state.governed.speed_of_both())
+            };
+            state.outputs.t_e_ref = state.engine.step(gains, wanted.omega_f - speed, 0.0, engine_limits(s), h);
         }
         state.outputs.t_c_ref = state.estimate.t_fc;
         state.outputs.x_to_fb = 0.0;
-        self.move_to(s.x_max, h);
     }
 
     /// Moves the command towards `target` mm at a bounded rate.
-    fn move_to(&mut self, target: f64, h: f64) {
+    pub(super) fn move_to(&mut self, target: f64, h: f64) {
         let (s, x) = (&self.settings, self.state.outputs.x_to);
         let target = Limits { low: s.x_open, high: s.x_max }.bound(target);
         self.state.outputs.x_to = target.max(x - s.rate_open * h).min(x + s.rate_close * h);
@@ -315,14 +351,20 @@ impl Controller {
 
     /// Position in mm at which the facings touch, at the estimated temperature.
     fn contact(&self) -> f64 {
-        let contact = map::contact(&self.vehicle.actuator, self.state.temperatures.theta_c);
-        contact.x_cnt + self.xi_0 * (contact.x_cls - contact.x_cnt)
+        self.contact_at(self.state.temperatures.theta_c)
+    }
+
+    /// Position in mm at which the facings touch at `theta` °C.
+    pub(super) fn contact_at(&self, theta: f64) -> f64 {
+        let contact = map::contact(&self.vehicle.actuator, theta);
+        contact.x_cnt + self.xi_0 * (contact.x_cls - contact.x_cnt) + self.state.learning.touch_point
     }
 
     fn report(&mut self, slip: f64) {
         let contact = self.contact();
         let (s, state) = (&self.settings, &mut self.state);
-        let locked = state.mode == Mode::Closed && slip.abs() <= s.slip_release;
+        let seen = if s.is_figure_3() { slip } else { state.governed.slip.out() };
+        let locked = matches!(state.mode, Mode::Closed | Mode::Closing) && seen.abs() <= s.slip_release;
         state.outputs.phase = if locked {
             Phase::Locked
         } else if state.outputs.x_to > contact {
@@ -336,12 +378,22 @@ impl Controller {
         state.outputs.t_fc_hat = state.estimate.t_fc;
         state.outputs.theta_c = state.temperatures.theta_c;
         state.outputs.theta_b = state.temperatures.theta_b;
+        state.outputs.t_load_hat = state.governed.load.torque;
+        state.outputs.touch_point_offset = state.learning.touch_point;
+        state.outputs.friction_factor = state.learning.friction;
     }
 }
 
 fn start(s: &Settings) -> State {
     let temperatures = Temperatures { theta_c: s.theta_c_start, theta_b: s.theta_b_start };
-    let outputs = Outputs { x_to: s.x_open, theta_c: s.theta_c_start, theta_b: s.theta_b_start, ..Outputs::default() };
+    let outputs = Outputs {
+        x_to: s.x_open,
+        theta_c: s.theta_c_start,
+        theta_b: s.theta_b_start,
+        touch_point_offset: s.touch_point_offset_start,
+        friction_factor: s.friction_factor_start,
+        ..Outputs::default()
+    };
     State {
         mode: Mode::Open,
         elapsed: 0.0,
@@ -353,21 +405,15 @@ fn start(s: &Settings) -> State {
         estimate: Estimate::default(),
         temperatures,
         last_slip: 0.0,
+        last_omega_c: 0.0,
+        soaked: false,
+        governed: Governed::default(),
+        learning: Learning::new(s),
         guard: Guard::new(s.theta_b_start),
         outputs,
     }
 }
 
-fn engine_limits(s: &Settings) -> Limits {
+pub(super) fn engine_limits(s: &Settings) -> Limits {
     Limits { low: s.engine_torque_min, high: s.engine_torque_max }
-}
-
-/// Direction of slip, and the clutch torques that it allows. Driving the vehicle, the torque fades before the engine stalls; driven
-/// by the vehicle, it helps the engine.
-fn clutch_limits(s: &Settings, omega_f: f64, slip: f64) -> (f64, Limits) {
-    if slip < 0.0 {
-        return (-1.0, Limits { low: -s.torque_max, high: 0.0 });
-    }
-    let fade = ((omega_f - s.stall_speed) / s.stall_margin).clamp(0.0, 1.0);
-    (1.0, Limits { low: 0.0, high: fade * s.torque_max })
 }

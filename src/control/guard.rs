@@ -27,6 +27,29 @@ pub struct Inputs {
     pub theta_h: f64,
     /// Engage the clutch; false opens it.
     pub engage: bool,
+    /// What else the car around wishes.
+    pub wish: Wish,
+}
+
+/// Wishes that an importer may leave unconnected: all zero is a launch as tuned.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Wish {
+    /// Greatest torque that the engine can give now, N·m; 0 if nobody says.
+    pub t_e_max: f64,
+    /// The launch takes 2^−aggressiveness of its time; −1 to 1.
+    pub aggressiveness: f64,
+    /// Creep instead of launching.
+    pub creep: bool,
+    /// Set what was learned back.
+    pub forget: bool,
+}
+
+impl Wish {
+    /// What of it makes sense: a number that is none is no wish.
+    fn sane(self) -> Self {
+        let sane = |x: f64, low: f64, high: f64| if x.is_nan() { 0.0 } else { x.max(low).min(high) };
+        Self { t_e_max: sane(self.t_e_max, 0.0, ABSURD), aggressiveness: sane(self.aggressiveness, -1.0, 1.0), ..self }
+    }
 }
 
 /// What is wrong, numbered as the FMU's enumeration.
@@ -76,7 +99,7 @@ impl Guard {
     /// Before the first input; `theta` in °C stands for the air until one comes.
     pub fn new(theta: f64) -> Self {
         Self {
-            good: Inputs { omega_f: 0.0, omega_c: 0.0, t_e: 0.0, theta_h: theta, engage: false },
+            good: Inputs { omega_f: 0.0, omega_c: 0.0, t_e: 0.0, theta_h: theta, engage: false, wish: Wish::default() },
             last: [0.0; 2],
             started: false,
             bad_for: 0.0,
@@ -122,6 +145,7 @@ impl Guard {
             self.bad_for += h;
         }
         self.good.engage = raw.engage;
+        self.good.wish = raw.wish.sane();
     }
 
     fn believe(&mut self, s: &Settings, raw: &Inputs, settled: bool) {

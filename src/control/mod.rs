@@ -11,11 +11,22 @@
 //! - [`held`]: exact solution that both estimators share
 //! - [`performance`]: engagement time, dissipated energy (10), slip acceleration (11)
 //! - [`guard`]: which inputs are believed
-//! - [`controller`]: all of it put together
+//! - [`figure_3`]: the paper's law while engaging
+//! - [`governed`]: the governed law while engaging; [`governor`]: how fast its plan may run; [`bearing`]: where it sends the bearing
+//! - [`filter`], [`load`]: lags that references share with measurements, load observer
+//! - [`learning`]: touch point and friction over launches
+//! - [`controller`]: phases and estimates that both laws share
 
+pub mod bearing;
 pub mod controller;
+pub mod figure_3;
+pub mod filter;
+pub mod governed;
+pub mod governor;
 pub mod guard;
 pub mod held;
+pub mod learning;
+pub mod load;
 pub mod observer;
 pub mod performance;
 pub mod pi;
@@ -24,5 +35,5 @@ pub mod settings;
 pub mod temperature;
 
 pub use controller::{Controller, Outputs};
-pub use guard::{Fault, Inputs};
+pub use guard::{Fault, Inputs, Wish};
 pub use settings::Settings;

@@ -65,6 +65,27 @@ pub fn references(plan: &Plan, elapsed: f64) -> References {
     }
 }
 
+/// Speed in rad/s by which the governed clutch reference may run past the end of both: it closes what slip is left.
+pub const OVERRUN: f64 = 12.0;
+
+/// References of the governed law and their slopes in rad/s²: as [`references`], but the clutch's goes on with its last slope until the
+/// slip is gone.
+#[inline]
+pub fn governed(plan: &Plan, elapsed: f64) -> (References, References) {
+    let a = elapsed / plan.duration;
+    if a >= 1.0 {
+        let over = plan.slope * (elapsed - plan.duration);
+        let references = References { omega_f: plan.end, omega_c: plan.end + over.min(OVERRUN) };
+        return (references, References { omega_f: 0.0, omega_c: plan.slope });
+    }
+    let rise = 6.0 * a * (1.0 - a) / plan.duration;
+    let slopes = References {
+        omega_f: (plan.end - plan.omega_f_start) * rise,
+        omega_c: (plan.end - plan.omega_c_start) * rise + plan.slope * a * (3.0 * a - 2.0),
+    };
+    (references(plan, elapsed), slopes)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -78,6 +99,17 @@ mod tests {
             let end = references(&p, p.duration);
             assert_eq!(end.omega_f, end.omega_c);
             assert!(end.omega_c >= omega_c && p.duration <= s.reference_time);
+        }
+    }
+
+    #[test]
+    fn slopes_are_those_of_the_references() {
+        let p = plan(&Settings::robust(), 104.7, -3.0);
+        for t in [0.1, 0.6, 1.2, 1.35] {
+            let (after, before) = (governed(&p, t + 1e-6).0, governed(&p, t - 1e-6).0);
+            let slopes = governed(&p, t).1;
+            assert!(((after.omega_c - before.omega_c) / 2e-6 - slopes.omega_c).abs() < 1e-4, "at {t} s");
+            assert!(((after.omega_f - before.omega_f) / 2e-6 - slopes.omega_f).abs() < 1e-4, "at {t} s");
         }
     }
 

@@ -5,7 +5,7 @@
 //! | symbol | meaning | unit |
 //! |---|---|---|
 //! | `cosine`, `sine` | relative amplitude in two phases | 1 |
-//! | n, `order` | pulsations per radian of slip angle | 1 |
+//! | n, `order` | pulsations per revolution of slip: n φ is their phase, so n = 1 is once a turn | 1 |
 //! | `fading` | see above | s²/rad² |
 //! | φ | slip angle since the start | rad |
 //! | ω | slip speed, ≥ 0 | rad/s |

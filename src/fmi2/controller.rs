@@ -8,13 +8,16 @@ use super::plant::PHASES;
 use super::variables::{Causality, Description, Kind, Variability, Variable};
 use super::words::{Reader, Words, Writer};
 use crate::control::controller::{Mode, State};
+use crate::control::governed::Governed;
 use crate::control::guard::Guard;
+use crate::control::learning::Learning;
+use crate::control::load::Load;
 use crate::control::observer::Estimate;
 use crate::control::pi::Pi;
 use crate::control::reference::Plan;
 use crate::control::settings::SETTINGS;
 use crate::control::temperature::Temperatures;
-use crate::control::{Controller, Fault, Inputs, Outputs, Settings};
+use crate::control::{Controller, Fault, Inputs, Outputs, Settings, Wish};
 use crate::plant::pace::TooFast;
 use crate::vehicle::Vehicle;
 
@@ -23,7 +26,7 @@ include!(concat!(env!("OUT_DIR"), "/ClutchController.rs"));
 /// What its model description says.
 pub static DESCRIPTION: Description = Description { name: "ClutchController", guid: GUID, variables: &VARIABLES, lookup: &LOOKUP };
 
-const MODES: [Mode; 3] = [Mode::Open, Mode::Engaging, Mode::Closed];
+const MODES: [Mode; 4] = [Mode::Open, Mode::Engaging, Mode::Closed, Mode::Closing];
 const FAULTS: [Fault; 5] = [Fault::None, Fault::Invalid, Fault::Jump, Fault::Frozen, Fault::Stall];
 
 struct ControllerModel {
@@ -60,6 +63,12 @@ impl Model for ControllerModel {
             t_e: values[at::T_e],
             theta_h: values[at::theta_h],
             engage: values[at::engage] != 0.0,
+            wish: Wish {
+                t_e_max: values[at::T_e_max],
+                aggressiveness: values[at::aggressiveness],
+                creep: values[at::creep] != 0.0,
+                forget: values[at::forget] != 0.0,
+            },
         };
         self.controller.step(&inputs, h);
         self.publish(values);
@@ -86,7 +95,7 @@ impl Model for ControllerModel {
     }
 
     fn most_words(&self) -> usize {
-        SETTINGS.len() + 64
+        SETTINGS.len() + 128
     }
 
     fn event(&self, before: &dyn Fn(usize) -> f64, values: &[f64]) -> Option<Event> {
@@ -121,6 +130,9 @@ impl ControllerModel {
         values[at::fault] = o.fault as u8 as f64;
         values[at::phase_code] = values[at::phase];
         values[at::fault_code] = values[at::fault];
+        values[at::T_load_hat] = o.t_load_hat;
+        values[at::touch_point_offset] = o.touch_point_offset;
+        values[at::friction_factor] = o.friction_factor;
     }
 }
 
@@ -140,37 +152,117 @@ fn walk_settings(settings: &mut Settings, words: &mut impl Words) {
 
 /// Every field by name: a new field does not compile until it is saved too.
 fn walk_state(state: &mut State, words: &mut impl Words) {
-    let State { mode, elapsed, plan, engine, clutch, feedback, observing, estimate, temperatures, last_slip, guard, outputs } = state;
+    let State {
+        mode,
+        elapsed,
+        plan,
+        engine,
+        clutch,
+        feedback,
+        observing,
+        estimate,
+        temperatures,
+        last_slip,
+        last_omega_c,
+        soaked,
+        governed,
+        learning,
+        guard,
+        outputs,
+    } = state;
     words.choice(mode, |m| m as u64, &MODES);
-    words.flag(observing);
+    for flag in [observing, soaked] {
+        words.flag(flag);
+    }
     let Plan { duration, omega_c_start, omega_f_start, end, slope } = plan;
     let Estimate { omega_f, t_fc } = estimate;
     let Temperatures { theta_c, theta_b } = temperatures;
-    for x in [elapsed, duration, omega_c_start, omega_f_start, end, slope, omega_f, t_fc, theta_c, theta_b, last_slip] {
+    for x in [elapsed, duration, omega_c_start, omega_f_start, end, slope, omega_f, t_fc, theta_c, theta_b, last_slip, last_omega_c] {
         words.real(x);
     }
     for Pi { integral } in [engine, clutch, feedback] {
         words.real(integral);
     }
+    walk_governed(governed, words);
+    walk_learning(learning, words);
     walk_guard(guard, words);
     walk_outputs(outputs, words);
 }
 
-fn walk_guard(guard: &mut Guard, words: &mut impl Words) {
-    let Guard { good, last: [last_f, last_c], started, bad_for, agree_for, unchanged_for, believed, fault } = guard;
-    let Inputs { omega_f, omega_c, t_e, theta_h, engage } = good;
-    for x in [omega_f, omega_c, t_e, theta_h, last_f, last_c, bad_for, agree_for, unchanged_for] {
+fn walk_governed(governed: &mut Governed, words: &mut impl Words) {
+    let Governed {
+        load,
+        inertia,
+        speed,
+        slip,
+        wanted,
+        carried,
+        expected,
+        lacking,
+        hold_back,
+        near_for,
+        closing_for,
+        landing_for,
+        bitten_for,
+        engaged_for,
+        from,
+        pace,
+        slope,
+    } = governed;
+    let Load { omega, torque } = load;
+    for x in [omega, torque, hold_back, near_for, closing_for, landing_for, bitten_for, engaged_for, from, pace, slope] {
         words.real(x);
     }
-    for flag in [engage, started, believed] {
+    let lags = [
+        &mut inertia.0[..],
+        &mut speed.0[..],
+        &mut slip.0[..],
+        &mut wanted.0[..],
+        &mut carried.0[..],
+        &mut expected.0[..],
+        &mut lacking.0[..],
+    ];
+    lags.into_iter().flatten().for_each(|x| words.real(x));
+}
+
+fn walk_learning(learning: &mut Learning, words: &mut impl Words) {
+    let Learning { touch_point, friction, torque, slope, sums } = learning;
+    for x in [touch_point, friction] {
+        words.real(x);
+    }
+    [&mut torque.0[..], &mut slope.0[..], &mut sums[..]].into_iter().flatten().for_each(|x| words.real(x));
+}
+
+fn walk_guard(guard: &mut Guard, words: &mut impl Words) {
+    let Guard { good, last: [last_f, last_c], started, bad_for, agree_for, unchanged_for, believed, fault } = guard;
+    let Inputs { omega_f, omega_c, t_e, theta_h, engage, wish } = good;
+    let Wish { t_e_max, aggressiveness, creep, forget } = wish;
+    for x in [omega_f, omega_c, t_e, theta_h, last_f, last_c, bad_for, agree_for, unchanged_for, t_e_max, aggressiveness] {
+        words.real(x);
+    }
+    for flag in [engage, started, believed, creep, forget] {
         words.flag(flag);
     }
     words.choice(fault, |f| f as u64, &FAULTS);
 }
 
 fn walk_outputs(outputs: &mut Outputs, words: &mut impl Words) {
-    let Outputs { x_to, t_fc_hat, theta_c, theta_b, t_e_ref, x_to_fb, t_c_ref, e_d, phase, fault } = outputs;
-    for x in [x_to, t_fc_hat, theta_c, theta_b, t_e_ref, x_to_fb, t_c_ref, e_d] {
+    let Outputs {
+        x_to,
+        t_fc_hat,
+        theta_c,
+        theta_b,
+        t_e_ref,
+        x_to_fb,
+        t_c_ref,
+        e_d,
+        phase,
+        fault,
+        t_load_hat,
+        touch_point_offset,
+        friction_factor,
+    } = outputs;
+    for x in [x_to, t_fc_hat, theta_c, theta_b, t_e_ref, x_to_fb, t_c_ref, e_d, t_load_hat, touch_point_offset, friction_factor] {
         words.real(x);
     }
     words.choice(phase, |p| p as u64, &PHASES);

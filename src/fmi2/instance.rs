@@ -22,7 +22,7 @@ const CLOCK_SHARE_OF_STEP: f64 = 1e-4;
 const PIECE: f64 = 1e-3;
 
 /// Room for the inputs of any model.
-const MOST_INPUTS: usize = 8;
+const MOST_INPUTS: usize = 16;
 
 /// What an instance is made of.
 pub struct Parts {

@@ -24,8 +24,9 @@ fn polynomial(p: &CushionSpring, xi: f64) -> f64 {
     xi * (p.beta_1 + xi * (p.beta_2 + xi * p.beta_3))
 }
 
+/// Slope of the spring force over the normalised position, N.
 #[inline]
-fn slope(p: &CushionSpring, xi: f64) -> f64 {
+pub fn slope(p: &CushionSpring, xi: f64) -> f64 {
     p.beta_1 + xi * (2.0 * p.beta_2 + 3.0 * xi * p.beta_3)
 }
 

@@ -77,8 +77,15 @@ pub fn inverse(f: &Friction, a: &Actuator, c: &CushionSpring, torque: f64, omega
 /// As [`inverse`], with the true contact point `xi_0` known: for those who ask again and again.
 #[inline]
 pub fn inverse_above(f: &Friction, a: &Actuator, c: &CushionSpring, xi_0: f64, torque: f64, omega: f64, theta: f64) -> f64 {
+    inverse_with_slope(f, a, c, xi_0, torque, omega, theta).0
+}
+
+/// As [`inverse_above`], and beside the position in mm the slope of the torque there, N·m/mm.
+#[inline]
+pub fn inverse_with_slope(f: &Friction, a: &Actuator, c: &CushionSpring, xi_0: f64, torque: f64, omega: f64, theta: f64) -> (f64, f64) {
     let contact = contact(a, theta);
-    let force = torque / (FACES * friction::equivalent_radius(f, omega, theta));
-    let xi = cushion::inverse(c, xi_0, force);
-    contact.x_cnt + xi * (contact.x_cls - contact.x_cnt)
+    let per_force = FACES * friction::equivalent_radius(f, omega, theta);
+    let xi = cushion::inverse(c, xi_0, torque / per_force);
+    let travel = contact.x_cls - contact.x_cnt;
+    (contact.x_cnt + xi * travel, per_force * cushion::slope(c, xi) / travel)
 }

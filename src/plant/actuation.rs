@@ -3,9 +3,11 @@
 //! Command → delay → rate limit → lag → play → bearing; report → gain and bias → lag → crankshaft. Inputs are held over
 //! a substep, so the chain is solved exactly at its start, middle and end and no lag, however short, is stiff.
 
-use super::State;
 use super::clutch::Branch;
 use super::config::Config;
+use super::motion::{self, index};
+use super::{MAX_SUBSTEP, State};
+use crate::physics::driveline;
 use crate::physics::lag::{self, LagState};
 
 /// Engine torque in N·m and bearing position in mm at one instant.
@@ -108,6 +110,44 @@ fn rate_limited(inverse_speed: f64, approach: f64, from: f64, to: f64, h: f64) -
     to - left * (to - from).signum()
 }
 
+/// Share of a lag's time constant that one piece may take while the lag is under way: three stages then see its exponential to 1e-7.
+const PIECE_OF_A_LAG: f64 = 0.2;
+
+/// Departure from its target, of engine torque in N·m and bearing in mm, under which a lag has arrived.
+const ARRIVED: f64 = 1e-9;
+
+/// Shortest piece that is cut for the chain's sake, s.
+const SHORTEST_PIECE: f64 = 1e-9;
+
+/// Time in s for which the chain is smooth enough for one Runge–Kutta step, up to the moment at which the rate limit reaches its target. A fit,
+/// which asks for more than [`MAX_SUBSTEP`], is content with the stages that a substep has.
+pub fn smooth_for(config: &Config, state: &State, x_cmd: f64, max_substep: f64) -> f64 {
+    if max_substep > MAX_SUBSTEP || immediate(config) {
+        return f64::MAX;
+    }
+    let c = &config.constants;
+    let mut longest = f64::MAX;
+    let mut under_way = |lag: &lag::Lag, at: LagState, target: f64| {
+        let tau = lag.time_constant * (1.0 - lag.asymmetry.abs());
+        let moves = (target - at.value).abs() > ARRIVED || (at.rate * tau).abs() > ARRIVED;
+        if lag.time_constant > 0.0 && moves {
+            longest = longest.min(PIECE_OF_A_LAG * tau * lag.curvature.clamp(0.05, 1.0).min(0.25).sqrt() * 2.0);
+        }
+    };
+    under_way(&c.engine_lag, state.engine, engine_target(config, state.inputs.t_e_ref));
+    under_way(&c.actuator_lag, state.lagged, if c.inverse_speed > 0.0 { state.limited } else { x_cmd });
+    if c.inverse_speed > 0.0 {
+        let distance = (x_cmd - state.limited).abs();
+        let left = (distance - c.approach.max(0.0)) * c.inverse_speed;
+        if left > SHORTEST_PIECE {
+            longest = longest.min(left);
+        } else if c.approach > 0.0 && distance > ARRIVED {
+            longest = longest.min(PIECE_OF_A_LAG * c.approach * c.inverse_speed);
+        }
+    }
+    longest.max(SHORTEST_PIECE)
+}
+
 /// Puts the chain to rest in the values of the state's inputs.
 pub fn rest(config: &Config, state: &mut State) {
     let x = state.inputs.x_to;
@@ -119,8 +159,21 @@ pub fn rest(config: &Config, state: &mut State) {
     state.memory = Branch { x, z: 0.0 };
 }
 
-/// When effects are set while running, a state that was not in use starts where its signal is.
+/// Torque in N·m that a rigid driveline passes on behind the disc's share of its inertia.
+fn carried_behind_disc(old: &Config, new: &Config, state: &State) -> f64 {
+    let (d, y) = (&old.constants.driveline, &state.y);
+    let t_fc = super::events::clutch_torque(old, state);
+    let acceleration = driveline::driveline_acceleration(d.J_c, t_fc, motion::resistance(old, y, state.inputs.t_load));
+    t_fc - new.disc_inertia() * acceleration
+}
+
+/// When effects are set while running, a state that was not in use starts where its signal is; shafts that become elastic are twisted by the
+/// torque that they carry.
 pub fn carry_over(old: &Config, new: &Config, state: &mut State) {
+    if new.compliant() && !old.compliant() {
+        state.y[index::OMEGA_V] = state.y[index::OMEGA_C];
+        state.y[index::TWIST] = motion::twist_under(new, carried_behind_disc(old, new, state));
+    }
     if old.constants.hysteresis_width == 0.0 && new.constants.hysteresis_width != 0.0 {
         state.memory = Branch { x: state.bearing, z: 0.0 };
     }

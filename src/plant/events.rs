@@ -130,7 +130,8 @@ pub fn step(plant: &mut Plant, inputs: &Inputs, h: f64) {
 
 /// Substeps that a step of `h` seconds takes.
 pub fn substeps(plant: &Plant, h: f64) -> f64 {
-    let longest = plant.config.pace.longest_substep(plant.max_substep);
+    let slip = plant.state.y[index::OMEGA_F] - plant.state.y[index::OMEGA_C];
+    let longest = plant.config.pace.longest_substep(plant.max_substep).min(plant.config.pace.pulse(slip, plant.max_substep));
     (h / longest * (1.0 - SLIVER)).ceil().max(1.0)
 }
 
@@ -162,6 +163,9 @@ fn substep(plant: &mut Plant, until: f64, delayed: bool) {
             if let Some(event) = plant.command.next_event(state.time - lag).filter(|_| !last) {
                 h = h.min((event + lag - state.time).max(SLIVER * plant.max_substep));
             }
+        }
+        if !last {
+            h = h.min(actuation::smooth_for(config, state, x_cmd, plant.max_substep));
         }
         pieces += 1;
         if switches < EVENTS_PER_SUBSTEP && !last {

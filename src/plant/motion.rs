@@ -79,6 +79,17 @@ fn shaft_torque(config: &Config, y: &Motion) -> f64 {
     (y[TWIST] - (1.0 - c.soft_share) * within) / c.compliance + c.shaft_damping * (y[OMEGA_C] - y[OMEGA_V])
 }
 
+/// Twist in rad at which shafts at rest carry `torque` N·m: the inverse of their characteristic.
+pub fn twist_under(config: &Config, torque: f64) -> f64 {
+    let c = &config.constants;
+    let soft = c.soft_share * c.soft_angle / c.compliance;
+    if torque.abs() > soft || c.soft_share <= 0.0 {
+        torque * c.compliance + (1.0 - c.soft_share) * c.soft_angle.copysign(torque)
+    } else {
+        torque * c.compliance / c.soft_share
+    }
+}
+
 /// Torque in N·m that damping and load put up against the vehicle at `omega` rad/s.
 #[inline]
 pub fn vehicle_resistance(config: &Config, omega: f64, t_load: f64) -> f64 {

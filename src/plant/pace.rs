@@ -19,6 +19,9 @@ pub const SHORTEST_SUBSTEP: f64 = 2e-5;
 const TURN_PER_SUBSTEP: f64 = 0.5;
 const TURN_PER_SUBSTEP_OF_A_FIT: f64 = 1.0;
 
+/// Turn of a pulsation per substep, at most, rad.
+const PULSE_PER_SUBSTEP: f64 = 0.1;
+
 /// Fastest rate times substep, at most.
 const STABLE: f64 = 2.5;
 
@@ -29,6 +32,8 @@ pub struct Pace {
     motion: [f64; 4],
     /// Disc, body.
     heat: [f64; 2],
+    /// Pulsations per radian of slip.
+    order: f64,
 }
 
 /// What the rates are of, and what makes them fast.
@@ -55,7 +60,7 @@ pub struct TooFast {
 
 impl Pace {
     /// Of a plant that does not move.
-    pub const STILL: Self = Self { motion: [0.0; 4], heat: [0.0; 2] };
+    pub const STILL: Self = Self { motion: [0.0; 4], heat: [0.0; 2], order: 0.0 };
 
     /// Rates of a plant; the slopes are those of a closed clutch, cold and warm, from standstill to top speed.
     pub fn of(config: &Config) -> Self {
@@ -74,6 +79,7 @@ impl Pace {
         Self {
             motion: [(c.driveline.b_f + slip) / c.driveline.J_f, (behind + slip) / disc, vehicle, shafts],
             heat: [t.gamma_1.max(t.gamma_2) / t.C_1, (t.gamma_1 + 2.0 * t.gamma_2) / t.C_b],
+            order: fastest_pulsation(config),
         }
     }
 
@@ -92,6 +98,14 @@ impl Pace {
         let stable = STABLE / self.fastest();
         let longest = if stable < MAX_SUBSTEP { turning.min(stable) } else { turning };
         most.min(longest.max(SHORTEST_SUBSTEP))
+    }
+
+    /// Longest substep, s, that follows a torque which pulsates with a slip of `slip` rad/s, where `most` is asked for.
+    #[inline]
+    pub fn pulse(&self, slip: f64, most: f64) -> f64 {
+        let rate = self.order * slip.abs();
+        let turn = if most > MAX_SUBSTEP { TURN_PER_SUBSTEP_OF_A_FIT } else { PULSE_PER_SUBSTEP };
+        if rate * most > turn { (turn / rate).max(SHORTEST_SUBSTEP) } else { f64::MAX }
     }
 
     /// Whether the shortest substep is short enough.
@@ -126,6 +140,22 @@ fn steepest_friction(config: &Config) -> f64 {
         }
     }
     most
+}
+
+/// Greatest change of a torque pulsation's phase per radian of slip angle: its steepest slope over its amplitude.
+fn fastest_pulsation(config: &Config) -> f64 {
+    const SAMPLES: usize = 720;
+    const SPACING: f64 = std::f64::consts::TAU / SAMPLES as f64;
+    config.pulsation.iter().fold(0.0, |most: f64, effect| {
+        let (mut low, mut high, mut steepest) = (f64::INFINITY, f64::NEG_INFINITY, 0.0_f64);
+        let mut last = effect(&config.parameters, 0.0, 0.0);
+        for k in 1..=SAMPLES {
+            let now = effect(&config.parameters, k as f64 * SPACING, 0.0);
+            (low, high, steepest) = (low.min(now), high.max(now), steepest.max((now - last).abs() / SPACING));
+            last = now;
+        }
+        if high > low { most.max(2.0 * steepest / (high - low)) } else { most }
+    })
 }
 
 /// Greatest slope of damping and load over speed, N·m·s/rad.
@@ -214,19 +244,19 @@ mod tests {
             ([0.0; 4], [2e5, 0.0], "the heat of the disc"),
             ([0.0; 4], [0.0, 2e5], "the heat of the body"),
         ] {
-            let refused = Pace { motion, heat }.check().unwrap_err();
+            let refused = Pace { motion, heat, ..Pace::STILL }.check().unwrap_err();
             assert_eq!(refused.part, part);
             close(refused.time, 1.0 / motion.iter().sum::<f64>().max(heat.iter().sum()));
         }
         // 2.5 within the shortest substep of 20 µs.
-        assert!(Pace { motion: [1.249e5, 0.0, 0.0, 0.0], heat: [0.0; 2] }.check().is_ok());
-        assert!(Pace { motion: [1.251e5, 0.0, 0.0, 0.0], heat: [0.0; 2] }.check().is_err());
+        assert!(Pace { motion: [1.249e5, 0.0, 0.0, 0.0], ..Pace::STILL }.check().is_ok());
+        assert!(Pace { motion: [1.251e5, 0.0, 0.0, 0.0], ..Pace::STILL }.check().is_err());
         // The same bound shortens a substep.
-        close(Pace { motion: [5e3, 0.0, 0.0, 0.0], heat: [0.0; 2] }.longest_substep(1e-3), 5e-4);
-        close(Pace { motion: [1e9, 0.0, 0.0, 0.0], heat: [0.0; 2] }.longest_substep(1e-3), SHORTEST_SUBSTEP);
+        close(Pace { motion: [5e3, 0.0, 0.0, 0.0], ..Pace::STILL }.longest_substep(1e-3), 5e-4);
+        close(Pace { motion: [1e9, 0.0, 0.0, 0.0], ..Pace::STILL }.longest_substep(1e-3), SHORTEST_SUBSTEP);
         // Of stable parts that are not oscillations a fit may ask for longer substeps than a simulation.
-        close(Pace { motion: [1.0, 1.0, 0.0, 50.0], heat: [0.0; 2] }.longest_substep(1e-1), 1.0 / 50.0);
-        close(Pace { motion: [1.0, 1.0, 0.0, 800.0], heat: [0.0; 2] }.longest_substep(1e-3), 0.5 / 800.0);
+        close(Pace { motion: [1.0, 1.0, 0.0, 50.0], ..Pace::STILL }.longest_substep(1e-1), 1.0 / 50.0);
+        close(Pace { motion: [1.0, 1.0, 0.0, 800.0], ..Pace::STILL }.longest_substep(1e-3), 0.5 / 800.0);
     }
 
     #[test]

@@ -9,18 +9,31 @@
 //! | A | weaker friction, later contact | none |
 //! | B | as A | PI on reference minus observed torque |
 //!
+//! The slip acceleration of Table II is taken where the controller hands over; the clutch then closes at once, and what the slip really ends
+//! with stands beside it, [`Launch::meeting`].
+//!
+//! - [`cars`], [`drive`], [`monte_carlo`]: drawn cars under several controllers
+//! - [`temperature`]: a touch point that moves with temperature, known, ignored and wrongly estimated
+//!
 //! The paper gives neither references and gains nor load and mismatch. [`Settings::paper`] and [`mismatch`] are one set that
 //! reproduces its nine numbers with the shipped vehicle; the numbers determine the direction of the mismatch, not its kind.
+
+pub mod cars;
+pub mod drive;
+pub mod monte_carlo;
+pub mod temperature;
 
 use crate::control::performance::{self, Performance};
 use crate::control::{self, Controller, Settings};
 use crate::effects::{self, Parameters, param};
 use crate::faults::Faults;
 use crate::physics::phase::Phase;
+use crate::plant::clutch;
 use crate::plant::config::Config;
 use crate::plant::pace::TooFast;
 use crate::plant::{self, Plant, Start};
 use crate::vehicle::Vehicle;
+use drive::Meeting;
 
 /// Engine speed at the start, rad/s: 1000 rpm.
 pub const IDLE: f64 = 1000.0 * std::f64::consts::PI / 30.0;
@@ -31,8 +44,10 @@ pub const AMBIENT: f64 = 25.0;
 /// One coupled simulation.
 #[derive(Clone, Debug)]
 pub struct Setup {
-    /// The vehicle, as the plant and as the controller has it.
+    /// The vehicle, as the plant has it.
     pub vehicle: Vehicle,
+    /// The vehicle, as the controller has it.
+    pub believed: Vehicle,
     /// What the plant has beyond it.
     pub effects: Parameters,
     /// The controller's settings.
@@ -56,6 +71,8 @@ pub struct Row {
     pub plant: plant::Outputs,
     /// The controller's outputs.
     pub controller: control::Outputs,
+    /// Torque that the clutch transmits, or could at rest once it is locked (the paper's static friction torque), N·m.
+    pub transmissible: f64,
 }
 
 /// A simulated launch.
@@ -65,17 +82,26 @@ pub struct Launch {
     pub rows: Vec<Row>,
     /// Figures of the engagement; none if the clutch has not locked.
     pub performance: Option<Performance>,
+    /// How the slip really vanished; none if it has not.
+    pub meeting: Option<Meeting>,
 }
 
 impl Setup {
     /// The paper's launch of `vehicle`: from standstill at 1000 rpm, all at ambient temperature.
     pub fn new(vehicle: &Vehicle, effects: &Parameters, settings: &Settings) -> Self {
         let start = Start { omega_f: IDLE, omega_c: 0.0, theta_c: settings.theta_c_start, theta_b: settings.theta_b_start };
-        Self { vehicle: *vehicle, effects: *effects, settings: *settings, start, step: 1e-3, stop: 2.5, faults: Faults::default() }
+        Self {
+            vehicle: *vehicle,
+            believed: *vehicle,
+            effects: *effects,
+            settings: *settings,
+            start,
+            step: 1e-3,
+            stop: 2.5,
+            faults: Faults::default(),
+        }
     }
-}
 
-impl Setup {
     /// Whether the plant can be followed through all of its faults.
     ///
     /// # Errors
@@ -155,30 +181,45 @@ impl Column {
 /// # Panics
 /// Faults that [`Setup::check_faults`] refuses.
 pub fn simulate(setup: &Setup) -> Launch {
-    let mut controller = Controller::new(&setup.vehicle, &setup.settings);
+    let mut controller = Controller::new(&setup.believed, &setup.settings);
     let mut inputs = plant_inputs(controller.outputs());
     let mut plant = Plant::new(&setup.vehicle, &setup.effects, &setup.start, &inputs);
     let steps = (setup.stop / setup.step).round() as usize;
     let mut rows = Vec::with_capacity(steps + 1);
-    rows.push(Row { time_s: 0.0, plant: plant.outputs(), controller: *controller.outputs() });
-    let mut found = None;
+    rows.push(row(0.0, &plant, &controller));
+    let (mut found, mut meeting) = (None, None);
     for k in 1..=steps {
-        step_through_faults(&mut plant, setup, &inputs);
+        let slip = drive::slip(&plant);
+        let before = (meeting.is_none() && slip.abs() < drive::NEAR).then(|| plant.clone());
+        step_through_faults(&mut plant, setup, &inputs, setup.step);
+        if let Some(before) = before.filter(|_| drive::has_met(&plant, slip)) {
+            meeting = Some(drive::meeting(before, setup.step, |plant, h| step_through_faults(plant, setup, &inputs, h)));
+        }
         let measured = plant.outputs();
         controller.step(&controller_inputs(&measured, true), setup.step);
         inputs = plant_inputs(controller.outputs());
-        let row = Row { time_s: k as f64 * setup.step, plant: measured, controller: *controller.outputs() };
+        let row = row(k as f64 * setup.step, &plant, &controller);
         rows.push(row);
         if found.is_none() && row.controller.phase == Phase::Locked {
             found = Some(figures(&setup.vehicle, &row));
         }
     }
-    Launch { rows, performance: found }
+    Launch { rows, performance: found, meeting }
 }
 
-/// A step, cut where a fault changes an effect.
-fn step_through_faults(plant: &mut Plant, setup: &Setup, inputs: &plant::Inputs) {
-    let mut left = setup.step;
+fn row(time_s: f64, plant: &Plant, controller: &Controller) -> Row {
+    let (outputs, state) = (plant.outputs(), plant.state());
+    let transmissible = if outputs.phase == Phase::Locked {
+        clutch::capacity(plant.config(), state.bearing, state.memory, 0.0, &state.y)
+    } else {
+        outputs.t_fc
+    };
+    Row { time_s, plant: outputs, controller: *controller.outputs(), transmissible }
+}
+
+/// A step of `h` seconds, cut where a fault changes an effect.
+fn step_through_faults(plant: &mut Plant, setup: &Setup, inputs: &plant::Inputs, h: f64) {
+    let mut left = h;
     loop {
         let now = plant.state().time;
         let effects = setup.faults.at(now, &setup.effects);
@@ -208,5 +249,12 @@ pub fn plant_inputs(from: &control::Outputs) -> plant::Inputs {
 
 /// What the controller is given by the plant.
 pub fn controller_inputs(from: &plant::Outputs, engage: bool) -> control::Inputs {
-    control::Inputs { omega_f: from.omega_f, omega_c: from.omega_c, t_e: from.t_e, theta_h: AMBIENT, engage }
+    control::Inputs {
+        omega_f: from.omega_f,
+        omega_c: from.omega_c,
+        t_e: from.t_e,
+        theta_h: AMBIENT,
+        engage,
+        wish: control::Wish::default(),
+    }
 }

@@ -1,0 +1,86 @@
+//! Where the governed law sends the bearing: inverse map, torque feedback, learning, and the soft close after lock-up.
+
+use super::controller::{Controller, Mode};
+use super::filter;
+use super::governed::LEAST_DELIVERY;
+use super::guard::Inputs;
+use crate::physics::map;
+
+/// Bandwidth of the torque feedback when the facings bite, 1/s, and that times the time since, until it has come down to `torque_bandwidth`.
+const BITE_BANDWIDTH: f64 = 5.0;
+const TORQUE_FORGETTING: f64 = 2.0;
+
+/// Fastest move of the torque feedback, mm/s.
+const FEEDBACK_RATE: f64 = 1.0;
+
+/// Slope of the map in N·m/mm below which the feedback takes it for this.
+const LEAST_SLOPE: f64 = 15.0;
+
+/// Step in mm over which the touch point's change with temperature is taken, K.
+const KELVIN: f64 = 1.0;
+
+/// Time over which the change of the torque that is lacking is taken, and time ahead for which it counts, s.
+const LOOK_BACK: f64 = 0.1;
+const LOOK_AHEAD: f64 = 0.3;
+
+/// Time after lock-up for which the torque rises at `closing_rate` alone, s, and speed of the position after it, mm/s.
+const GENTLY: f64 = 0.25;
+const CLOSING_SPEED: f64 = 20.0;
+
+impl Controller {
+    /// Sends the bearing where the clutch carries `t_c` N·m at a slip of `slip` rad/s, corrected by the torque feedback, but at
+    /// least at `least` mm.
+    pub(super) fn place(&mut self, t_c: f64, direction: f64, slip: f64, least: f64, h: f64) {
+        let v = &self.vehicle;
+        let (theta, learned) = (self.state.temperatures.theta_c, self.state.learning);
+        let torque = t_c.abs() / learned.friction;
+        let (x, slope) = map::inverse_with_slope(&v.friction, &v.actuator, &v.cushion_spring, self.xi_0, torque, slip, theta);
+        let (s, state) = (&self.settings, &mut self.state);
+        let (a, o) = (filter::share(0.5 * s.actuator_time, h), filter::share(self.observer.lag(), h));
+        let g = &mut state.governed;
+        g.slope = learned.friction * slope.max(0.0);
+        let observed = direction * state.estimate.t_fc;
+        let lacking_now = g.expected.advance(t_c.abs(), [a, a, o]) - observed;
+        let lacking_before = g.lacking.advance(lacking_now, [filter::share(LOOK_BACK, h)]);
+        // A torque that is on its way needs no push: what will be lacking counts, unless it is of the other sign.
+        let lacking = lacking_now + LOOK_AHEAD * (lacking_now - lacking_before) / LOOK_BACK;
+        let lacking = if lacking * lacking_now > 0.0 { lacking.abs().min(lacking_now.abs()).copysign(lacking_now) } else { 0.0 };
+        let integral = &mut state.feedback.integral;
+        let bandwidth = (TORQUE_FORGETTING / g.engaged_for.max(h)).min(BITE_BANDWIDTH).max(s.torque_bandwidth)
+            * g.delivery(observed).max(LEAST_DELIVERY);
+        let rate = (bandwidth * lacking / g.slope.max(LEAST_SLOPE)).clamp(-FEEDBACK_RATE, FEEDBACK_RATE);
+        *integral = (*integral + rate * h).clamp(-s.x_fb_max, s.x_fb_max);
+        *integral = integral.max((least - x - learned.touch_point).min(*integral + FEEDBACK_RATE * h));
+        state.outputs.x_to_fb = *integral;
+        let of_map = t_c.abs() + g.slope * *integral;
+        if s.learning_rate > 0.0 && slip > s.slip_lock {
+            state.learning.observe(of_map, g.slope, observed, [a, a, o], h);
+        }
+        let fb = state.outputs.x_to_fb;
+        self.move_to((x + learned.touch_point + fb).max(least), h);
+    }
+
+    /// What the launch has taught, at its lock-up.
+    pub(super) fn conclude_learning(&mut self) {
+        let theta = self.state.temperatures.theta_c;
+        let per_kelvin = (self.contact_at(theta + KELVIN) - self.contact_at(theta)) / KELVIN;
+        self.state.temperatures.theta_c += self.state.learning.conclude(self.settings.learning_rate, per_kelvin);
+    }
+
+    /// Locked: the torque that the clutch can carry rises until it is the greatest, then the position goes to its maximum.
+    pub(super) fn close_softly(&mut self, inputs: &Inputs, h: f64) {
+        let fb = self.state.outputs.x_to_fb;
+        self.hold_speed(inputs, h);
+        let s = self.settings;
+        self.state.outputs.x_to_fb = fb;
+        let g = &mut self.state.governed;
+        g.closing_for += h;
+        let gently = s.closing_rate * h / g.slope.max(LEAST_SLOPE);
+        let rise = if g.closing_for < GENTLY { gently } else { gently.max(CLOSING_SPEED * h) };
+        let x = self.state.outputs.x_to + rise;
+        self.move_to(x, h);
+        if self.state.outputs.x_to >= s.x_max {
+            self.state.mode = Mode::Closed;
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! First-order lags in series: what is compared with a measurement is delayed as the measurement is.
+//!
+//! τ ẏ = u − y, by the implicit step y += (u − y) h/(τ + h), which is stable at every τ and h.
+
+/// Share of the way to its input that a lag of `time` s makes in `h` s.
+#[inline]
+pub fn share(time: f64, h: f64) -> f64 {
+    h / (time + h)
+}
+
+/// `N` lags in series; the last one is the output.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lags<const N: usize>(pub [f64; N]);
+
+impl<const N: usize> Default for Lags<N> {
+    fn default() -> Self {
+        Self([0.0; N])
+    }
+}
+
+impl<const N: usize> Lags<N> {
+    /// All at rest at `value`.
+    pub fn at(value: f64) -> Self {
+        Self([value; N])
+    }
+
+    /// Output after a sample, each lag with its `shares`.
+    #[inline]
+    pub fn advance(&mut self, input: f64, shares: [f64; N]) -> f64 {
+        let mut u = input;
+        for (y, share) in self.0.iter_mut().zip(shares) {
+            *y += (u - *y) * share;
+            u = *y;
+        }
+        u
+    }
+
+    /// Output now.
+    #[inline]
+    pub fn out(&self) -> f64 {
+        self.0[N - 1]
+    }
+}

@@ -1,0 +1,234 @@
+//! The governed law while engaging: a plan that the engine can follow, carried out by feedforward, corrected by slow feedback.
+//!
+//! ```text
+//! T_c,ref = J_c ω̇_c,ref + b_c ω̂ + T_L(ω̂) + d̂ + k_P (F A ω_c,ref − F ω_c),   0 ≤ T_c,ref ≤ T_lim
+//! T_lim   = min(T_e,max − b_f ω_f − J_f ω̇_f,ref − reserve,  PI(ω_f − ω_f,ref + droop))
+//! T_e,ref = PI(ω_f,ref − ω_f) + T_c,ref
+//! x_to    = x(T_c,ref, s, θ̂_c) + x_fb,   ẋ_fb = p_T (O A T_c,ref − T̂_fc) / K
+//! ```
+//!
+//! | symbol | meaning | unit |
+//! |---|---|---|
+//! | A | model of the actuator: two lags, `actuator_time` in all | |
+//! | F | two lags of `filter_time`, which roll the feedback off below the shafts' frequency | |
+//! | O | lag of the torque observer | |
+//! | d̂ | load of the observer in [`super::load`] | N·m |
+//! | s | slip that will be there when the bearing has moved | rad/s |
+//! | K | slope of the torque map | N·m/mm |
+//!
+//! - **Reference governor**: where the plan asks for more than T_lim, or the clutch falls behind, the plan's time runs slower.
+//! - **Filtered references**: each reference is compared with its measurement behind the same lags, so a perfect map is left alone.
+//! - **Soft landing**: after the end of the plan the clutch reference goes on with `reference_slope` until the filtered slip is gone;
+//!   then the torque rises at `closing_rate` before the position goes to its maximum.
+//! - **Hill**: the load is observed also while the clutch is open and the car rolls; **creep**: a ramp to `creep_speed` in slip.
+
+use super::controller::{Controller, Mode, engine_limits};
+use super::figure_3::clutch_limits;
+use super::filter::{self, Lags};
+use super::guard::Inputs;
+use super::load::{Inertia, Load};
+use super::pi::Gains;
+use super::settings::Settings;
+use crate::physics::driveline;
+
+/// Bandwidth of the load observer while the clutch is open: it closes no loop then, 1/s.
+const OPEN_LOAD_BANDWIDTH: f64 = 20.0;
+
+/// Bandwidth of the load observer times the time since the engagement began, until it has come down to `load_bandwidth`: as the gain of a
+/// Kalman filter falls while it learns a constant.
+const LOAD_FORGETTING: f64 = 3.0;
+
+/// Hold-back that holds nothing back, N·m.
+const OUT_OF_THE_WAY: f64 = 1e6;
+
+/// Observed torque at which the facings have bitten, N·m.
+const BITE: f64 = 8.0;
+
+/// Time after which a bite is late, s: the bearing is slow.
+const LATE_BITE: f64 = 0.4;
+
+/// Share of the engine's speed that a slip may have which is taken for an error of a sensor.
+const SENSOR_ERROR: f64 = 0.06;
+
+/// Torque in N·m, and share of that asked for, by which the observed torque may be short before the bearing counts as not there yet.
+const UNDELIVERED: f64 = 10.0;
+const UNDELIVERED_SHARE: f64 = 0.25;
+
+/// Least share of its bandwidth that the torque feedback keeps while the bearing is not there.
+pub(super) const LEAST_DELIVERY: f64 = 0.1;
+
+/// Share of what the observed torque departs from the expected one that counts as the clutch's, not as a load.
+const BELIEVED: f64 = 1.0;
+
+/// Share of the slope of the landing that the torque keeps for it.
+const LANDING: f64 = 0.8;
+
+/// Time constants of the slip's filter over `filter_time`: no feedback of any gain hangs on it.
+const SLIP_FILTER: f64 = 0.6;
+
+/// Fastest fall of the torque asked for, unless the engine or the direction of slip limits it, N·m/s.
+const FALL: f64 = 400.0;
+
+/// Fastest rise of the torque asked for, N·m/s.
+const RISE: f64 = 150.0;
+
+/// Share of what the observed torque departs from the expected one that the engine is told: all of it would make a slow engine swing.
+const CARRIED_SHARE: f64 = 0.3;
+
+/// State of the governed law.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Governed {
+    /// Load observer.
+    pub load: Load,
+    /// Inertia of the car.
+    pub inertia: Inertia,
+    /// Clutch speed behind F, rad/s.
+    pub speed: Lags<2>,
+    /// Slip behind two lags, rad/s.
+    pub slip: Lags<2>,
+    /// Clutch speed reference behind A and F, rad/s.
+    pub wanted: Lags<4>,
+    /// Torque asked for behind A and F, N·m.
+    pub carried: Lags<4>,
+    /// Torque asked for behind A and O, N·m.
+    pub expected: Lags<3>,
+    /// Torque that is lacking, a while ago, N·m.
+    pub lacking: Lags<1>,
+    /// Hold-back of the clutch torque, N·m.
+    pub hold_back: f64,
+    /// Time for which the filtered slip has been gone, s.
+    pub near_for: f64,
+    /// Time since lock-up, s.
+    pub closing_for: f64,
+    /// Time since the plan ended, s.
+    pub landing_for: f64,
+    /// Time since the facings have bitten, s.
+    pub bitten_for: f64,
+    /// Time since the clutch was open, s.
+    pub engaged_for: f64,
+    /// Side that the slip came from, ±1.
+    pub from: f64,
+    /// Share of its speed at which the torque rises, because the bearing is slow.
+    pub pace: f64,
+    /// Slope of the map where the bearing was sent, N·m/mm.
+    pub slope: f64,
+}
+
+impl Governed {
+    /// Filters begin at the first measurement.
+    pub(super) fn settle(&mut self, omega_c: f64, slip: f64) {
+        self.speed = Lags::at(omega_c);
+        self.slip = Lags::at(slip);
+        self.load.omega = omega_c;
+    }
+
+    /// An engagement begins.
+    pub(super) fn begin(&mut self, omega_c: f64, slip: f64) {
+        self.wanted = Lags::at(omega_c);
+        self.expected = Lags::default();
+        self.lacking = Lags::default();
+        self.inertia = Inertia::default();
+        self.hold_back = OUT_OF_THE_WAY;
+        (self.bitten_for, self.near_for, self.landing_for, self.closing_for) = (0.0, 0.0, 0.0, 0.0);
+        (self.from, self.pace) = (if slip < 0.0 { -1.0 } else { 1.0 }, 1.0);
+    }
+
+    /// Speed of a locked driveline behind F: the mean of both sensors, rad/s.
+    pub(super) fn speed_of_both(&self) -> f64 {
+        self.speed.out() + 0.5 * self.slip.out()
+    }
+
+    /// Whether the slip is gone: within `slip_lock` for `lock_time`, or small and unmoved long after the plan's end.
+    pub(super) fn has_locked(&self, s: &Settings, omega_f: f64) -> bool {
+        let unmoved = self.landing_for > s.landing_time && self.slip.out().abs() <= s.slip_lock + SENSOR_ERROR * omega_f.abs();
+        self.near_for > s.lock_time || unmoved
+    }
+
+    /// 1 while the observed torque `t_fc` in N·m is near the one expected, falling to 0 as the bearing is not there yet.
+    pub(super) fn delivery(&self, t_fc: f64) -> f64 {
+        let expected = self.expected.out();
+        (2.0 - (expected - t_fc).abs() / (UNDELIVERED + UNDELIVERED_SHARE * expected)).clamp(0.0, 1.0)
+    }
+
+    fn watch_slip(&mut self, s: &Settings, h: f64) {
+        let slip = self.slip.out();
+        let gone = self.from * slip <= s.slip_lock;
+        self.near_for = if gone { self.near_for + h } else { 0.0 };
+    }
+}
+
+impl Controller {
+    /// Filters and load observer, in every mode.
+    pub(super) fn observe_load(&mut self, inputs: &Inputs, slip: f64, h: f64) {
+        let (s, state) = (&self.settings, &mut self.state);
+        let (a, f) = (filter::share(0.5 * s.actuator_time, h), filter::share(s.filter_time, h));
+        let g = &mut state.governed;
+        let torque = match state.mode {
+            Mode::Open => 0.0,
+            Mode::Engaging => state.outputs.t_c_ref,
+            Mode::Closing | Mode::Closed => state.estimate.t_fc,
+        };
+        let omega = g.speed.advance(inputs.omega_c, [f; 2]);
+        g.slip.advance(slip, [filter::share(SLIP_FILTER * s.filter_time, h); 2]);
+        let t = g.carried.advance(torque, [a, a, f, f]);
+        // What the bearing has not brought yet is no load.
+        let departs = if state.mode == Mode::Engaging { BELIEVED * (state.estimate.t_fc - g.expected.out()) } else { 0.0 };
+        let t = (t + departs).min(state.estimate.t_fc.max(0.0) + UNDELIVERED + UNDELIVERED_SHARE * t);
+        g.engaged_for = if state.mode == Mode::Open { 0.0 } else { g.engaged_for + h };
+        let bandwidth = (LOAD_FORGETTING / g.engaged_for.max(h)).min(OPEN_LOAD_BANDWIDTH).max(s.load_bandwidth);
+        let d = &self.vehicle.driveline;
+        g.load.advance(d, d.J_c * g.inertia.factor(), t, omega, bandwidth, s.torque_max, h);
+        if state.mode == Mode::Engaging && t > UNDELIVERED {
+            let [before, after] = g.speed.0;
+            let accelerating = d.J_c * (before - after) / s.filter_time.max(h);
+            g.inertia.take(accelerating, t - driveline::resistance(d, omega, 0.0) - accelerating, h);
+        }
+    }
+
+    /// See the module.
+    pub(super) fn engage_governed(&mut self, inputs: &Inputs, h: f64) {
+        let limit = self.torque_limit(inputs, h);
+        let (references, slopes) = self.advance_plan(inputs, limit, h);
+        let (s, state) = (&self.settings, &mut self.state);
+        let d = &self.vehicle.driveline;
+        let (a, f) = (filter::share(0.5 * s.actuator_time, h), filter::share(s.filter_time, h));
+        let g = &mut state.governed;
+        g.watch_slip(s, h);
+        let error = g.wanted.advance(references.omega_c, [a, a, f, f]) - g.speed.out();
+        let (direction, mut limits) = clutch_limits(s, inputs.omega_f, g.slip.out() + s.slip_lock);
+        limits.high = limits.high.min(limit);
+        let needed = d.J_c * g.inertia.factor() * slopes.omega_c + driveline::resistance(d, g.load.omega, g.load.torque);
+        // Before the plan's middle the torque does not fall: a car that runs ahead lets the plan run faster instead.
+        let rising = 2.0 * state.elapsed < state.plan.duration && !inputs.wish.creep;
+        // After it the torque does not fall below what the landing needs, so that it need not rise again.
+        let landing = needed - d.J_c * g.inertia.factor() * (slopes.omega_c - LANDING * state.plan.slope).max(0.0);
+        let least = if rising { state.outputs.t_c_ref } else { landing.min(needed) };
+        let last = state.outputs.t_c_ref.max(0.0);
+        let delivery = g.delivery(direction * state.estimate.t_fc).max(LEAST_DELIVERY);
+        let t_c = limits.bound(
+            (needed + s.kp_clutch * error)
+                .max(least)
+                .max(last - FALL * h)
+                .min(last + RISE * inputs.wish.aggressiveness.exp2() * g.pace * delivery * h),
+        );
+        let gains = Gains { p: s.kp_engine, i: s.ki_engine };
+        let bites = g.bitten_for == 0.0 && direction * state.estimate.t_fc > BITE;
+        g.bitten_for = if bites || g.bitten_for > 0.0 { g.bitten_for + h } else { 0.0 };
+        let share = if g.bitten_for > 0.0 { CARRIED_SHARE } else { 1.0 };
+        let carried = t_c + share * direction * (state.estimate.t_fc.abs() - g.expected.out());
+        state.outputs.t_e_ref = state.engine.step(gains, references.omega_f - inputs.omega_f, carried, engine_limits(s), h);
+        state.outputs.t_c_ref = t_c;
+        if bites && g.engaged_for > LATE_BITE {
+            // A slow bearing is still on its way to where it was sent: it is sent to where it is, and the torque rises as slowly as it came.
+            g.pace = LATE_BITE / g.engaged_for;
+            state.feedback.integral = 0.0;
+            state.outputs.t_c_ref = t_c.min(state.estimate.t_fc.abs());
+        }
+        let t_c = state.outputs.t_c_ref;
+        let ahead = (s.actuator_time + 2.0 * SLIP_FILTER * s.filter_time) * (slopes.omega_f - slopes.omega_c);
+        let slip_there = (direction * (g.slip.out() + ahead)).max(0.0);
+        // While the torque rises, the bearing does not go back for an early bite alone: the feedback takes effect on what is added.
+        let least = if rising && t_c < limits.high { state.outputs.x_to } else { s.x_open };
+        self.place(t_c, direction, slip_there, least, h);
+    }
+}

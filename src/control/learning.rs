@@ -1,0 +1,142 @@
+//! What launches teach of the torque map: its touch point and its friction.
+//!
+//! While the clutch slips, the observed torque departs from the map's by r = T̂_fc − T_map. To first order r = −K Δx + T_map Δμ, with
+//! K = dT/dx; the sums of a launch give both by least squares with a prior, and a share of them is taken up at lock-up.
+//!
+//! | symbol | meaning | unit | prior standard deviation |
+//! |---|---|---|---|
+//! | Δx | touch point over the one believed | mm | 0.3 |
+//! | Δμ | friction over the one believed, minus 1 | 1 | 0.2 |
+//! | r | residual of the torque, of 4 N·m, independent after 0.1 s | N·m | |
+//!
+//! Where the vehicle file says that the touch point moves with temperature, that part of Δx which 30 K can explain corrects the
+//! estimated temperature instead: a wear of 0.1 mm between two launches is rare.
+
+use super::filter::Lags;
+use super::settings::Settings;
+
+/// Least and greatest touch point over the vehicle file's, mm.
+pub const TOUCH_POINT: (f64, f64) = (-3.0, 3.0);
+/// Least and greatest friction over the vehicle file's.
+pub const FRICTION: (f64, f64) = (0.3, 3.0);
+/// Greatest step of a launch: mm, and relative.
+const STEP: (f64, f64) = (0.5, 0.3);
+/// Greatest correction of the temperature by a launch, K.
+const TEMPERATURE_STEP: f64 = 50.0;
+
+const PRIOR: (f64, f64) = (0.3, 0.2);
+const RESIDUAL: f64 = 4.0;
+const INDEPENDENT_AFTER: f64 = 0.1;
+const TEMPERATURE: f64 = 30.0;
+const WEAR: f64 = 0.1;
+
+/// Torque in N·m below which the observed torque says nothing of the map.
+const LEAST_TORQUE: f64 = 3.0;
+
+/// What is learned, and the sums of the launch that runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Learning {
+    /// Touch point over the vehicle file's, mm.
+    pub touch_point: f64,
+    /// Friction over the vehicle file's.
+    pub friction: f64,
+    /// Torque of the map at the position asked for, behind actuator and observer.
+    pub torque: Lags<3>,
+    /// Its slope, behind the same.
+    pub slope: Lags<3>,
+    /// Sums of K², K T, T², K r, T r, each times the time over the residual's variance.
+    pub sums: [f64; 5],
+}
+
+impl Learning {
+    /// What the settings say was learned before.
+    pub fn new(s: &Settings) -> Self {
+        let (touch_point, friction) = (s.touch_point_offset_start, s.friction_factor_start);
+        Self { touch_point, friction, torque: Lags::default(), slope: Lags::default(), sums: [0.0; 5] }
+    }
+
+    /// Begins a launch.
+    pub fn begin(&mut self) {
+        *self = Self { torque: Lags::default(), slope: Lags::default(), sums: [0.0; 5], ..*self };
+    }
+
+    /// Takes in a sample of `h` s: the map's `torque` in N·m and `slope` in N·m/mm at the position asked for, and the `observed` torque.
+    #[inline]
+    pub fn observe(&mut self, torque: f64, slope: f64, observed: f64, shares: [f64; 3], h: f64) {
+        let (t, k) = (self.torque.advance(torque, shares), self.slope.advance(slope, shares));
+        if t < LEAST_TORQUE && observed < LEAST_TORQUE {
+            return;
+        }
+        let (r, w) = (observed - t, h / (INDEPENDENT_AFTER * RESIDUAL * RESIDUAL));
+        for (sum, x) in self.sums.iter_mut().zip([k * k, k * t, t * t, k * r, t * r]) {
+            *sum += w * x;
+        }
+    }
+
+    /// Ends a launch that has locked. `per_kelvin` is what the vehicle file says of the touch point over temperature, mm/K; the correction
+    /// of the temperature in K is returned.
+    pub fn conclude(&mut self, rate: f64, per_kelvin: f64) -> f64 {
+        let [kk, kt, tt, kr, tr] = self.sums;
+        let (a, b) = (kk + PRIOR.0.powi(-2), tt + PRIOR.1.powi(-2));
+        let determinant = a * b - kt * kt;
+        if determinant <= 0.0 {
+            self.begin();
+            return 0.0;
+        }
+        let touch_point = (-kr * b + kt * tr) / determinant;
+        let friction = (a * tr - kt * kr) / determinant;
+        let by_temperature = (per_kelvin * TEMPERATURE).powi(2) / ((per_kelvin * TEMPERATURE).powi(2) + WEAR * WEAR);
+        let step = rate * touch_point.clamp(-STEP.0, STEP.0);
+        self.touch_point = (self.touch_point + (1.0 - by_temperature) * step).clamp(TOUCH_POINT.0, TOUCH_POINT.1);
+        self.friction = (self.friction * (1.0 + rate * friction.clamp(-STEP.1, STEP.1))).clamp(FRICTION.0, FRICTION.1);
+        self.begin();
+        if by_temperature > 0.0 { (by_temperature * step / per_kelvin).clamp(-TEMPERATURE_STEP, TEMPERATURE_STEP) } else { 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A launch whose true map is off by `x` mm and by the factor `mu`, seen without lag.
+    fn launch(learning: &mut Learning, x: f64, mu: f64) {
+        learning.begin();
+        for k in 0..1000 {
+            let torque = 0.08 * f64::from(k);
+            let slope = 16.0 + torque;
+            let (dx, factor) = (x - learning.touch_point, mu / learning.friction);
+            learning.observe(torque, slope, factor * torque - slope * dx, [1.0; 3], 1e-3);
+        }
+        learning.conclude(0.5, 0.0);
+    }
+
+    #[test]
+    fn both_are_learned_within_a_few_launches() {
+        for (x, mu) in [(0.4, 1.0), (-0.4, 1.2), (0.0, 0.8)] {
+            let mut learning = Learning::new(&Settings::robust());
+            for _ in 0..10 {
+                launch(&mut learning, x, mu);
+            }
+            assert!((learning.touch_point - x).abs() < 0.05 && (learning.friction - mu).abs() < 0.04, "{learning:?} for {x}, {mu}");
+        }
+    }
+
+    #[test]
+    fn a_touch_point_that_moves_with_temperature_corrects_the_temperature() {
+        let mut learning = Learning::new(&Settings::robust());
+        learning.observe(50.0, 60.0, 50.0, [1.0; 3], 1.0);
+        learning.sums[3] = -0.3 * learning.sums[0];
+        let kelvin = learning.conclude(1.0, -0.01);
+        assert!(kelvin < -10.0 && learning.touch_point.abs() < 0.1, "{kelvin} K, {learning:?}");
+    }
+
+    #[test]
+    fn absurd_sums_stay_within_the_bounds() {
+        let mut learning = Learning::new(&Settings::robust());
+        for k in 0..100 {
+            learning.sums = [1e9, 0.0, 1e9, if k % 7 == 0 { 1e15 } else { -1e15 }, 1e15];
+            learning.conclude(1.0, 0.0);
+            assert!(learning.touch_point.abs() <= 3.0 && (0.3..=3.0).contains(&learning.friction));
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! The communication step does not matter with effects either, and effects are continuous at their null values.
+
+use kisspoint::effects::{self, Parameters, REGISTRY, param};
+use kisspoint::plant::{Inputs, Outputs, Plant, Start};
+use kisspoint::vehicle::Vehicle;
+
+const START: Start = Start { omega_f: 104.719_755_119_659_78, omega_c: 0.0, theta_c: 25.0, theta_b: 25.0 };
+
+/// Position and torque, held for 20 ms each.
+fn inputs(k: usize) -> Inputs {
+    let t = 0.02 * k as f64;
+    Inputs { x_to: 4.5 + 1.0 * t.min(1.0), t_e_ref: 30.0 + 10.0 * (k % 3) as f64, theta_h: 25.0, t_load: 0.0 }
+}
+
+/// Outputs after half a second in slip, in steps of `h` s.
+fn run(p: &Parameters, h: f64) -> Outputs {
+    let mut plant = Plant::new(&Vehicle::paper(), p, &START, &inputs(0));
+    for k in 0..25 {
+        for _ in 0..(0.02 / h).round() as usize {
+            plant.step(&inputs(k), h);
+        }
+    }
+    plant.outputs()
+}
+
+fn distance(a: &Outputs, b: &Outputs) -> (f64, f64) {
+    let speed = (a.omega_f - b.omega_f).abs().max((a.omega_c - b.omega_c).abs());
+    (speed, (a.t_fc - b.t_fc).abs())
+}
+
+// Delayed speeds are kept every 0.2 ms: steps shorter than that leave out some of them.
+#[test]
+fn the_step_does_not_matter_with_any_effect() {
+    for entry in &REGISTRY {
+        for start in entry.effect.starts {
+            let mut p = effects::null();
+            start.iter().for_each(|&(k, value)| p[k] = value);
+            let (speed, torque) = distance(&run(&p, 1e-3), &run(&p, 2.5e-4));
+            println!("{}: {speed:.1e} rad/s, {torque:.1e} N·m", entry.id);
+            assert!(speed < 1e-6 && torque < 1e-6, "{}: {speed:.1e} rad/s, {torque:.1e} N·m", entry.id);
+        }
+    }
+}
+
+#[test]
+fn fast_lags_a_rate_limit_with_lag_and_fast_judder_are_followed() {
+    let cases: [(&str, &[(usize, f64)]); 4] = [
+        ("lag of 0.1 ms", &[(param::actuator_lag::time_constant, 1e-4)]),
+        ("engine lag of 0.1 ms", &[(param::engine_torque_lag::time_constant, 1e-4)]),
+        ("rate limit with lag", &[(param::actuator_rate_limit::inverse_speed, 0.06), (param::actuator_lag::time_constant, 0.03)]),
+        ("judder of order 20", &[(param::judder::cosine, 0.1), (param::judder::order, 20.0)]),
+    ];
+    for (what, set) in cases {
+        let mut p = effects::null();
+        set.iter().for_each(|&(k, value)| p[k] = value);
+        let (speed, torque) = distance(&run(&p, 1e-3), &run(&p, 2e-5));
+        println!("{what}: {speed:.1e} rad/s, {torque:.1e} N·m");
+        assert!(speed < 1e-6 && torque < 1e-6, "{what}: {speed:.1e} rad/s, {torque:.1e} N·m");
+    }
+}
+
+#[test]
+fn effects_are_continuous_at_null() {
+    let nominal = run(&effects::null(), 1e-3);
+    for entry in &REGISTRY {
+        for start in entry.effect.starts {
+            let mut p = effects::null();
+            for &(k, value) in *start {
+                let null = effects::PARAMETERS[k].null;
+                let amplitude = entry.effect.amplitudes.contains(&k);
+                p[k] = if amplitude { null + 1e-6 * (value - null) } else { value };
+            }
+            let (speed, _) = distance(&run(&p, 1e-3), &nominal);
+            println!("{}: {speed:.1e} rad/s", entry.id);
+            assert!(speed < 1e-4, "{}: {speed:.1e} rad/s at 1e-6 of its size", entry.id);
+        }
+    }
+}
