@@ -79,7 +79,7 @@ fn a_run_that_is_killed_leaves_the_old_answer_or_the_new_one() {
     succeeds(&["launch", "--plots", &whole]);
     let lasts = begin.elapsed();
     let (new, _) = contents(&whole);
-    assert_eq!(new.len(), 6);
+    assert_eq!(new.len(), 8);
     let mut ends = [0; 2];
     for k in 0..16 {
         let path = with_old_answer(&folder, "killed", &new);
@@ -178,7 +178,7 @@ fn links_unicode_and_long_paths_are_folders_like_any_other() {
     let deep = (0..20).fold(folder.0.clone(), |path, _| path.join("a-folder-with-a-name-of-its-own"));
     let figures = deep.display().to_string();
     succeeds(&["launch", "--plots", &figures]);
-    assert_eq!(contents(&figures).0.len(), 6);
+    assert_eq!(contents(&figures).0.len(), 8);
     let long = folder.path(&format!("{}.json", "v".repeat(250)));
     succeeds(&["vehicle", "new", "--out", &long]);
     std::os::unix::fs::symlink(&figures, folder.0.join("figures")).unwrap();

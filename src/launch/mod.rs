@@ -20,6 +20,7 @@
 
 pub mod cars;
 pub mod drive;
+#[cfg(feature = "cli")]
 pub mod monte_carlo;
 pub mod temperature;
 
