@@ -112,6 +112,8 @@ fn shares(search: &Search, posterior: &Posterior, best: &Explanation) -> Vec<(Su
             .filter(|e| e.effects == effects && e.fit.is_some() && (e.place == if with_place { best.place } else { None }));
         same.map(cost).fold(base, f64::min)
     };
+    // Where the rest was not fitted beside the law, what it leaves alone stands for it.
+    let rest_of = |effects: &[usize]| known(effects, best.place.is_some()).min(known(effects, false));
     let mut shares: Vec<(Subsystem, f64)> = Vec::new();
     let mut add = |s: Subsystem, taken: f64| match shares.iter_mut().find(|(o, _)| *o == s) {
         Some((_, sum)) => *sum += taken.max(0.0),
@@ -119,7 +121,7 @@ fn shares(search: &Search, posterior: &Posterior, best: &Explanation) -> Vec<(Su
     };
     for &e in &best.effects {
         let rest: Vec<usize> = best.effects.iter().copied().filter(|o| *o != e).collect();
-        add(REGISTRY[e].effect.subsystem, known(&rest, best.place.is_some()) - full);
+        add(REGISTRY[e].effect.subsystem, rest_of(&rest) - full);
     }
     if let Some(place) = best.place {
         add(place, known(&best.effects, false) - full);

@@ -57,8 +57,9 @@ def test_schemes_and_steps_agree_on_the_launch(plant, controller, launch_sets, t
 
 
 def state_in_slip(plant, controller, h, scheme, end):
-    """Disc speed and temperature while the clutch slips, where the solution is smooth."""
-    p, c = plant.instance(), controller.instance()
+    """Disc speed and temperature while the clutch slips under the paper's law, where the solution is smooth: the governed one holds its references back."""
+    figure_3 = {"scheme": 1.0, "reference_slope": 40.0, "kp_engine": 2.0, "ki_engine": 4.0, "kp_clutch": 4.0, "learning_rate": 0.0}
+    p, c = plant.instance(), controller.instance(**{f"controller.{name}": value for name, value in figure_3.items()})
     couple(p, c, [h] * round(end / h), scheme)
     assert p.get("phase") == 2
     got = p.get("omega_c", "theta_c")
