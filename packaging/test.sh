@@ -55,7 +55,7 @@ else
 fi
 group "Rust: fuzzing, 10 s each" bash packaging/fuzz.sh 10
 # Says which changes of the last commit no test would notice; that is read, and stops nothing.
-group "Rust: mutants of the last commit" bash -c 'MINUTES=5 bash packaging/mutants.sh --changed || [[ $? == 2 ]]'
+group "Rust: mutants of the last commit" bash -c 'MINUTES=5 bash packaging/mutants.sh --changed || echo "ended with $?"'
 # The library as it ships, without what only the command needs; it goes into the FMUs that the Python tests load.
 group "Rust: library of the FMUs" cargo build --profile quick --lib --no-default-features
 export KISSPOINT=$PWD/$target/quick/kisspoint KISSPOINT_PROFILE=quick
