@@ -37,6 +37,11 @@ fn main() {
 
 /// Folders of this machine whose names the compiler writes into what it builds: the longest first, for one may lie in another.
 fn places(root: &str, out: &str) -> Vec<String> {
+    // A build that remaps them says that there are none.
+    println!("cargo::rerun-if-env-changed=KISSPOINT_PLACES");
+    if let Ok(places) = env::var("KISSPOINT_PLACES") {
+        return vec![places];
+    }
     let home = || env::var("HOME").or_else(|_| env::var("USERPROFILE")).map(|home| Path::new(&home).join(".cargo").display().to_string());
     let target = Path::new(out).ancestors().nth(4).map(|folder| folder.display().to_string());
     let mut places: Vec<String> =

@@ -10,6 +10,7 @@ set -euo pipefail
 ROOT=$(cd "$(dirname "$0")/.." && pwd)
 WORK=$ROOT/target/cross
 OUT=$ROOT/target/fmu-libraries
+export CARGO_TARGET_DIR=$WORK/cargo
 GLIBC=2.17
 ZIG=ziglang==0.17.0
 ZIGBUILD=cargo-zigbuild==0.24.0
@@ -25,8 +26,6 @@ need_zig() {
   python3 -m venv "$WORK/venv"
   "$WORK/venv/bin/pip" install -q "$ZIGBUILD" "$ZIG" || "$WORK/venv/bin/pip" install -q cargo-zigbuild ziglang
 }
-
-. packaging/rustc-web.sh
 
 assert_exports() { # PLATFORM TOOL-OUTPUT
   local count
@@ -56,37 +55,31 @@ assert_dll() { # FILE
   echo "win64: imports $(echo $imports), 44 functions, $(stat -c %s "$1") bytes"
 }
 
-build_linux64() {
-  need_zig
-  PATH="$WORK/venv/bin:$PATH" CARGO_TARGET_DIR=$WORK/linux64 \
-    cargo zigbuild "${CARGO[@]}" --target x86_64-unknown-linux-gnu.$GLIBC
-  install -D "$WORK/linux64/x86_64-unknown-linux-gnu/release/libkisspoint.so" "$OUT/linux64/libkisspoint.so"
-  assert_glibc linux64 "$OUT/linux64/libkisspoint.so"
-}
+as_root() { if [ "$(id -u)" = 0 ]; then "$@"; else sudo "$@"; fi; }
 
-build_aarch64-linux() {
-  need_zig && need_rustc_web
-  # Build scripts and macros are built by the same compiler: it does not mix with rustup's.
-  PATH="$WORK/venv/bin:$PATH" RUSTC="$WORK/rustc-web" CARGO_TARGET_DIR=$WORK/aarch64 \
-    cargo zigbuild "${CARGO[@]}" --target aarch64-unknown-linux-gnu.$GLIBC
-  install -D "$WORK/aarch64/aarch64-unknown-linux-gnu/release/libkisspoint.so" "$OUT/aarch64-linux/libkisspoint.so"
-  assert_glibc aarch64-linux "$OUT/aarch64-linux/libkisspoint.so"
+build_linux() { # PLATFORM TRIPLE
+  need_zig
+  PATH="$WORK/venv/bin:$PATH" cargo zigbuild "${CARGO[@]}" --target "$2.$GLIBC"
+  install -D "$CARGO_TARGET_DIR/$2/release/libkisspoint.so" "$OUT/$1/libkisspoint.so"
+  assert_glibc "$1" "$OUT/$1/libkisspoint.so"
 }
 
 build_win64() {
   command -v x86_64-w64-mingw32-gcc >/dev/null ||
     { as_root apt-get update && as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends gcc-mingw-w64-x86-64-win32; }
-  need_rustc_web
-  RUSTC_BOOTSTRAP=1 RUSTC="$WORK/rustc-web" CARGO_TARGET_DIR=$WORK/win64 \
-    cargo build "${CARGO[@]}" -Zbuild-std=std,panic_unwind --target x86_64-pc-windows-gnu
-  install -D "$WORK/win64/x86_64-pc-windows-gnu/release/kisspoint.dll" "$OUT/win64/kisspoint.dll"
+  cargo build "${CARGO[@]}" --target x86_64-pc-windows-gnu
+  install -D "$CARGO_TARGET_DIR/x86_64-pc-windows-gnu/release/kisspoint.dll" "$OUT/win64/kisspoint.dll"
   assert_dll "$OUT/win64/kisspoint.dll"
 }
 
 [ $# -gt 0 ] || set -- linux64 aarch64-linux win64
 for platform in "$@"; do
   case $platform in
-    linux64 | aarch64-linux | win64) "build_$platform" ;;
+    linux64) triple=x86_64-unknown-linux-gnu ;;
+    aarch64-linux) triple=aarch64-unknown-linux-gnu ;;
+    win64) triple=x86_64-pc-windows-gnu ;;
     *) fail "unknown platform $platform" ;;
   esac
+  rustup target add $triple
+  if [ "$platform" = win64 ]; then build_win64; else build_linux "$platform" $triple; fi
 done

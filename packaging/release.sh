@@ -1,10 +1,12 @@
 #!/usr/bin/env bash
 # Everything that is handed out, in one command: the FMUs' library for three platforms, the C sources, wheels and archives.
 #
-#   packaging/release.sh            writes target/dist/: kisspoint-*.whl (manylinux2014 x86-64), kisspoint-<platform>.tar.gz, SHA256SUMS
+#   packaging/release.sh            writes target/dist/: kisspoint-*.whl (manylinux2014 x86-64, win_amd64), kisspoint-<platform>.tar.gz,
+#                                   kisspoint-fmu-sources.tar.gz, SHA256SUMS
 #
-# Every wheel and archive holds the libraries of all platforms, so that `kisspoint fmu` packs them all. Needs what packaging/cross.sh and
-# packaging/sources.sh need; the same commit gives the same bytes. The wheel is tried in an environment of its own, without a compiler on its path.
+# Every wheel and the archives for x86-64 hold the libraries of all platforms, so that `kisspoint fmu` packs them all. Needs what packaging/cross.sh
+# and packaging/sources.sh need, and root, wine64 and qemu-user to try the results. The same commit and compilers give the same bytes.
+# Each result is tried in a clean environment: without compiler, checkout or variables.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 ROOT=$PWD
@@ -12,34 +14,108 @@ DIST=$ROOT/target/dist
 WORK=$ROOT/target/cross
 LIBRARIES=$ROOT/target/fmu-libraries
 export SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct)}
-rm -rf "$DIST" && mkdir -p "$DIST"
+fail() { echo "release.sh: $*" >&2; exit 1; }
+rm -rf "$DIST" "$LIBRARIES" && mkdir -p "$DIST"
 
+# Neutral names for the places that it is built in, so that there are none to be taken out later.
+export KISSPOINT_PLACES=
+export RUSTFLAGS="--remap-path-prefix=$ROOT=. --remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=cargo --remap-path-prefix=$(rustc --print sysroot)=rust"
 packaging/cross.sh linux64 aarch64-linux win64
 packaging/sources.sh
-# The command, against the same old glibc as the library.
-PATH="$WORK/venv/bin:$PATH" CARGO_TARGET_DIR="$WORK/linux64" cargo zigbuild --release --bin kisspoint --config 'profile.release.strip="symbols"' --target x86_64-unknown-linux-gnu.2.17
-COMMAND=$WORK/linux64/x86_64-unknown-linux-gnu/release/kisspoint
 
-# One wheel per platform that has a command.
-[ -x "$WORK/venv/bin/python" ] && "$WORK/venv/bin/pip" install -q "setuptools>=77" wheel
-KISSPOINT=$COMMAND KISSPOINT_LIBRARY=$LIBRARIES/linux64/libkisspoint.so KISSPOINT_LIBRARIES=$LIBRARIES KISSPOINT_PLATFORM=manylinux2014_x86_64 \
-    "$WORK/venv/bin/pip" wheel -q --no-deps --no-build-isolation -w "$DIST" .
+# The command for both systems that it runs on, against the same old glibc and the same DLLs as the libraries.
+CARGO=(--release --bin kisspoint --config profile.release.debug=0 --config 'profile.release.strip="symbols"')
+export CARGO_TARGET_DIR=$WORK/cargo
+PATH="$WORK/venv/bin:$PATH" cargo zigbuild "${CARGO[@]}" --target x86_64-unknown-linux-gnu.2.17
+cargo build "${CARGO[@]}" --target x86_64-pc-windows-gnu
+declare -A COMMAND=(
+    [linux64]=$CARGO_TARGET_DIR/x86_64-unknown-linux-gnu/release/kisspoint
+    [win64]=$CARGO_TARGET_DIR/x86_64-pc-windows-gnu/release/kisspoint.exe)
+highest=$(readelf -V --wide "${COMMAND[linux64]}" | grep -oE 'GLIBC_[0-9.]+' | sort -uV | tail -1)
+[ "$(printf '%s\nGLIBC_2.17\n' "$highest" | sort -V | tail -1)" = GLIBC_2.17 ] || fail "the command needs $highest"
 
-# An archive per platform: the library, and for linux64 the command.
+"$WORK/venv/bin/pip" install -q "setuptools>=77" wheel
+wheel() { # PLATFORM TAG
+    # What another platform's wheel left behind would go into this one.
+    rm -rf build
+    KISSPOINT=${COMMAND[$1]} KISSPOINT_LIBRARIES=$LIBRARIES KISSPOINT_PLATFORM=$2 "$WORK/venv/bin/pip" wheel -q --no-deps --no-build-isolation -w "$DIST" .
+    rm -rf build
+}
+wheel linux64 manylinux2014_x86_64
+wheel win64 win_amd64
+
+packed() { # NAME: the folder NAME below $WORK/archive
+    tar -C "$WORK/archive" --sort=name --owner=0 --group=0 --numeric-owner --mode=u=rwX,go=rX --mtime="@$SOURCE_DATE_EPOCH" -cf - "$1" |
+        gzip -n9 >"$DIST/$1.tar.gz"
+}
+rm -rf "$WORK/archive"
 for platform in linux64 aarch64-linux win64; do
     folder=$WORK/archive/kisspoint-$platform
-    rm -rf "$folder" && mkdir -p "$folder"
-    cp "$LIBRARIES/$platform"/* README.md LICENSE-MIT LICENSE-APACHE "$folder/"
-    if [ $platform = linux64 ]; then cp "$COMMAND" "$folder/"; fi
-    tar -C "$WORK/archive" --sort=name --owner=0 --group=0 --numeric-owner --mtime="@$SOURCE_DATE_EPOCH" -cf - "kisspoint-$platform" | gzip -n9 >"$DIST/kisspoint-$platform.tar.gz"
+    mkdir -p "$folder"
+    cp -R README.md LICENSE-MIT LICENSE-APACHE packaging/licenses "$folder/"
+    if [[ -v COMMAND[$platform] ]]; then
+        cp "${COMMAND[$platform]}" "$folder/"
+        cp -R "$LIBRARIES" "$folder/libraries"
+    else
+        cp "$LIBRARIES/$platform"/* "$folder/"
+    fi
+    packed "kisspoint-$platform"
+done
+cp -R "$ROOT/target/fmu-sources" "$WORK/archive/kisspoint-fmu-sources"
+cp -R packaging/licenses "$WORK/archive/kisspoint-fmu-sources/"
+packed kisspoint-fmu-sources
+for file in "$LIBRARIES"/*/* "${COMMAND[@]}"; do
+    for place in "$ROOT" "$HOME/"; do
+        if grep -qaF "$place" "$file"; then fail "$file names $place"; fi
+    done
 done
 (cd "$DIST" && sha256sum -- * >SHA256SUMS)
+ls -l "$DIST"
 
-# The wheel in a clean environment: README's first steps, without a compiler.
+# The libraries: every platform's, on a coupled launch.
+bash tests/cross/run.sh
+
+# README's first steps.
 clean=$(mktemp -d)
 trap 'rm -rf "$clean"' EXIT
-python3 -m venv "$clean/venv"
-"$clean/venv/bin/pip" install -q "$DIST"/*.whl
-(cd "$clean" && env -i HOME="$clean" PATH="$clean/venv/bin" kisspoint launch --json >launch.json && env -i HOME="$clean" PATH="$clean/venv/bin" kisspoint fmu --out fmus)
-"$clean/venv/bin/python" -c 'import json, sys; t = json.load(open(sys.argv[1]))["table_ii"][2]["t_f_s"]; assert abs(t["deviation_percent"]) < 1, t' "$clean/launch.json"
-ls -l "$DIST"
+chmod 755 "$clean"
+cp -R tests/data/campaigns/example "$clean/campaign"
+first_steps() { # NAME COMMAND...
+    local name=$1
+    shift
+    echo "$name: $("$@" --version | tr -d '\r')"
+    "$@" launch --json >"$clean/launch.json"
+    "$@" fmu --out "$name-fmus" >/dev/null
+    "$@" replay campaign >/dev/null
+    "$@" diagnose campaign --out "$name-answer" >/dev/null
+    python3 - "$clean" "$name" <<'PYTHON'
+import json, sys, zipfile
+
+folder, name = sys.argv[1:]
+time = json.load(open(f"{folder}/launch.json"))["table_ii"][2]["t_f_s"]
+assert abs(time["deviation_percent"]) < 1, time
+held = sorted(n for n in zipfile.ZipFile(f"{folder}/{name}-fmus/DrivelinePlant.fmu").namelist() if n.startswith("binaries/"))
+answer = json.load(open(f"{folder}/{name}-answer/diagnosis.json"))
+assert len(held) == 3 and answer["verdict"] == "explained", (held, answer["verdict"])
+print(f"{name}: launch within {abs(time['deviation_percent']):.2f} %, {', '.join(held)}, diagnosis {answer['verdict']}")
+PYTHON
+}
+cd "$clean"
+python3 -m venv venv
+venv/bin/pip install -q "$DIST"/*manylinux2014_x86_64.whl
+first_steps wheel-linux64 env -i HOME="$clean" PATH="$clean/venv/bin" kisspoint
+tar -xzf "$DIST/kisspoint-linux64.tar.gz"
+first_steps archive-linux64 env -i HOME="$clean" PATH=/nowhere kisspoint-linux64/kisspoint
+# pip itself lays the Windows wheel out; wine, which does not run as root here, runs what lies there. It lacks one DLL that every Windows has.
+venv/bin/pip install -q --target wheel-win64 --platform win_amd64 --only-binary :all: --no-deps "$DIST"/*win_amd64.whl
+tar -xzf "$DIST/kisspoint-win64.tar.gz"
+x86_64-w64-mingw32-gcc -O2 -shared -static "$ROOT/tests/cross/bcryptprimitives.c" -o bcryptprimitives.dll -ladvapi32
+mkdir home && chown -R 65534:65534 "$clean"
+as_nobody() {
+    setpriv --reuid=65534 --regid=65534 --clear-groups env -i HOME="$clean/home" WINEPREFIX="$clean/home/wine" WINEDEBUG=-all PATH=/usr/lib/wine:/usr/bin:/bin "$@" </dev/null
+}
+as_nobody timeout 120 wine64 wineboot -i >wineboot.log 2>&1
+install -m 644 bcryptprimitives.dll home/wine/drive_c/windows/system32/
+first_steps wheel-win64 as_nobody timeout 600 wine64 wheel-win64/kisspoint/kisspoint.exe
+first_steps archive-win64 as_nobody timeout 600 wine64 kisspoint-win64/kisspoint.exe
+as_nobody wineserver64 -k || true

@@ -4,22 +4,21 @@
 #   packaging/sources.sh            writes target/fmu-sources/; `kisspoint fmu --sources target/fmu-sources` packs them
 #
 # The Rust sources are the one source of truth: they are compiled to WebAssembly, and wabt's wasm2c turns that into C99. The target
-# needs neither Rust nor WebAssembly, only a C compiler and setjmp. Needs Debian's wabt and rustc-web (fetched), and rustup's cargo and linker.
+# needs neither Rust nor WebAssembly, only a C compiler and setjmp. Needs Debian's wabt (fetched), and rustup.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 ROOT=$PWD
 WORK=${CARGO_TARGET_DIR:-$ROOT/target}/cross
 OUT=${CARGO_TARGET_DIR:-$ROOT/target}/fmu-sources
 mkdir -p "$WORK" "$OUT"
-. packaging/rustc-web.sh
 
+as_root() { if [ "$(id -u)" = 0 ]; then "$@"; else sudo "$@"; fi; }
 command -v wasm2c >/dev/null || { as_root apt-get update && as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends wabt; }
-need_rustc_web
+rustup target add wasm32-unknown-unknown
 # A small stack and memory; a panic ends in a trap, which the C side reports as fmi2Fatal.
-linker=$(rustc --print sysroot)/lib/rustlib/$(rustc -vV | sed -n 's/host: //p')/bin/rust-lld
-RUSTC_BOOTSTRAP=1 RUSTC="$WORK/rustc-web" CARGO_TARGET_DIR="$WORK/wasm" CARGO_TARGET_WASM32_UNKNOWN_UNKNOWN_LINKER="$linker" \
-    RUSTFLAGS="-C link-arg=-zstack-size=65536 -C target-feature=-bulk-memory,-reference-types,-multivalue,-sign-ext,-nontrapping-fptoint -C target-cpu=mvp --remap-path-prefix=$ROOT=. --remap-path-prefix=$HOME/.cargo=cargo" \
-    cargo build --release --lib --no-default-features -Zbuild-std=std,panic_abort --config profile.release.panic=\"abort\" --config 'profile.release.strip="symbols"' \
+CARGO_TARGET_DIR="$WORK/wasm" \
+    RUSTFLAGS="-C link-arg=-zstack-size=65536 -C target-feature=-bulk-memory,-reference-types,-multivalue,-sign-ext,-nontrapping-fptoint -C target-cpu=mvp --remap-path-prefix=$ROOT=. --remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=cargo" \
+    cargo build --release --lib --no-default-features --config profile.release.panic=\"abort\" --config 'profile.release.strip="symbols"' \
     --target wasm32-unknown-unknown
 wasm2c -n MODEL "$WORK/wasm/wasm32-unknown-unknown/release/kisspoint.wasm" -o "$OUT/kisspoint.c"
 cp /usr/include/wasm-rt.h "$OUT/"

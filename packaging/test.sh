@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # All tests, Rust and Python, from a fresh checkout. Exits with 1 if any fails, and says which group did.
-# Needs Rust (cargo), a C compiler and Python 3.11 or later; as root on Debian it installs Chromium and Valgrind by itself.
+# Needs Rust (cargo), a C compiler and Python 3.11 or later; as root on Debian it installs Chromium, Valgrind, wabt and an
+# ARM compiler with its emulator by itself; the tests of what is missing are skipped and said so.
 # All Rust code is built in one profile, `quick`, so that nothing is compiled twice.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -28,6 +29,9 @@ need "$python" "install Python 3.11 or later, or name it in PYTHON"
 debian=()
 command -v chromium >/dev/null && command -v chromedriver >/dev/null || debian+=(chromium chromium-driver)
 command -v valgrind >/dev/null || debian+=(valgrind)
+# C sources of the FMUs, here and on a 32-bit ARM.
+command -v wasm2c >/dev/null || debian+=(wabt)
+command -v arm-linux-gnueabihf-gcc >/dev/null && command -v qemu-arm >/dev/null || debian+=(gcc-arm-linux-gnueabihf libc6-dev-armhf-cross qemu-user)
 if ((${#debian[@]})) && [[ $(id -u) == 0 ]] && command -v apt-get >/dev/null; then
     { apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${debian[@]}"; } >/dev/null ||
         echo "could not install ${debian[*]}: the tests that need them are skipped" >&2
@@ -56,6 +60,13 @@ fi
 group "Rust: fuzzing, 10 s each" bash packaging/fuzz.sh 10
 # Says which changes of the last commit no test would notice; that is read, and stops nothing.
 group "Rust: mutants of the last commit" bash -c 'MINUTES=5 bash packaging/mutants.sh --changed || echo "ended with $?"'
+# Made anew each time, or sources of another version would be tried.
+if command -v wasm2c >/dev/null && rustup target add wasm32-unknown-unknown >/dev/null 2>&1; then
+    group "C sources of the FMUs" bash packaging/sources.sh
+else
+    rm -rf "$target/fmu-sources"
+    skipped "C sources of the FMUs" "wabt or std for wasm32-unknown-unknown is not to be had; packaging/sources.sh says more"
+fi
 # The library as it ships, without what only the command needs; it goes into the FMUs that the Python tests load.
 group "Rust: library of the FMUs" cargo build --profile quick --lib --no-default-features
 export KISSPOINT=$PWD/$target/quick/kisspoint KISSPOINT_PROFILE=quick

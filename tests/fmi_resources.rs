@@ -105,3 +105,19 @@ fn measurements_take_any_value_and_commands_do_not() {
         fmi2FreeInstance(c);
     }
 }
+
+#[test]
+fn every_bit_of_every_start_value_tells_in_the_guid() {
+    use kisspoint::fmi2::guid::tail;
+    let starts = [0.189, 0.0, 25.0, -7.06e-6, 3.1];
+    let mut tails = std::collections::HashSet::from([tail(starts.into_iter())]);
+    for place in 0..starts.len() {
+        // The sign of a zero is none.
+        for bit in (0..64).filter(|bit| starts[place] != 0.0 || *bit != 63) {
+            let mut other = starts;
+            other[place] = f64::from_bits(other[place].to_bits() ^ (1 << bit));
+            assert!(tails.insert(tail(other.into_iter())), "value {place}, bit {bit}");
+        }
+    }
+    assert_eq!(tail([0.0].into_iter()), tail([-0.0].into_iter()));
+}

@@ -1,6 +1,7 @@
 """FMUs from C sources: compiled as C99 by gcc, here and for ARM, they give what the binaries give, step by step."""
 
 import os
+import re
 import shutil
 import subprocess
 import zipfile
@@ -65,6 +66,14 @@ def test_every_step_of_the_launch_is_that_of_the_binaries(with_sources, plant, c
     assert p.outputs() != before and p.bytes() != b""
     with pytest.raises(Exception):
         p.set(x_to=float("nan"))
+
+
+def test_what_others_wrote_is_named_with_its_licence(with_sources):
+    archive = zipfile.ZipFile(with_sources / "DrivelinePlant.fmu")
+    stated = archive.read("licenses/third-party.txt").decode()
+    texts = [archive.read(name).decode() for name in archive.namelist() if name.startswith("sources/")]
+    holders = {holder for text in texts for holder in re.findall(r"Copyright (?:\(c\) )?\d+ (.+)", text)}
+    assert holders and all(holder in stated for holder in holders), holders
 
 
 @pytest.mark.skipif(not shutil.which("arm-linux-gnueabihf-gcc") or not shutil.which("qemu-arm"), reason="no ARM compiler, or no qemu-arm")
