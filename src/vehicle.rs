@@ -138,22 +138,21 @@ impl Vehicle {
     /// # Errors
     /// As [`Vehicle::from_json`].
     pub fn from_value(value: &Value) -> Result<Self, VehicleError> {
-        let mut vehicle = Self::paper();
+        let (mut vehicle, mut given) = (Self::paper(), [false; NUMBERS.len()]);
         let root = value.as_object().ok_or_else(|| VehicleError::Json("the document is not an object".into()))?;
         for (group, content) in
             root.iter().filter(|(k, _)| !matches!(k.as_str(), "tolerance" | "effects" | "faults") && !k.starts_with(['_', '$']))
         {
             let content = content.as_object().ok_or_else(|| VehicleError::Unknown(group.clone(), nearest(group)))?;
             for (key, value) in content.iter().filter(|(k, _)| !k.starts_with(['_', '$'])) {
-                set_from_file(&mut vehicle, group, key, value)?;
+                set_from_file(&mut vehicle, &mut given, group, key, value)?;
             }
         }
-        for number in &NUMBERS {
+        if let Some(missing) = given.iter().position(|given| !given) {
+            let number = &NUMBERS[missing];
             let (group, key) = number.name.split_once('.').unwrap_or((number.name, ""));
             let key = ARRAYS.iter().find(|a| a.0 == group && a.2.contains(&key)).map_or(key, |a| a.1);
-            if value.get(group).and_then(|g| g.get(key)).is_none() {
-                return Err(VehicleError::Missing(format!("{group}.{key}"), number.unit));
-            }
+            return Err(VehicleError::Missing(format!("{group}.{key}"), number.unit));
         }
         vehicle.check()?;
         Ok(vehicle)
@@ -213,24 +212,37 @@ fn implausible(what: String) -> VehicleError {
     VehicleError::Implausible(what)
 }
 
-fn set_from_file(vehicle: &mut Vehicle, group: &str, key: &str, value: &Value) -> Result<(), VehicleError> {
-    let path = format!("{group}.{key}");
-    let number = |v: &Value, path: &str| v.as_f64().ok_or_else(|| VehicleError::NotANumber(path.to_owned(), v.to_string()));
+/// Place of `group.key` among the numbers.
+fn place(group: &str, key: &str) -> Option<usize> {
+    let is = |name: &str| {
+        name.len() == group.len() + 1 + key.len()
+            && name.ends_with(key)
+            && name.strip_prefix(group).is_some_and(|rest| rest.starts_with('.'))
+    };
+    NUMBERS.iter().position(|n| is(n.name))
+}
+
+/// Sets what stands at `group.key` of the file, and notes which numbers were given.
+fn set_from_file(vehicle: &mut Vehicle, given: &mut [bool], group: &str, key: &str, value: &Value) -> Result<(), VehicleError> {
+    let path = || format!("{group}.{key}");
+    let not_a_number = |what: &dyn std::fmt::Display, path: String| VehicleError::NotANumber(path, what.to_string());
+    let mut set = |place: usize, number: f64| {
+        *(NUMBERS[place].get_mut)(vehicle) = number;
+        given[place] = true;
+    };
     let Some(array) = ARRAYS.iter().find(|a| a.0 == group && a.1 == key) else {
-        let found = NUMBERS.iter().find(|n| n.name == path);
         let in_array = ARRAYS.iter().any(|a| a.0 == group && a.2.contains(&key));
-        let target = found.filter(|_| !in_array).ok_or_else(|| VehicleError::Unknown(path.clone(), nearest(&path)))?;
-        *(target.get_mut)(vehicle) = number(value, &path)?;
+        let place = place(group, key).filter(|_| !in_array).ok_or_else(|| VehicleError::Unknown(path(), nearest(&path())))?;
+        set(place, value.as_f64().ok_or_else(|| not_a_number(value, path()))?);
         return Ok(());
     };
-    let list = value.as_array().ok_or_else(|| VehicleError::NotANumber(path.clone(), format!("{value}; an array is expected")))?;
+    let list = value.as_array().ok_or_else(|| not_a_number(&format!("{value}; an array is expected"), path()))?;
     if list.len() < array.3 || list.len() > 3 {
-        return Err(VehicleError::Length { name: path, found: list.len(), least: array.3, most: 3 });
+        return Err(VehicleError::Length { name: path(), found: list.len(), least: array.3, most: 3 });
     }
     for (k, name) in array.2.iter().enumerate() {
-        let flat = format!("{group}.{name}");
-        let target = NUMBERS.iter().find(|n| n.name == flat).expect("ARRAYS name numbers of the model description");
-        *(target.get_mut)(vehicle) = list.get(k).map_or(Ok(0.0), |v| number(v, &format!("{path}[{k}]")))?;
+        let number = list.get(k).map_or(Some(0.0), Value::as_f64).ok_or_else(|| not_a_number(&list[k], format!("{}[{k}]", path())))?;
+        set(place(group, name).expect("ARRAYS name numbers of the model description"), number);
     }
     Ok(())
 }

@@ -56,6 +56,36 @@ fn friction_is_that_of_equation_4() {
 }
 
 #[test]
+fn the_radius_in_slip_is_the_mean_of_equation_3() {
+    let p = Friction { R_1: 0.06, R_2: 0.12, mu_0: 0.15, alpha_1: 0.02, alpha_2: 0.3, m_0: 0.2, m_1: 0.001, m_2: -2e-6 };
+    const PARTS: usize = 20_000;
+    for omega in [1e-9, 0.3, 4.0, 30.0, 250.0, 1e4] {
+        let rho = |k: usize| p.R_1 + (p.R_2 - p.R_1) * (k as f64 + 0.5) / PARTS as f64;
+        let mean =
+            (0..PARTS).map(|k| rho(k) * friction::friction_coefficient(&p, omega * rho(k) / 0.09, 100.0)).sum::<f64>() / PARTS as f64;
+        let found = friction::equivalent_radius(&p, omega, 100.0);
+        assert!((found - mean).abs() < 1e-4 * mean, "{omega} rad/s: {found} against {mean}");
+        // The four nodes of Gauss and Legendre, each asked for by itself.
+        let nodes = [(0.861_136_311_594_052_6, 0.347_854_845_137_453_85), (0.339_981_043_584_856_26, 0.652_145_154_862_546_1)];
+        let both = nodes.iter().flat_map(|(x, w)| [(0.09 - 0.03 * x, w), (0.09 + 0.03 * x, w)]);
+        let sum: f64 = both.map(|(rho, w)| 0.5 * w * rho * friction::friction_coefficient(&p, omega * rho / 0.09, 100.0)).sum();
+        assert!((found - sum).abs() < 1e-15, "{omega} rad/s: {found} against {sum}");
+    }
+}
+
+#[test]
+fn the_rolling_load_is_a_tanh_to_the_last_places() {
+    let d = driveline::Driveline { T_L0: 1.0, omega_L: 1.0, ..Vehicle::paper().driveline };
+    for k in -6000..=6000 {
+        let z = 0.005 * f64::from(k);
+        let (found, expected) = (driveline::load_torque(&driveline::Driveline { k_L: 0.0, ..d }, z), z.tanh());
+        assert!((found - expected).abs() <= 6e-16 * expected.abs(), "tanh({z}): {found} against {expected}");
+    }
+    let at = |z: f64| driveline::load_torque(&driveline::Driveline { k_L: 0.0, ..d }, z);
+    assert_eq!((at(-1e300), at(1e300), at(-0.0).is_sign_negative()), (-1.0, 1.0, true));
+}
+
+#[test]
 fn balances_are_those_of_equation_7() {
     let d = Vehicle::paper().driveline;
     let hold = driveline::holding_torque(&d, 0.5, 100.0, 60.0, 12.0);

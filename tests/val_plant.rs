@@ -8,7 +8,8 @@ mod bench;
 use bench::{Bench, MU, X_CNT, torque};
 use kisspoint::effects::{self, param};
 use kisspoint::plant::motion::index;
-use kisspoint::plant::{Phase, Plant};
+use kisspoint::plant::{Inputs, Phase, Plant, Start};
+use kisspoint::vehicle::Vehicle;
 
 /// Effects with these values.
 fn with(set: &[(usize, f64)]) -> effects::Parameters {
@@ -37,6 +38,57 @@ fn contact_is_found_inside_a_substep() {
         let expected = 20.0 + 160.0 * (-(first * 3.7e-3 + second * 6.3e-3) / 70.0_f64).exp();
         close("disc", plant.outputs().theta_c, expected, 1e-4);
         assert_eq!(plant.outputs().phase == Phase::Open, from > to);
+    }
+}
+
+#[test]
+fn what_a_step_found_is_forgotten_where_it_no_longer_holds() {
+    let vehicle = Vehicle::paper();
+    let mut weak = vehicle;
+    (weak.friction.mu_0, weak.friction.m_0, weak.actuator.x_cnt_0) = (0.1, 0.12, 3.8);
+    let start = Start { omega_f: 150.0, omega_c: 20.0, theta_c: 60.0, theta_b: 40.0 };
+    let inputs = Inputs { x_to: 6.0, t_e_ref: 60.0, theta_h: 30.0, t_load: 0.0 };
+    let mut plant = Plant::new(&vehicle, &effects::null(), &start, &inputs);
+    let as_new = |vehicle: &Vehicle, plant: &Plant| {
+        let mut new = Plant::new(vehicle, &effects::null(), &start, &inputs);
+        new.take_up(vehicle, &effects::null(), plant.state());
+        new
+    };
+    plant.step(&inputs, 1e-3);
+    assert_eq!(plant.outputs(), as_new(&vehicle, &plant).outputs());
+    plant.correct_speeds([3.0, 0.5], [0.0; 2], 0.0);
+    assert_eq!(plant.outputs(), as_new(&vehicle, &plant).outputs());
+    plant.set_effects(&weak, &effects::null()).unwrap();
+    assert_eq!(plant.outputs(), as_new(&weak, &plant).outputs());
+    // And the next step begins with what holds now.
+    let mut new = as_new(&weak, &plant);
+    plant.step(&inputs, 1e-3);
+    new.step(&inputs, 1e-3);
+    assert_eq!(plant.state(), new.state());
+    let state = *plant.state();
+    plant.take_up(&vehicle, &effects::null(), &state);
+    assert_eq!(plant.outputs(), as_new(&vehicle, &plant).outputs());
+}
+
+#[test]
+fn lags_too_short_for_any_step_are_none() {
+    use param::{actuator_lag, engine_torque_lag};
+    let bench = Bench::held(100.0, 50.0, 25.0, X_CNT + 0.5).moved(0.0, X_CNT + 1.0);
+    let run = |set: &[(usize, f64)]| {
+        let mut plant = Plant::new(&bench.vehicle, &with(set), &bench.start, &bench.rest);
+        let input = Inputs { t_e_ref: 80.0, ..bench.then[0].1 };
+        (0..50).for_each(|_| plant.step(&input, 1e-3));
+        plant.outputs()
+    };
+    let none = run(&[]);
+    for curvature in [0.0, 0.25, 1.0] {
+        let shortest = |lag: usize, kappa: usize| [(lag, 5e-324), (kappa, curvature)];
+        let engine = shortest(engine_torque_lag::time_constant, engine_torque_lag::curvature);
+        let bearing = shortest(actuator_lag::time_constant, actuator_lag::curvature);
+        let found = run(&[engine, bearing].concat());
+        close("flywheel", found.omega_f, none.omega_f, 1e-9);
+        close("bearing", found.x_to_actual, none.x_to_actual, 0.0);
+        close("clutch torque", found.t_fc, none.t_fc, 1e-9);
     }
 }
 

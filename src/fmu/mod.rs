@@ -46,9 +46,10 @@ pub static MODELS: [Model; 2] = [
 
 const ICON: &[u8] = include_bytes!("../../packaging/model.png");
 
-const LICENCES: [(&str, &str); 3] = [
+const LICENCES: [(&str, &str); 4] = [
     ("licenses/Apache-2.0.txt", include_str!("../../packaging/licenses/Apache-2.0.txt")),
     ("licenses/MIT.txt", include_str!("../../packaging/licenses/MIT.txt")),
+    ("licenses/ZPL-2.1.txt", include_str!("../../packaging/licenses/ZPL-2.1.txt")),
     ("licenses/third-party.txt", include_str!("../../packaging/licenses/third-party.txt")),
 ];
 

@@ -59,7 +59,13 @@ pub fn normalised_position(contact: Contact, x_to: f64) -> f64 {
 /// Torque capacity 2 R_μ F in N·m for a spring force in N, at slip `omega` ≥ 0 in rad/s and `theta` in °C; eq. (1).
 #[inline]
 pub fn torque_capacity(p: &Friction, force: f64, omega: f64, theta: f64) -> f64 {
-    if force == 0.0 { 0.0 } else { FACES * friction::equivalent_radius(p, omega, theta) * force }
+    if force == 0.0 { 0.0 } else { torque_at_radius(friction::equivalent_radius(p, omega, theta), force) }
+}
+
+/// As [`torque_capacity`], with the equivalent radius `radius` in m known.
+#[inline]
+pub fn torque_at_radius(radius: f64, force: f64) -> f64 {
+    FACES * radius * force
 }
 
 /// Torque in N·m that a friction coefficient `mu`, the same all over the facing, makes under a spring force in N; eq. (1), (3).

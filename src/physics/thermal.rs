@@ -76,10 +76,10 @@ pub fn dual_rates(
             body += p.gamma_2 * (theta_h - theta_b);
             p.gamma_2 * (theta_h - theta_c[i])
         };
-        disc[i] = (heat + p.gamma_3 * power[i]) / capacity[i];
+        disc[i] = (heat + p.gamma_3 * power[i]) * (1.0 / capacity[i]);
         body += (1.0 - p.gamma_3) * power[i];
     }
-    (disc, body / p.C_b)
+    (disc, body * (1.0 / p.C_b))
 }
 
 /// Temperature rates in K/s of disc and body of a single clutch: eq. (6), the reduction of (5) with the second clutch open

@@ -3,7 +3,7 @@
 //! Command → delay → rate limit → lag → play → bearing; report → gain and bias → lag → crankshaft. Inputs are held over
 //! a substep, so the chain is solved exactly at its start, middle and end and no lag, however short, is stiff.
 
-use super::clutch::Branch;
+use super::clutch::{Branch, Found};
 use super::config::Config;
 use super::motion::{self, index};
 use super::{MAX_SUBSTEP, State};
@@ -79,6 +79,34 @@ pub fn advance(config: &Config, state: &State, x_cmd: f64, h: f64) -> Chain {
     };
     let bearing = if c.play > 0.0 { drag_along(state.bearing, lagged.value, 0.5 * c.play) } else { lagged.value };
     Chain { engine, limited, lagged, bearing }
+}
+
+/// Share of a step under which a lag's time constant is too short for the step's stages, and the time constants after which it has all but arrived.
+const SHORT_LAG: f64 = 0.5;
+const ARRIVAL: f64 = 4.0;
+
+/// What drives the driveline at a step's start, middle and `end`, as the stages of one Runge–Kutta step weigh it: 1, 4 and 1 sixths.
+///
+/// A lag that is over within the step would be seen by its first stage as if a sixth of the step had passed before anything moved; its start is then the one
+/// with which the stages give the mean over the step. So a lag that goes to zero becomes none, also in steps as long as a fit's.
+pub fn stages(config: &Config, state: &State, x_cmd: f64, h: f64, end: Drive) -> [Drive; 3] {
+    let at = |t: f64| advance(config, state, x_cmd, t).drive();
+    let (begin, middle) = (at(0.0), at(0.5 * h));
+    let shortest = |lag: &lag::Lag| {
+        let tau = lag.time_constant * (1.0 - lag.asymmetry.abs());
+        if lag.time_constant > 0.0 && tau < SHORT_LAG * h { tau } else { f64::MAX }
+    };
+    let c = &config.constants;
+    let begin_of = |tau: f64, get: fn(&Drive) -> f64| {
+        if tau == f64::MAX {
+            return get(&begin);
+        }
+        let over = (ARRIVAL * tau).min(h);
+        let simpson = |from: f64, to: f64| (to - from) / 6.0 * (get(&at(from)) + 4.0 * get(&at(0.5 * (from + to))) + get(&at(to)));
+        6.0 * (simpson(0.0, over) + simpson(over, h)) / h - 4.0 * get(&middle) - get(&end)
+    };
+    let begin = Drive { t_e: begin_of(shortest(&c.engine_lag), |d| d.t_e), x: begin_of(shortest(&c.actuator_lag), |d| d.x) };
+    [begin, middle, end]
 }
 
 /// What moves along once it is further than `reach` from `leader`. Unlike `clamp`, this passes on what is no number instead of panicking:
@@ -162,7 +190,7 @@ pub fn rest(config: &Config, state: &mut State) {
 /// Torque in N·m that a rigid driveline passes on behind the disc's share of its inertia.
 fn carried_behind_disc(old: &Config, new: &Config, state: &State) -> f64 {
     let (d, y) = (&old.constants.driveline, &state.y);
-    let t_fc = super::events::clutch_torque(old, state);
+    let t_fc = super::events::clutch_torque(old, &Found::NOTHING, state);
     let acceleration = driveline::driveline_acceleration(d.J_c, t_fc, motion::resistance(old, y, state.inputs.t_load));
     t_fc - new.disc_inertia() * acceleration
 }

@@ -2,7 +2,7 @@
 
 use super::config::Config;
 use super::motion::{Motion, index};
-use crate::physics::{cushion, map};
+use crate::physics::{cushion, friction, map};
 
 /// Normalised position at the bearing position `x` in mm and the disc temperature `theta` in °C; eq. (2).
 #[inline]
@@ -16,10 +16,70 @@ pub fn normalised_position(config: &Config, x: f64, theta: f64) -> f64 {
     map::normalised_position(contact, x)
 }
 
-/// Whether the faces touch: ξ > ξ_0, the thermal model's δ_1.
+/// As [`Found::engaged`], at bearing position `x` mm and disc temperature `theta` °C.
 #[inline]
 pub fn engaged(config: &Config, x: f64, theta: f64) -> bool {
     normalised_position(config, x, theta) > config.xi_0
+}
+
+/// What was found of the faces at one instant, each beside what it was found at: where a step ends its outputs look too, and the next step begins.
+#[derive(Clone, Copy, Debug)]
+pub struct Found {
+    /// Bearing position, mm.
+    x: f64,
+    /// Disc temperature, °C.
+    theta: f64,
+    /// Normalised position there.
+    xi: f64,
+    /// Slip in its direction, rad/s.
+    slip: f64,
+    /// Equivalent radius there, m.
+    radius: f64,
+}
+
+/// It follows from the rest of a plant, so that it never tells two plants apart.
+impl PartialEq for Found {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
+}
+
+impl Found {
+    /// Nothing yet: no number equals what it was found at.
+    pub const NOTHING: Self = Self { x: f64::NAN, theta: f64::NAN, xi: f64::NAN, slip: f64::NAN, radius: f64::NAN };
+
+    /// This, and the normalised position at `x` mm and `theta` °C.
+    #[inline]
+    pub fn with_position(self, config: &Config, x: f64, theta: f64) -> Self {
+        let slip = if theta == self.theta { self.slip } else { f64::NAN };
+        Self { x, theta, xi: self.position(config, x, theta), slip, ..self }
+    }
+
+    /// This, and the equivalent radius at a slip of `slip` ≥ 0 rad/s under the temperature found.
+    #[inline]
+    pub fn with_radius(self, config: &Config, slip: f64) -> Self {
+        Self { slip, radius: self.radius(config, slip, self.theta), ..self }
+    }
+
+    /// Whether the faces touch: ξ > ξ_0, the thermal model's δ_1.
+    #[inline]
+    pub fn engaged(&self, config: &Config) -> bool {
+        self.xi > config.xi_0
+    }
+
+    #[inline]
+    fn position(&self, config: &Config, x: f64, theta: f64) -> f64 {
+        if x == self.x && theta == self.theta { self.xi } else { normalised_position(config, x, theta) }
+    }
+
+    #[inline]
+    fn radius(&self, config: &Config, slip: f64, theta: f64) -> f64 {
+        if slip == self.slip && theta == self.theta {
+            self.radius
+        } else {
+            friction::equivalent_radius(&config.vehicle.friction, slip, theta)
+        }
+    }
 }
 
 /// Memory of the force hysteresis: where the bearing was, and on which branch.
@@ -45,8 +105,8 @@ pub fn advance_branch(config: &Config, memory: Branch, x: f64) -> Branch {
 
 /// Force on the faces in N at bearing position `x` mm, hysteresis memory `memory` and disc temperature `theta` °C.
 #[inline]
-pub fn force(config: &Config, x: f64, memory: Branch, theta: f64) -> f64 {
-    let xi = normalised_position(config, x, theta);
+pub fn force(config: &Config, found: &Found, x: f64, memory: Branch, theta: f64) -> f64 {
+    let xi = found.position(config, x, theta);
     let mut force = cushion::force(&config.vehicle.cushion_spring, config.xi_0, xi);
     if config.constants.hysteresis_width != 0.0 {
         force *= 1.0 + 0.5 * config.constants.hysteresis_width * advance_branch(config, memory, x).z;
@@ -59,12 +119,12 @@ pub fn force(config: &Config, x: f64, memory: Branch, theta: f64) -> f64 {
 
 /// Torque capacity in N·m under a force in N at slip speed `slip` ≥ 0 rad/s, eq. (1).
 #[inline]
-pub fn capacity_under(config: &Config, force: f64, slip: f64, y: &Motion) -> f64 {
+pub fn capacity_under(config: &Config, found: &Found, force: f64, slip: f64, y: &Motion) -> f64 {
     if force == 0.0 {
         return 0.0;
     }
     let theta = y[index::THETA_C];
-    let mut torque = config.constants.friction_factor * map::torque_capacity(&config.vehicle.friction, force, slip, theta);
+    let mut torque = config.constants.friction_factor * map::torque_at_radius(found.radius(config, slip, theta), force);
     for effect in config.friction_added.iter() {
         let per_mu = map::torque_of(&config.vehicle.friction, force, 1.0);
         torque += per_mu * effect(&config.parameters, slip, torque / per_mu);
@@ -81,7 +141,8 @@ pub fn capacity_under(config: &Config, force: f64, slip: f64, y: &Motion) -> f64
 /// Torque capacity in N·m at bearing position `x` mm and slip speed `slip` ≥ 0 rad/s, eq. (1).
 #[inline]
 pub fn capacity(config: &Config, x: f64, memory: Branch, slip: f64, y: &Motion) -> f64 {
-    capacity_under(config, force(config, x, memory, y[index::THETA_C]), slip, y)
+    let found = &Found::NOTHING;
+    capacity_under(config, found, force(config, found, x, memory, y[index::THETA_C]), slip, y)
 }
 
 /// Torques in N·m of a slipping clutch.
@@ -103,8 +164,8 @@ impl Slipping {
 
 /// Torques of a clutch that slips in `direction` ±1; `slip` is signed, rad/s.
 #[inline]
-pub fn slipping(config: &Config, x: f64, memory: Branch, direction: f64, slip: f64, y: &Motion) -> Slipping {
-    let force = force(config, x, memory, y[index::THETA_C]);
+pub fn slipping(config: &Config, found: &Found, x: f64, memory: Branch, direction: f64, slip: f64, y: &Motion) -> Slipping {
+    let force = force(config, found, x, memory, y[index::THETA_C]);
     let drag: f64 = config.drag.iter().map(|effect| effect(&config.parameters, slip, force)).sum();
-    Slipping { friction: direction * capacity_under(config, force, (direction * slip).max(0.0), y), drag }
+    Slipping { friction: direction * capacity_under(config, found, force, (direction * slip).max(0.0), y), drag }
 }

@@ -11,7 +11,7 @@
 //! slips on in the other direction.
 
 use super::actuation::{self, Chain};
-use super::clutch;
+use super::clutch::{self, Found};
 use super::config::Config;
 use super::motion::{self, Motion, Setting, index};
 use super::{Inputs, Phase, Plant, Start, State};
@@ -74,19 +74,19 @@ fn decide_at_zero_slip(config: &Config, state: &mut State) {
 }
 
 /// Clutch torque now, N·m.
-pub fn clutch_torque(config: &Config, s: &State) -> f64 {
+pub fn clutch_torque(config: &Config, found: &Found, s: &State) -> f64 {
     if s.stuck {
         motion::sticking_torque(config, &s.y, s.engine.value, s.inputs.t_load)
     } else {
-        motion::slipping(config, &s.y, s.direction, s.memory, s.bearing).total()
+        motion::slipping(config, found, &s.y, s.direction, s.memory, s.bearing).total()
     }
 }
 
 /// Phase now.
-pub fn phase(config: &Config, s: &State) -> Phase {
+pub fn phase(config: &Config, found: &Found, s: &State) -> Phase {
     if s.stuck {
         Phase::Locked
-    } else if clutch::engaged(config, s.bearing, s.y[index::THETA_C]) {
+    } else if found.with_position(config, s.bearing, s.y[index::THETA_C]).engaged(config) {
         Phase::Slipping
     } else {
         Phase::Open
@@ -124,6 +124,7 @@ pub fn step(plant: &mut Plant, inputs: &Inputs, h: f64) {
     for k in 1..=count as u64 {
         let until = if k as f64 == count { end } else { start + h * (k as f64 / count) };
         substep(plant, until, delayed);
+        plant.found = look(&plant.config, &plant.state);
         record_sensed(plant);
     }
 }
@@ -145,11 +146,21 @@ fn record_sensed(plant: &mut Plant) {
     }
 }
 
+/// What outputs and the next substep ask of the faces; a stuck clutch is asked for neither.
+fn look(config: &Config, s: &State) -> Found {
+    if s.stuck {
+        return Found::NOTHING;
+    }
+    let found = Found::NOTHING.with_position(config, s.bearing, s.y[index::THETA_C]);
+    let along = s.direction * (s.y[index::OMEGA_F] - s.y[index::OMEGA_C]);
+    if found.engaged(config) { found.with_radius(config, along.max(0.0)) } else { found }
+}
+
 /// Integrates to `until`, from event to event.
 fn substep(plant: &mut Plant, until: f64, delayed: bool) {
     let (mut switches, mut pieces) = (0, 0);
     loop {
-        let (config, state, iterations) = (&plant.config, &mut plant.state, &mut plant.iterations);
+        let (config, state, found, iterations) = (&plant.config, &mut plant.state, &plant.found, &mut plant.iterations);
         let mut h = until - state.time;
         if h <= SLIVER * plant.max_substep {
             state.time = until;
@@ -170,10 +181,10 @@ fn substep(plant: &mut Plant, until: f64, delayed: bool) {
         pieces += 1;
         if switches < EVENTS_PER_SUBSTEP && !last {
             h = until_contact(config, state, x_cmd, h, iterations);
-            switches += usize::from(smooth_piece(config, state, x_cmd, h, iterations));
+            switches += usize::from(smooth_piece(config, state, found, x_cmd, h, iterations));
         } else {
             *iterations += 1;
-            let setting = setting(config, state, x_cmd, h);
+            let setting = setting(config, state, found, x_cmd, h);
             let (y, chain) = integrate(config, state, &setting, x_cmd, h);
             accept(config, state, y, &chain, h);
         }
@@ -205,12 +216,14 @@ fn until_contact(config: &Config, state: &State, x_cmd: f64, h: f64, iterations:
     high
 }
 
-fn setting(config: &Config, state: &State, x_cmd: f64, h: f64) -> Setting {
+fn setting(config: &Config, state: &State, found: &Found, x_cmd: f64, h: f64) -> Setting {
     let middle = actuation::advance(config, state, x_cmd, 0.5 * h).drive().x;
+    let found = found.with_position(config, middle, state.y[index::THETA_C]);
     Setting {
         stuck: state.stuck,
         direction: state.direction,
-        engaged: clutch::engaged(config, middle, state.y[index::THETA_C]),
+        engaged: found.engaged(config),
+        found,
         memory: state.memory,
         theta_h: state.inputs.theta_h,
         t_load: state.inputs.t_load,
@@ -222,9 +235,8 @@ fn integrate(config: &Config, state: &State, setting: &Setting, x_cmd: f64, h: f
     if actuation::immediate(config) {
         return (motion::runge_kutta(config, setting, &state.y, [chain.drive(); 3], h), chain);
     }
-    let begin = actuation::advance(config, state, x_cmd, 0.0).drive();
-    let middle = actuation::advance(config, state, x_cmd, 0.5 * h).drive();
-    (motion::runge_kutta(config, setting, &state.y, [begin, middle, chain.drive()], h), chain)
+    let drive = actuation::stages(config, state, x_cmd, h, chain.drive());
+    (motion::runge_kutta(config, setting, &state.y, drive, h), chain)
 }
 
 fn accept(config: &Config, state: &mut State, y: Motion, chain: &Chain, h: f64) {
@@ -237,14 +249,14 @@ fn accept(config: &Config, state: &mut State, y: Motion, chain: &Chain, h: f64) 
 }
 
 /// Integrates over `h`, or up to the first switch inside it; true if it ended in a switch.
-fn smooth_piece(config: &Config, state: &mut State, x_cmd: f64, h: f64, iterations: &mut u64) -> bool {
+fn smooth_piece(config: &Config, state: &mut State, found: &Found, x_cmd: f64, h: f64, iterations: &mut u64) -> bool {
     *iterations += 1;
     if state.stuck && overload(config, state, &state.y, &actuation::advance(config, state, x_cmd, 0.0)) > 0.0 {
         actuation::advance(config, state, x_cmd, 0.0).store(state);
         break_away(config, state);
         return true;
     }
-    let setting = setting(config, state, x_cmd, h);
+    let setting = setting(config, state, found, x_cmd, h);
     // Positive once the event has happened.
     let passed = |y: &Motion, chain: &Chain| {
         if setting.stuck { overload(config, state, y, chain) } else { -setting.direction * (y[index::OMEGA_F] - y[index::OMEGA_C]) }

@@ -25,6 +25,7 @@ use crate::effects::{Parameters, SignalDelay};
 use crate::physics::lag::LagState;
 pub use crate::physics::phase::Phase;
 use crate::vehicle::Vehicle;
+use clutch::Found;
 use config::Config;
 use history::History;
 use motion::{Motion, index};
@@ -123,8 +124,11 @@ pub struct State {
 /// A driveline with a dry clutch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plant {
-    config: Config,
+    /// On the heap, for a task with a small stack makes plants too.
+    config: Box<Config>,
     state: State,
+    /// What the last substep found of the faces at its end, under this configuration.
+    found: Found,
     command: History,
     sensed_f: History,
     sensed_c: History,
@@ -136,8 +140,9 @@ impl Plant {
     /// A plant at rest at its start values.
     pub fn new(vehicle: &Vehicle, effects: &Parameters, start: &Start, inputs: &Inputs) -> Self {
         let mut plant = Self {
-            config: Config::new(vehicle, effects),
+            config: Box::new(Config::new(vehicle, effects)),
             state: events::initial(start, inputs),
+            found: Found::NOTHING,
             command: History::new(),
             sensed_f: History::new(),
             sensed_c: History::new(),
@@ -178,7 +183,8 @@ impl Plant {
         let config = Config::new(vehicle, effects);
         config.pace.check()?;
         actuation::carry_over(&self.config, &config, &mut self.state);
-        self.config = config;
+        *self.config = config;
+        self.found = Found::NOTHING;
         let held = self.state.inputs.x_to;
         self.start_delay_lines(held);
         Ok(())
@@ -228,6 +234,15 @@ impl Plant {
         self.sensed_c.correct(by[1], rate[1], since, now);
     }
 
+    /// Tells twisted shafts of `torque` N·m that an observer found on the car's side: what accelerates the whole car so shows as an acceleration of the disc
+    /// first, and so as an error of the shafts' torque. Rigid shafts have no twist.
+    pub fn correct_shafts(&mut self, torque: f64) {
+        let c = &self.config.constants;
+        let with = if self.state.stuck { c.driveline.J_f } else { 0.0 };
+        let share = (with + self.config.disc_inertia()) / (with + c.driveline.J_c);
+        self.state.y[index::TWIST] -= share * torque * c.compliance;
+    }
+
     /// Outputs now.
     pub fn outputs(&self) -> Outputs {
         let (s, c) = (&self.state, &self.config.constants);
@@ -246,12 +261,12 @@ impl Plant {
             omega_f: sensed(&self.sensed_f, c.engine_speed_delay, s.y[index::OMEGA_F]),
             omega_c: c.clutch_speed_gain * sensed(&self.sensed_c, c.clutch_speed_delay, s.y[index::OMEGA_C]),
             t_e: s.inputs.t_e_ref,
-            t_fc: events::clutch_torque(&self.config, s),
+            t_fc: events::clutch_torque(&self.config, &self.found, s),
             theta_c: s.y[index::THETA_C],
             theta_b: s.y[index::THETA_B],
             x_to_actual: s.bearing,
             e_d: s.y[index::E_D],
-            phase: events::phase(&self.config, s),
+            phase: events::phase(&self.config, &self.found, s),
         }
     }
 

@@ -5,7 +5,7 @@
 //! energy books.
 
 use super::actuation::Drive;
-use super::clutch::{self, Branch, Slipping};
+use super::clutch::{self, Branch, Found, Slipping};
 use super::config::Config;
 use crate::physics::{driveline, thermal};
 
@@ -49,6 +49,8 @@ pub struct Setting {
     pub direction: f64,
     /// The faces touch.
     pub engaged: bool,
+    /// What is known of them at the start.
+    pub found: Found,
     /// Memory of the force hysteresis.
     pub memory: Branch,
     /// Housing air, °C.
@@ -61,18 +63,19 @@ pub struct Setting {
 const ACCESSORY_SPEED: f64 = 50.0;
 
 /// Torque in N·m that accessories leave of the engine's `t_e` at the crankshaft.
-#[inline]
+#[inline(always)]
 fn crankshaft_torque(config: &Config, t_e: f64, omega_f: f64) -> f64 {
-    t_e - config.constants.accessory_power / omega_f.max(ACCESSORY_SPEED)
+    let power = config.constants.accessory_power;
+    if power == 0.0 { t_e } else { t_e - power / omega_f.max(ACCESSORY_SPEED) }
 }
 
 /// Torque in N·m that the driveline behind the disc puts up against it.
-#[inline]
+#[inline(always)]
 pub fn resistance(config: &Config, y: &Motion, t_load: f64) -> f64 {
     if config.compliant() { shaft_torque(config, y) } else { vehicle_resistance(config, y[OMEGA_C], t_load) }
 }
 
-#[inline]
+#[inline(always)]
 fn shaft_torque(config: &Config, y: &Motion) -> f64 {
     let c = &config.constants;
     let within = y[TWIST].clamp(-c.soft_angle, c.soft_angle);
@@ -91,7 +94,7 @@ pub fn twist_under(config: &Config, torque: f64) -> f64 {
 }
 
 /// Torque in N·m that damping and load put up against the vehicle at `omega` rad/s.
-#[inline]
+#[inline(always)]
 pub fn vehicle_resistance(config: &Config, omega: f64, t_load: f64) -> f64 {
     let added: f64 = config.load.iter().map(|effect| effect(&config.parameters, &config.vehicle, omega)).sum();
     driveline::resistance(&config.constants.driveline, omega, t_load + added)
@@ -99,8 +102,8 @@ pub fn vehicle_resistance(config: &Config, omega: f64, t_load: f64) -> f64 {
 
 /// Clutch torques while slipping in `direction`, eq. (1).
 #[inline]
-pub fn slipping(config: &Config, y: &Motion, direction: f64, memory: Branch, x: f64) -> Slipping {
-    clutch::slipping(config, x, memory, direction, y[OMEGA_F] - y[OMEGA_C], y)
+pub fn slipping(config: &Config, found: &Found, y: &Motion, direction: f64, memory: Branch, x: f64) -> Slipping {
+    clutch::slipping(config, found, x, memory, direction, y[OMEGA_F] - y[OMEGA_C], y)
 }
 
 /// Clutch torque in N·m that keeps a stuck clutch together, eq. (7).
@@ -113,7 +116,7 @@ pub fn sticking_torque(config: &Config, y: &Motion, t_e: f64, t_load: f64) -> f6
 
 /// Rates of all states.
 #[inline(always)]
-fn rates(config: &Config, set: &Setting, y: &Motion, drive: Drive) -> Motion {
+fn rates(config: &Config, set: &Setting, found: &Found, y: &Motion, drive: Drive) -> Motion {
     let c = &config.constants;
     let d = &c.driveline;
     let resist = resistance(config, y, set.t_load);
@@ -126,7 +129,7 @@ fn rates(config: &Config, set: &Setting, y: &Motion, drive: Drive) -> Motion {
         dy[OMEGA_C] = common;
         (t_fc, 0.0, 0.0)
     } else {
-        let slipping = slipping(config, y, set.direction, set.memory, drive.x);
+        let slipping = slipping(config, found, y, set.direction, set.memory, drive.x);
         let (t_fc, slip) = (slipping.total(), y[OMEGA_F] - y[OMEGA_C]);
         dy[OMEGA_F] = driveline::flywheel_acceleration(d, y[OMEGA_F], t_e, t_fc);
         dy[OMEGA_C] = driveline::driveline_acceleration(config.disc_inertia(), t_fc, resist);
@@ -154,10 +157,11 @@ fn rates(config: &Config, set: &Setting, y: &Motion, drive: Drive) -> Motion {
 #[inline]
 pub fn runge_kutta(config: &Config, set: &Setting, y: &Motion, drive: [Drive; 3], h: f64) -> Motion {
     let at = |k: &Motion, f: f64| -> Motion { std::array::from_fn(|i| y[i] + f * k[i]) };
-    let k1 = rates(config, set, y, drive[0]);
-    let k2 = rates(config, set, &at(&k1, 0.5 * h), drive[1]);
-    let k3 = rates(config, set, &at(&k2, 0.5 * h), drive[1]);
-    let k4 = rates(config, set, &at(&k3, h), drive[2]);
+    let k1 = rates(config, set, &set.found, y, drive[0]);
+    let later = &Found::NOTHING;
+    let k2 = rates(config, set, later, &at(&k1, 0.5 * h), drive[1]);
+    let k3 = rates(config, set, later, &at(&k2, 0.5 * h), drive[1]);
+    let k4 = rates(config, set, later, &at(&k3, h), drive[2]);
     let mut next: Motion = std::array::from_fn(|i| y[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]));
     if set.stuck {
         next[OMEGA_C] = next[OMEGA_F];

@@ -7,7 +7,7 @@
 //! [`SHORTEST_SUBSTEP`] bounds the work of a step; what would be unstable even then is [`TooFast`].
 
 use super::MAX_SUBSTEP;
-use super::clutch::{self, Branch};
+use super::clutch::{self, Branch, Found};
 use super::config::Config;
 use super::motion::{self, Motion, index};
 
@@ -133,7 +133,8 @@ fn steepest_friction(config: &Config) -> f64 {
         let mut y: Motion = [0.0; motion::N];
         y[index::THETA_C] = theta;
         let closed = crate::physics::map::contact(&config.vehicle.actuator, theta).x_cls;
-        let torque = |slip| clutch::slipping(config, closed, Branch { x: closed, z: 1.0 }, 1.0, slip, &y).total();
+        let found = Found::NOTHING.with_position(config, closed, theta);
+        let torque = |slip| clutch::slipping(config, &found, closed, Branch { x: closed, z: 1.0 }, 1.0, slip, &y).total();
         for slip in SLIPS {
             let step = 0.01 + 0.01 * slip;
             most = most.max(((torque(slip + step) - torque(slip)) / step).abs());

@@ -1,5 +1,6 @@
 //! Taking a plant out of its state and putting it back, for roll-back and for going on in another process.
 
+use super::clutch::Found;
 use super::config::Config;
 use super::history::History;
 use super::{Plant, State};
@@ -21,7 +22,8 @@ impl Plant {
     /// Takes up a state that [`Plant::state`] gave, under the vehicle and effects that held then.
     pub fn take_up(&mut self, vehicle: &Vehicle, effects: &Parameters, state: &State) {
         if self.config.vehicle != *vehicle || self.config.parameters != *effects {
-            self.config = Config::new(vehicle, effects);
+            *self.config = Config::new(vehicle, effects);
+            self.found = Found::NOTHING;
         }
         self.state = *state;
     }
