@@ -114,8 +114,8 @@ fn an_effect_outside_the_library_is_flagged_and_located() {
 
 #[test]
 fn parts_of_the_clutch_that_look_alike_are_left_open() {
-    // A facing that is damp at first, in launches alone, looks like a force that settles.
-    let car = with_only(everyday(Kind::Outside("damp_facing")), &[0, 1, 2, 3, 4]);
+    // A facing that is damp at first, in launches and creeps alone, looks like other things that settle.
+    let car = with_only(everyday(Kind::Outside("damp_facing")), &[0, 1, 2, 3, 4, 5, 6]);
     let found = answer(&Folder::of("damp", &car).read()).json;
     let places = &found["where"];
     let open = places["ambiguous_with"].as_array().unwrap();

@@ -149,9 +149,97 @@ fn samples_that_are_not_there_are_not_made_up() {
     (1..r.omega_c.len()).step_by(2).for_each(|k| r.omega_c[k] = f64::NAN);
     let (tracks, tolerances) = prepare::read(&[&*r], &vehicle_json).unwrap();
     let with = prepare::disturbances(&tracks, &tolerances);
-    let f = filter::filter(&tracks[0], [vehicle.driveline.J_f, vehicle.driveline.J_c], &with, &[]);
+    let f = filter::filter(&tracks[0], &vehicle, &with, &[]);
     let known = |c: usize| f.gains.iter().filter(|g| g.weight[c] > 0.0).count();
     assert_eq!(known(0), tracks[0].observations());
     assert_eq!(known(1), tracks[0].observations().div_ceil(2));
     assert!(tracks[0].measured[Channel::OmegaC as usize].iter().any(|v| v.is_nan()));
+}
+
+#[test]
+fn speeds_that_cross_while_the_clutch_is_open_are_not_locked() {
+    let (mut recordings, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let r = &mut recordings[0];
+    let n = r.time.len();
+    // Open all along; the disc's speed passes the flywheel's in the middle.
+    for k in 0..n {
+        let part = k as f64 / n as f64;
+        (r.x_to_cmd[k], r.omega_f[k], r.omega_c[k]) = (vehicle.actuator.x_cnt_0 - 0.5, 100.0, 60.0 + 80.0 * part);
+    }
+    let (tracks, tolerances) = prepare::read(&[&*r], &vehicle_json).unwrap();
+    let with = prepare::disturbances(&tracks, &tolerances);
+    assert!(filter::filter(&tracks[0], &vehicle, &with, &[]).locked.iter().all(|l| !l));
+    // Closed while they are equal, then commanded open: locked until they part.
+    for k in 0..n {
+        let slip = if k < n / 2 { 0.0 } else { 40.0 * (k - n / 2) as f64 / n as f64 };
+        let closed = k < n / 4;
+        r.x_to_cmd[k] = if closed { vehicle.actuator.x_cls_0 } else { vehicle.actuator.x_cnt_0 - 0.5 };
+        (r.omega_f[k], r.omega_c[k]) = (100.0, 100.0 - slip);
+    }
+    let (tracks, tolerances) = prepare::read(&[&*r], &vehicle_json).unwrap();
+    let with = prepare::disturbances(&tracks, &tolerances);
+    let locked = filter::filter(&tracks[0], &vehicle, &with, &[]).locked;
+    let last = locked.iter().rposition(|l| *l).unwrap();
+    assert!(locked[..last].iter().all(|l| *l), "a lock that nothing shows to end goes on");
+    assert!((locked.len() / 2..locked.len() * 2 / 3).contains(&last), "{last} of {}", locked.len());
+}
+
+/// Two cars whose torques and inertias differ by one factor move alike: a likelihood that tells them apart judges the corrections, not the car.
+#[test]
+fn a_common_factor_on_torques_and_inertias_changes_nothing() {
+    let problem = made_up(|_| ());
+    let misfit_of = |f: f64| {
+        let mut vehicle = problem.vehicle;
+        let d = &mut vehicle.driveline;
+        for number in [&mut d.J_f, &mut d.J_c, &mut d.b_f, &mut d.b_c, &mut d.T_L0, &mut d.k_L] {
+            *number *= f;
+        }
+        let friction = &mut vehicle.friction;
+        for number in [&mut friction.mu_0, &mut friction.alpha_1, &mut friction.m_0, &mut friction.m_1, &mut friction.m_2] {
+            *number *= f;
+        }
+        // As warm under more heat.
+        let thermal = &mut vehicle.thermal;
+        for number in [&mut thermal.C_1, &mut thermal.C_b, &mut thermal.gamma_1, &mut thermal.gamma_2] {
+            *number *= f;
+        }
+        let changed = kisspoint::gap::infer::density::Problem { vehicle, ..problem.clone() };
+        let mut point = changed.nominal();
+        point.effects[param::engine_torque_gain::gain] = f;
+        misfit(&changed.all_residuals(&point, None))
+    };
+    let (plain, scaled) = (misfit_of(1.0), misfit_of(1.08));
+    assert!((plain - scaled).abs() < 0.01 * plain, "{plain} {scaled}");
+}
+
+#[test]
+fn an_effect_far_below_its_usual_size_is_no_effect() {
+    use kisspoint::gap::infer::search::moments;
+    let level = effects::find("friction_level").unwrap();
+    let nats = |factor: f64| {
+        let problem = made_up(|e| e[param::friction_level::factor] = factor);
+        let free = Free { effects: &[level], basis: None };
+        moments(&fit(&problem, free, &problem.nominal(), 12, None), &[level])
+    };
+    let (usual, tiny) = (nats(1.15), nats(1.005));
+    assert!(tiny < usual - 2.0, "{usual} {tiny}");
+}
+
+#[test]
+fn a_wheel_that_shows_nothing_yet_stands_nearly_still() {
+    let mut problem = made_up(|_| ());
+    let misfit_of = |p: &Problem| misfit(&p.all_residuals(&p.nominal(), None)) / p.samples() as f64;
+    let whole = misfit_of(&problem);
+    // The disc's sensor has a threshold of 3 rad/s.
+    for track in &mut problem.tracks {
+        track.measured[Channel::OmegaC as usize].iter_mut().filter(|v| v.abs() < 3.0).for_each(|v| *v = f64::NAN);
+    }
+    let (_, vehicle_json) = example();
+    let logger = kisspoint::gap::model::tolerance::Logger::UNIFORM;
+    let tolerances = kisspoint::gap::model::tolerance::read(&vehicle_json, logger).unwrap();
+    let with = prepare::disturbances(&problem.tracks, &tolerances);
+    let hidden = prepare::problem(problem.tracks, &problem.vehicle, &tolerances, &with);
+    assert!(hidden.tracks.iter().any(|t| t.measured[Channel::OmegaC as usize][0].is_nan()), "some begin at rest");
+    assert!(misfit_of(&hidden) < 1.1 * whole, "{} {whole}", misfit_of(&hidden));
 }

@@ -15,6 +15,9 @@ pub enum CampaignError {
     /// The path is no folder.
     #[error("{}: no such folder. Give the folder that holds vehicle.json, recordings.json and the recordings", .0.display())]
     NoFolder(PathBuf),
+    /// The path is a file.
+    #[error("{}: this is a file. A campaign is a folder with vehicle.json, recordings.json and the recordings; give that folder. What a measurement file holds: kisspoint inspect", .0.display())]
+    IsFile(PathBuf),
     /// One of the two JSON files is not there.
     #[error("{}: file not found. {remedy}", .file.display())]
     NoFile {

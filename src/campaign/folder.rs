@@ -20,6 +20,9 @@ pub fn read(dir: &Path, options: &ReadOptions) -> Result<Campaign, CampaignError
 
 /// The same; `tell` is told which file is being read, and the share of it that is.
 pub fn read_telling(dir: &Path, options: &ReadOptions, tell: &dyn Fn(&str, f64)) -> Result<Campaign, CampaignError> {
+    if dir.is_file() {
+        return Err(CampaignError::IsFile(dir.to_path_buf()));
+    }
     if !dir.is_dir() {
         return Err(CampaignError::NoFolder(dir.to_path_buf()));
     }

@@ -65,6 +65,8 @@ pub struct Where {
     pub subsystems: Vec<Share>,
     /// Residual map.
     pub equations: Vec<Equation>,
+    /// The same with the effects that were named.
+    pub equations_after: Vec<Equation>,
     /// Probability of any false alarm in the map of a car without gap.
     pub family_wise_error: Real,
     /// Subsystem of a structured remainder.
@@ -118,6 +120,19 @@ pub struct Which {
     pub tolerances: BTreeMap<String, Real>,
     /// The most probable explanations.
     pub explanations: Vec<Weighed>,
+    /// Strongest correlations of an effect's parameter with another unknown.
+    pub correlations: Vec<Correlation>,
+}
+
+/// Posterior correlation of two unknowns.
+#[derive(Clone, Debug, Serialize)]
+pub struct Correlation {
+    /// A parameter of a named effect.
+    pub parameter: &'static str,
+    /// Another one, or a number of the vehicle file.
+    pub with: String,
+    /// Coefficient.
+    pub coefficient: Real,
 }
 
 /// An effect that was named.

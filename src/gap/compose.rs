@@ -1,8 +1,8 @@
 //! From what was found to the answer, in the answer's words.
 
 use super::answer::{
-    Answer, Effect, Equation, Figures, HowFar, Interval, LeftOut, NotAssessable, PerRecording, Plant, Ranked, Real, Share, Visible,
-    Weighed, Where, Which, plant_parameters,
+    Answer, Correlation, Effect, Equation, Figures, HowFar, Interval, LeftOut, NotAssessable, PerRecording, Plant, Ranked, Real, Share,
+    Visible, Weighed, Where, Which, plant_parameters,
 };
 use super::infer::coordinate::Coordinate;
 use super::infer::density::{Problem, size};
@@ -31,6 +31,8 @@ pub struct Findings<'a> {
     pub conclusion: &'a Conclusion,
     /// Residual map.
     pub cells: &'a [Cell],
+    /// The same with the effects.
+    pub cells_after: &'a [Cell],
     /// Smallest visible sizes: effect, parameter, size.
     pub visible: &'a [(usize, usize, f64)],
     /// Gaps of what took no part, before and after.
@@ -47,8 +49,6 @@ pub struct Findings<'a> {
 
 /// A smallest visible size beyond this many usual sizes makes an effect one that the recordings cannot show.
 const TOO_LARGE: f64 = 3.0;
-/// Difference of the library's form from a real one, relative to an effect's size: part of every interval.
-const FORM: f64 = 0.04;
 /// Half width of a 95 % interval in standard deviations.
 const INTERVAL: f64 = 1.96;
 /// Explanations that are listed.
@@ -62,7 +62,7 @@ pub fn answer(f: &Findings) -> Answer {
         verdict: f.conclusion.verdict,
         confidence: Real(f.conclusion.probability),
         sentence: sentence(f, closed.fraction()),
-        notes: f.notes.clone(),
+        notes: f.notes.iter().cloned().chain(below_floor(f, &closed)).collect(),
         left_out: f.campaign.left_out.iter().map(|l| LeftOut { recording: l.recording.clone(), reason: l.reason.clone() }).collect(),
         place: place(f),
         which: which(f),
@@ -72,6 +72,16 @@ pub fn answer(f: &Findings) -> Answer {
             nominal_parameters: plant_parameters(&f.problem.vehicle, &effects::null()),
         },
     }
+}
+
+/// Said of a held-out gap that is no larger than what the recording's unknowns may do.
+fn below_floor(f: &Findings, closed: &Closed) -> Option<String> {
+    (names_effects(f) && closed.is_below_floor()).then(|| {
+        format!(
+            "the gap of {} ({:.2} rad/s) is below the floor of {:.2} rad/s that its start temperatures, grade and torque report leave:              the share that is closed counts from the sensors' noise",
+            f.held_out_name, closed.before, closed.noise
+        )
+    })
 }
 
 fn names_effects(f: &Findings) -> bool {
@@ -84,7 +94,7 @@ fn named(f: &Findings) -> Vec<usize> {
         return Vec::new();
     }
     let share = |e: usize| f.conclusion.shares.iter().find(|s| s.0 == REGISTRY[e].effect.subsystem).map_or(0.0, |s| s.1);
-    let mut all = f.conclusion.explanation.effects.clone();
+    let mut all = f.conclusion.effects.clone();
     all.sort_by(|a, b| share(*b).total_cmp(&share(*a)));
     all
 }
@@ -98,25 +108,57 @@ fn place(f: &Findings) -> Where {
     Where {
         primary,
         subsystems: c.shares.iter().map(|(s, share)| Share { id: s.id(), share: Real(*share) }).collect(),
-        equations: f
-            .cells
-            .iter()
-            .map(|c| Equation {
-                equation: c.equation,
-                phase: c.phase,
-                region: c.region,
-                sigma: Real(c.sigma),
-                rms: Real(c.rms),
-                unit: c.unit,
-                samples: c.samples,
-                significant: c.significant,
-            })
-            .collect(),
+        equations: f.cells.iter().map(equation).collect(),
+        equations_after: f.cells_after.iter().map(equation).collect(),
         family_wise_error: Real(FAMILY_WISE_ERROR),
         unexplained_at: c.unexplained_at.map(Subsystem::id),
         ambiguous_with: c.or_at.iter().map(|s| s.id()).collect(),
         missing_law: Subsystem::ALL.iter().map(|s| (s.id(), Real(f.posterior.of_place(*s)))).collect(),
     }
+}
+
+fn equation(c: &Cell) -> Equation {
+    Equation {
+        equation: c.equation,
+        phase: c.phase,
+        region: c.region,
+        sigma: Real(c.sigma),
+        rms: Real(c.rms),
+        unit: c.unit,
+        samples: c.samples,
+        significant: c.significant,
+    }
+}
+
+/// Correlations that are told: from this size on, the strongest so many.
+const CORRELATED: f64 = 0.3;
+const CORRELATIONS: usize = 12;
+
+/// Of each parameter of a named effect with every other shared unknown.
+fn correlations(f: &Findings) -> Vec<Correlation> {
+    let fit = f.conclusion.explanation.fit.as_ref().expect("the best was fitted");
+    let Some(covariance) = fit.covariance() else { return Vec::new() };
+    let named: Vec<usize> = named(f).into_iter().flat_map(|e| REGISTRY[e].parameters.clone()).collect();
+    let name = |c: &Coordinate| match c {
+        Coordinate::Effect(k) => Some(PARAMETERS[*k].variable.to_owned()),
+        Coordinate::Shared(k) => Some(f.problem.shared[*k].name.clone()),
+        _ => None,
+    };
+    let mut all = Vec::new();
+    for (i, a) in fit.shared.iter().enumerate() {
+        let Coordinate::Effect(k) = a else { continue };
+        // Each pair of parameters once.
+        let others = fit.shared.iter().enumerate().filter(|(j, b)| !matches!(b, Coordinate::Effect(_)) || *j > i);
+        for (j, b) in others.filter(|_| named.contains(k)) {
+            let r = covariance[(i, j)] / (covariance[(i, i)] * covariance[(j, j)]).sqrt();
+            if let (Some(with), true) = (name(b), r.abs() >= CORRELATED) {
+                all.push(Correlation { parameter: PARAMETERS[*k].variable, with, coefficient: Real(r) });
+            }
+        }
+    }
+    all.sort_by(|a, b| b.coefficient.0.abs().total_cmp(&a.coefficient.0.abs()));
+    all.truncate(CORRELATIONS);
+    all
 }
 
 fn which(f: &Findings) -> Which {
@@ -143,6 +185,7 @@ fn which(f: &Findings) -> Which {
                 behind: Real(best - e.log_posterior),
             })
             .collect(),
+        correlations: correlations(f),
     }
 }
 
@@ -178,14 +221,16 @@ fn effect(f: &Findings, e: usize) -> Effect {
     }
 }
 
-/// Interval of an effect parameter: the posterior's, with a difference of form.
+/// Interval of an effect parameter: the posterior's, with the effects' unknown form.
 fn interval(f: &Findings, k: usize) -> Interval {
-    let fit = f.conclusion.explanation.fit.as_ref().expect("the best was fitted");
+    let explanation = &f.conclusion.explanation;
+    let fit = explanation.fit.as_ref().expect("the best was fitted");
     let value = fit.point.effects[k];
     let at = fit.shared.iter().position(|c| *c == Coordinate::Effect(k));
-    let variance = at.and_then(|i| fit.covariance().map(|c| c[(i, i)])).unwrap_or(f64::NAN);
-    let form = FORM * (value - PARAMETERS[k].null).abs();
-    let half = INTERVAL * (variance.max(0.0) + form * form).sqrt();
+    let curvature = explanation.curvature.as_ref().unwrap_or(&fit.curvature);
+    let covariance = curvature.clone().cholesky().map(|c| c.inverse());
+    let variance = at.zip(covariance).map_or(f64::NAN, |(i, c)| c[(i, i)]);
+    let half = INTERVAL * variance.max(0.0).sqrt();
     let p = &PARAMETERS[k];
     Interval { value: Real(value), low: Real((value - half).max(p.min)), high: Real((value + half).min(p.max)), unit: p.unit }
 }

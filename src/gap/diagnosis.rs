@@ -6,7 +6,7 @@ use super::held_out::{Split, split};
 use super::infer::density::{Point, Problem};
 use super::infer::posterior::posterior;
 use super::infer::screen::{Anchor, screen};
-use super::infer::search::{Search, search};
+use super::infer::search::{Search, exchange, search};
 use super::infer::sensors;
 use super::map;
 use super::measure::{self, Overlay};
@@ -77,7 +77,7 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
     let with = prepare::disturbances(&tracks, &tolerances);
     let mut problem = prepare::problem(tracks, &vehicle, &tolerances, &with);
     let mut notes: Vec<String> = campaign.notes.iter().map(|n| format!("{}: {}", n.recording, n.text)).collect();
-    let mut found = search(&problem, &|what, share| progress(what, 0.7 * share));
+    let mut found = search(&problem, &|what, share| progress(what, 0.6 * share));
     // What the first search found of the sensors (how late, how noisy) makes a better filter of the second.
     let late = late(&problem, &found);
     let known = Disturbances { late, ..with };
@@ -86,17 +86,20 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
     if coloured.is_some() || late.iter().any(|l| *l > LATE_S.max(LATE_INTERVALS * interval_of(&problem))) {
         notes.extend(coloured.as_ref().map(colour_note));
         problem = prepare::problem(problem.tracks, &vehicle, &tolerances, &coloured.unwrap_or(known));
-        found = search(&problem, &|what, share| progress(what, 0.7 + 0.1 * share));
+        found = search(&problem, &|what, share| progress(what, 0.5 + 0.2 * share));
     }
+    progress("exchange", 0.7);
+    exchange(&problem, &mut found);
     progress("missing laws", 0.8);
     let weights = posterior(&problem, &found);
     let conclusion = conclude(&problem, &found, &weights);
     progress("held-out data", 0.9);
     let point = &conclusion.explanation.fit.as_ref().expect("the best was fitted").point;
+    notes.extend(temperature_notes(&problem, point));
     // Tolerances beside a law that nobody has a formula for retune nothing: the car is handed back as it came.
     let retuned = !matches!(conclusion.verdict, Verdict::Unexplained | Verdict::InputsDoNotFit);
     // The FMU has no law beside its effects: it gets the numbers that suit best without one.
-    let alone = found.of(&conclusion.explanation.effects).map_or(point, |h| &h.fit.point);
+    let alone = found.of(&conclusion.effects).or(found.of(&conclusion.explanation.effects)).map_or(point, |h| &h.fit.point);
     let tuned = if retuned { problem.car(alone, None) } else { super::model::tolerance::Car::nominal(&vehicle) };
     let null = effects::null();
     let (before, after) = ((&vehicle, &null), (&tuned.vehicle, &tuned.effects));
@@ -105,7 +108,7 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
     let declared: Vec<_> = tolerances.own.iter().filter(|n| n.declared).cloned().collect();
     let floor = measure::floor(judge, after, &declared, tolerances.declared_report, split.last_engagement);
     progress("residual map", 0.95);
-    let cells = cells(&problem, &conclusion);
+    let [cells, cells_after] = cells(&problem, &conclusion);
     let visible = visible(&problem, &found);
     let answer = compose::answer(&Findings {
         campaign,
@@ -114,6 +117,7 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
         posterior: &weights,
         conclusion: &conclusion,
         cells: &cells,
+        cells_after: &cells_after,
         visible: &visible,
         held_out: &held_out,
         held_out_name: split.name.clone(),
@@ -153,12 +157,35 @@ fn colour_note(with: &Disturbances) -> String {
     format!("sensor noise has a memory, which is allowed for: {}", all.join(", "))
 }
 
-/// The map without any effect, at the tolerances that go with the conclusion: fitted alone they would have bent towards the gap and hidden it.
-fn cells(problem: &Problem, conclusion: &Conclusion) -> Vec<map::Cell> {
+/// Standard deviations by which a start temperature may be pulled before that is said.
+const PULLED: f64 = 4.0;
+
+/// Says which start temperatures the recordings contradict: as long as they are believed, effects have to make up for them.
+fn temperature_notes(problem: &Problem, point: &Point) -> Vec<String> {
+    let of_node = |node: usize| {
+        let (what, key) = [("disc", "theta_c0_sigma_K"), ("body", "theta_b0_sigma_K")][node];
+        let pulled = |k: &usize| point.own[*k][node].abs() > PULLED;
+        let all: Vec<usize> = (0..problem.tracks.len()).filter(pulled).collect();
+        let off = |k: &usize| (point.own[*k][node] * problem.tracks[*k].theta_0_sigma[node]).abs();
+        let most = all.iter().map(off).fold(0.0, f64::max);
+        let names: Vec<&str> = all.iter().map(|&k| problem.tracks[k].name.as_str()).collect();
+        (!all.is_empty()).then(|| {
+            format!(
+                "the start temperature of the {what} would have to be up to {most:.0} K off in {}: if it is not known as well as given, \
+                 say so by {key}",
+                names.join(", ")
+            )
+        })
+    };
+    (0..2).filter_map(of_node).collect()
+}
+
+/// The map without any effect, at the tolerances that go with the conclusion: fitted alone they would have bent towards the gap and hidden it; and with the effects.
+fn cells(problem: &Problem, conclusion: &Conclusion) -> [Vec<map::Cell>; 2] {
     let last = &conclusion.explanation.fit.as_ref().expect("the best was fitted").point;
     let strip = |p: &Point| Point { missing: Vec::new(), ..p.clone() };
     let without = Point { effects: effects::null(), ..strip(last) };
-    map::cells(problem, &without, &strip(last))
+    [map::cells(problem, &without, &strip(last)), map::cells(problem, &strip(last), &strip(last))]
 }
 
 /// Smallest sizes that the recordings would show, at the car within its tolerances.

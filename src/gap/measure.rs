@@ -283,8 +283,10 @@ pub struct Closed {
     pub before: f64,
     /// Of the retuned plant.
     pub after: f64,
-    /// Of a perfect one.
+    /// Of a perfect one, as far as noise and what is declared of the recording let anybody know.
     pub noise: f64,
+    /// Of a perfect one in a recording of which nothing but the sensors' noise is unknown.
+    pub sensors: f64,
 }
 
 impl Closed {
@@ -292,12 +294,19 @@ impl Closed {
     pub fn of(held_out: &[HeldOut]) -> Self {
         let speeds: Vec<&HeldOut> = held_out.iter().filter(|h| matches!(h.channel, Channel::OmegaF | Channel::OmegaC)).collect();
         let mean = |get: fn(&HeldOut) -> f64| speeds.iter().map(|h| get(h)).sum::<f64>() / speeds.len().max(1) as f64;
-        Self { before: mean(|h| h.before), after: mean(|h| h.after), noise: mean(|h| h.noise) }
+        let noise = mean(|h| h.noise);
+        Self { before: mean(|h| h.before), after: mean(|h| h.after), noise, sensors: noise }
     }
 
-    /// Share of the gap above the floor that is gone; zero where there was none.
+    /// Whether what is declared of the recording could have made a gap of this size by itself.
+    pub fn is_below_floor(&self) -> bool {
+        self.before <= self.noise
+    }
+
+    /// Share of the gap above the floor that is gone; of one that lies below it, above the sensors' noise; zero where there was none.
     pub fn fraction(&self) -> f64 {
-        if self.before > self.noise { ((self.before - self.after) / (self.before - self.noise)).min(1.0) } else { 0.0 }
+        let floor = if self.is_below_floor() { self.sensors } else { self.noise };
+        if self.before > floor { ((self.before - self.after) / (self.before - floor)).min(1.0) } else { 0.0 }
     }
 }
 

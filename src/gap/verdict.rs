@@ -25,10 +25,7 @@ pub enum Verdict {
 /// Probability above which a rival is named beside what was chosen.
 pub const NAMED_BESIDE: f64 = 0.05;
 
-/// Share of the gap up to which a missing law in the subsystem of a named effect is a difference of form, and the gap counts as explained.
-pub const FORM_SHARE: f64 = 0.1;
-
-/// Share of the gap from which a missing law in the subsystem of a named effect is what is wrong, and the effect only stood in for a part of it.
+/// Share of the gap from which a missing law is what is wrong in its subsystem, and effects of that subsystem only stood in for a part of it: they are not named.
 pub const STAND_IN_SHARE: f64 = 0.5;
 
 /// Mean square of the innovations that the best explanation may leave: with more, these are no recordings of such a car. Its largest errors
@@ -44,6 +41,8 @@ pub struct Conclusion {
     pub probability: f64,
     /// The explanation that stands.
     pub explanation: Explanation,
+    /// Effects that are named.
+    pub effects: Vec<usize>,
     /// Subsystem of a structured remainder, or of an unexplained gap.
     pub unexplained_at: Option<Subsystem>,
     /// Subsystems with their shares of the gap, largest first.
@@ -58,15 +57,15 @@ pub fn conclude(problem: &Problem, search: &Search, posterior: &Posterior) -> Co
     let fit = best.fit.as_ref().expect("the best was fitted");
     let left = misfit(&fit.residuals) / problem.samples().max(1) as f64;
     let shares = shares(search, posterior, &best);
-    let own = best.place.is_some_and(|p| best.effects.iter().any(|&e| REGISTRY[e].effect.subsystem == p));
     let strange = left > STRANGE;
+    let stands_in = best.place.filter(|_| law_share(problem, search, &best) > STAND_IN_SHARE);
+    let named: Vec<usize> = best.effects.iter().copied().filter(|&e| Some(REGISTRY[e].effect.subsystem) != stands_in).collect();
     let (verdict, unexplained_at) = match (best.effects.is_empty(), best.place) {
         _ if strange => (Verdict::InputsDoNotFit, None),
         (true, None) => (Verdict::NoGap, None),
         (true, place) => (Verdict::Unexplained, place),
         (false, None) => (Verdict::Explained, None),
-        (false, Some(_)) if own && own_share(problem, search, &best) < FORM_SHARE => (Verdict::Explained, None),
-        (false, place) if own && own_share(problem, search, &best) > STAND_IN_SHARE => (Verdict::Unexplained, place),
+        (false, Some(place)) if named.is_empty() => (Verdict::Unexplained, Some(place)),
         (false, place) => (Verdict::PartlyExplained, place),
     };
     let probability = match verdict {
@@ -75,7 +74,7 @@ pub fn conclude(problem: &Problem, search: &Search, posterior: &Posterior) -> Co
         Verdict::Unexplained => best.place.map_or(0.0, |p| posterior.of_place(p)),
         _ => posterior.explanations.iter().filter(|e| e.effects == best.effects).map(|e| e.probability).sum(),
     };
-    let named: Vec<Subsystem> = shares.iter().map(|s| s.0).collect();
+    let shown: Vec<Subsystem> = shares.iter().map(|s| s.0).collect();
     let mass = |s: Subsystem| -> f64 {
         let holds = |e: &&Explanation| e.place == Some(s) || e.effects.iter().any(|&k| REGISTRY[k].effect.subsystem == s);
         posterior.explanations.iter().filter(holds).map(|e| e.probability).sum()
@@ -83,10 +82,10 @@ pub fn conclude(problem: &Problem, search: &Search, posterior: &Posterior) -> Co
     let or_at = if matches!(verdict, Verdict::NoGap | Verdict::InputsDoNotFit) {
         Vec::new()
     } else {
-        Subsystem::ALL.into_iter().filter(|s| !named.contains(s) && mass(*s) > NAMED_BESIDE).collect()
+        Subsystem::ALL.into_iter().filter(|s| !shown.contains(s) && mass(*s) > NAMED_BESIDE).collect()
     };
     let shares = if strange { Vec::new() } else { shares };
-    Conclusion { verdict, probability, explanation: best, unexplained_at, shares, or_at }
+    Conclusion { verdict, probability, explanation: best, effects: named, unexplained_at, shares, or_at }
 }
 
 /// Cost of an explanation without the price of its law.
@@ -95,7 +94,7 @@ fn cost(e: &Explanation) -> f64 {
 }
 
 /// Share of the gap between car and vehicle file that a missing law takes beside the effects.
-fn own_share(problem: &Problem, search: &Search, best: &Explanation) -> f64 {
+fn law_share(problem: &Problem, search: &Search, best: &Explanation) -> f64 {
     let gap = misfit(&problem.all_residuals(&problem.nominal(), None));
     let without = search.of(&best.effects).map_or(gap, |h| h.fit.cost);
     (without - cost(best)).max(0.0) / (gap - cost(best)).max(1e-9)

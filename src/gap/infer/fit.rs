@@ -6,6 +6,7 @@ use super::coordinate::{Coordinate, coordinates};
 use super::density::{Basis, Point, Problem, Residuals, cost};
 use super::linear::{Columns, Frame, Normal, derivatives, normal};
 use nalgebra::{DMatrix, DVector};
+use std::sync::Arc;
 
 /// Outcome of a fit.
 #[derive(Clone, Debug)]
@@ -22,11 +23,24 @@ pub struct Fit {
     pub curvature: DMatrix<f64>,
     /// Logarithm of the evidence, nats, up to a constant of the recordings.
     pub log_evidence: f64,
-    /// Derivatives near the mode.
-    pub columns: Vec<Columns>,
+    /// Derivatives near the mode; empty once they were let go.
+    pub columns: Arc<Vec<Columns>>,
 }
 
 impl Fit {
+    /// Derivatives at the mode, worked out anew if they were let go.
+    pub fn derivatives(&self, problem: &Problem, frame: &Frame, basis: Option<&Basis>) -> Arc<Vec<Columns>> {
+        if self.columns.is_empty() {
+            return Arc::new(derivatives(problem, &self.point, basis, &self.residuals, frame, None));
+        }
+        self.columns.clone()
+    }
+
+    /// Derivatives as another fit takes them over.
+    pub fn known(&self) -> Option<&[Columns]> {
+        (!self.columns.is_empty()).then_some(self.columns.as_slice())
+    }
+
     /// Covariance of the shared coordinates.
     pub fn covariance(&self) -> Option<DMatrix<f64>> {
         self.curvature.clone().cholesky().map(|c| c.inverse())
@@ -107,9 +121,10 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
             damping = (damping * SHRINK).max(1.0);
         }
         let gain = before - now;
-        // Kept derivatives that promise nothing more are believed; ones that break their word are renewed, if there is time for it.
-        let settled = promised < LEAST_GAIN;
-        if gain < LEAST_GAIN && (!kept || settled) || (kept && iterations <= LOOK && !KEEPS_ITS_WORD.contains(&(gain / promised))) {
+        let looks = iterations <= LOOK;
+        // What kept derivatives say is enough for a look; a mode is where new ones promise nothing more.
+        if gain < LEAST_GAIN && (!kept || looks && promised < LEAST_GAIN) || (kept && looks && !KEEPS_ITS_WORD.contains(&(gain / promised)))
+        {
             break;
         }
         let keeps_its_word = gain >= LEAST_GAIN && KEEPS_ITS_WORD.contains(&(gain / promised));
@@ -125,7 +140,7 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
         }
         None => (DMatrix::identity(frame.shared.len(), frame.shared.len()), f64::NEG_INFINITY),
     };
-    Fit { point, cost: now, residuals, shared: frame.shared, curvature, log_evidence, columns }
+    Fit { point, cost: now, residuals, shared: frame.shared, curvature, log_evidence, columns: Arc::new(columns) }
 }
 
 /// Logarithm of the evidence: density at the mode times the volume that the posterior leaves of the prior.

@@ -5,8 +5,9 @@
 use super::density::{Problem, misfit};
 use super::fit::Fit;
 use super::search::{Hypothesis, Search};
-use super::unknown::{Unknown, beside, places};
+use super::unknown::{Gain, Unknown, beside, form, places};
 use crate::effects::{REGISTRY, Subsystem};
+use nalgebra::DMatrix;
 
 /// One explanation with its share of the posterior.
 #[derive(Clone, Debug)]
@@ -21,7 +22,12 @@ pub struct Explanation {
     pub probability: f64,
     /// Fit; of a missing law that was not worth one, none.
     pub fit: Option<Fit>,
+    /// Curvature along the fit's shared coordinates, the unknown form of the effects eliminated; none where the form was not weighed.
+    pub curvature: Option<DMatrix<f64>>,
 }
+
+/// Sets of effects whose forms are weighed: the most probable ones by the library's own forms.
+const FORMS_WEIGHED: usize = 8;
 
 /// The posterior, the most probable explanation first.
 #[derive(Clone, Debug)]
@@ -56,18 +62,36 @@ impl Posterior {
 
 /// Weighs missing laws beside what the search found.
 pub fn posterior(problem: &Problem, search: &Search) -> Posterior {
-    let of_set = |h: &Hypothesis| Explanation {
-        effects: h.effects.clone(),
-        place: None,
-        log_posterior: h.log_posterior,
-        probability: 0.0,
-        fit: Some(h.fit.clone()),
-    };
-    let mut all: Vec<Explanation> = search.hypotheses.iter().map(of_set).collect();
-    let best = search.best();
-    let mut unknowns: Vec<Unknown> = places(problem, best);
+    let leader = search.best();
+    let near = |log_posterior: f64| log_posterior > leader.log_posterior - search.behind(leader.fit.log_evidence);
+    let with_form: Vec<Option<Gain>> = search
+        .hypotheses
+        .iter()
+        .enumerate()
+        .map(
+            |(k, h)| {
+                if k < FORMS_WEIGHED && near(h.log_posterior) && !h.effects.is_empty() { form(problem, &h.fit, &h.effects) } else { None }
+            },
+        )
+        .collect();
+    let mut sets: Vec<Hypothesis> = search.hypotheses.clone();
+    let mut all: Vec<Explanation> = Vec::new();
+    for (h, gain) in sets.iter_mut().zip(with_form) {
+        h.log_posterior += gain.as_ref().map_or(0.0, |g| g.nats);
+        all.push(Explanation {
+            effects: h.effects.clone(),
+            place: None,
+            log_posterior: h.log_posterior,
+            probability: 0.0,
+            fit: Some(h.fit.clone()),
+            curvature: gain.map(|g| g.curvature),
+        });
+    }
+    sets.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+    let best = &sets[0];
+    let mut unknowns: Vec<Unknown> = places(problem, best, best.log_posterior);
     if !best.effects.is_empty() {
-        unknowns.extend(places(problem, search.base()));
+        unknowns.extend(places(problem, search.base(), best.log_posterior - search.behind(leader.fit.log_evidence)));
     }
     unknowns.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
     // A law that is missing may have been what an effect stood in for, or stand in for one: both are tried from the best.
@@ -80,6 +104,7 @@ pub fn posterior(problem: &Problem, search: &Search) -> Posterior {
         log_posterior: u.log_posterior,
         probability: 0.0,
         fit: u.fit,
+        curvature: None,
     }));
     all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
     let most = all.iter().find(|e| e.fit.is_some()).map_or(0.0, |e| e.log_posterior);

@@ -6,10 +6,12 @@
 
 use super::coordinate::coordinates;
 use super::density::{Basis, Point, Problem, Residuals, cost, huber, prior, size, weight};
+use super::fit::Fit;
 use super::linear::{Columns, Frame, Normal, derivatives, normal};
 use crate::effects::{Act, Entry, PARAMETERS, REGISTRY};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A place at which a linear model is made.
 pub struct Anchor {
@@ -20,18 +22,19 @@ pub struct Anchor {
     residuals: Vec<Residuals>,
     frame: Frame,
     /// Derivatives there.
-    pub columns: Vec<Columns>,
+    pub columns: Arc<Vec<Columns>>,
     equations: Normal,
     cost: f64,
 }
 
 impl Anchor {
-    /// Differentiates at `point` along nuisances and the parameters of `effects`, unless the derivatives are `known`.
-    pub fn new(problem: &Problem, point: &Point, effects: &[usize], basis: Option<&Basis>, known: Option<&[Columns]>) -> Option<Self> {
+    /// Differentiates at `point` along nuisances and the parameters of `effects`, unless a fit has the derivatives there.
+    pub fn new(problem: &Problem, point: &Point, effects: &[usize], basis: Option<&Basis>, known: Option<&Fit>) -> Option<Self> {
         let residuals = problem.all_residuals(point, basis);
         let (shared, own) = coordinates(problem, effects, point.missing.len());
         let frame = Frame { shared, own };
-        let columns = known.map_or_else(|| derivatives(problem, point, basis, &residuals, &frame, None), <[Columns]>::to_vec);
+        let anew = || Arc::new(derivatives(problem, point, basis, &residuals, &frame, None));
+        let columns = known.filter(|f| f.known().is_some()).map_or_else(anew, |f| f.columns.clone());
         let equations = normal(point, &frame, &columns, &residuals, 0.0)?;
         let cost = cost(point, &residuals);
         Some(Self { point: point.clone(), effects: effects.to_vec(), residuals, frame, columns, equations, cost })

@@ -5,13 +5,15 @@
 //! larger set is more probable than the one that it extends. Last, every member of the best set is dropped in turn, and exchanged for what suits the rest
 //! better.
 
-use super::density::{Point, Problem, cost};
+use super::coordinate::Coordinate;
+use super::density::{Point, Problem, cost, size};
 use super::fit::{Fit, Free, LOOK, fit};
 use super::linear::Columns;
 use super::pulsation;
 use super::screen::{Anchor, Promise, Screening, screen};
-use crate::effects::{PARAMETERS, Parameters, REGISTRY};
+use crate::effects::{Act, PARAMETERS, Parameters, REGISTRY};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// A set of effects, fitted.
 #[derive(Clone, Debug)]
@@ -27,7 +29,7 @@ pub struct Hypothesis {
 impl Hypothesis {
     fn new(mut effects: Vec<usize>, fit: Fit) -> Self {
         effects.sort_unstable();
-        let log_posterior = fit.log_evidence + log_prior(effects.len());
+        let log_posterior = fit.log_evidence + log_prior(effects.len()) + moments(&fit, &effects);
         Self { effects, fit, log_posterior }
     }
 }
@@ -38,6 +40,25 @@ pub const EFFECT_PRIOR: f64 = 0.01;
 /// Logarithm of the prior odds of that many effects over none.
 pub fn log_prior(effects: usize) -> f64 {
     effects as f64 * (EFFECT_PRIOR / (1.0 - EFFECT_PRIOR)).ln()
+}
+
+/// Nats by which the evidence of these effects changes because an effect that is there is not small.
+///
+/// A normal prior around null gives most weight to what nobody would call an effect. The moment prior (Johnson and Rossell 2010, "On the use of non-local
+/// prior densities in Bayesian hypothesis tests") multiplies it by the square of the size in units of its standard deviation, so that the evidence is
+/// multiplied by that square's mean over the normal prior's posterior.
+pub fn moments(fit: &Fit, effects: &[usize]) -> f64 {
+    let Some(covariance) = fit.covariance() else { return f64::NEG_INFINITY };
+    let square = |k: usize| {
+        let place = fit.shared.iter().position(|c| *c == Coordinate::Effect(k));
+        let variance = place.map_or(0.0, |i| covariance[(i, i)]);
+        ((fit.point.effects[k] - PARAMETERS[k].null).powi(2) + variance) / size(k).powi(2)
+    };
+    let one = |e: &usize| {
+        let amplitudes = REGISTRY[*e].effect.amplitudes;
+        (amplitudes.iter().map(|k| square(*k)).sum::<f64>() / amplitudes.len() as f64).ln()
+    };
+    effects.iter().map(one).sum()
 }
 
 /// What was found.
@@ -64,6 +85,10 @@ impl Search {
     pub fn best(&self) -> &Hypothesis {
         &self.hypotheses[0]
     }
+    /// Nats behind a log evidence within which an explanation is worth more work.
+    pub fn behind(&self, best: f64) -> f64 {
+        BEHIND_NATS + BEHIND_SHARE * (best - self.base().fit.log_evidence).max(0.0)
+    }
     fn add(&mut self, h: Hypothesis) {
         match self.hypotheses.iter_mut().find(|o| o.effects == h.effects) {
             Some(o) if o.log_posterior < h.log_posterior => *o = h,
@@ -71,13 +96,27 @@ impl Search {
             None => self.hypotheses.push(h),
         }
         self.hypotheses.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+        self.let_go();
+    }
+    /// Lets go of the derivatives of the least probable sets when all of them together take too much memory.
+    fn let_go(&mut self) {
+        let mut held = 0;
+        for h in &mut self.hypotheses {
+            held += h.fit.columns.iter().map(|c| 8 * c.matrix.len()).sum::<usize>();
+            if held > MOST_BYTES && !h.effects.is_empty() {
+                h.fit.columns = Arc::default();
+            }
+        }
     }
 }
+
+/// Memory that derivatives of fits may take, bytes, beside those of the car within its tolerances.
+const MOST_BYTES: usize = 200_000_000;
 
 /// Most effects at a time.
 pub const MOST_EFFECTS: usize = 3;
 /// Iterations of a fit that stays.
-const STAY: usize = 8;
+const STAY: usize = 12;
 /// Candidates that are looked at per anchor, and those of them that are fitted to the end.
 const LOOKED_AT: usize = 4;
 const FITTED: usize = 2;
@@ -91,7 +130,7 @@ const LEAST_PROMISE: f64 = 10.0;
 /// Mean square of the nuisances above which a fit was dragged along by a gap, and the nominal car is a second anchor.
 const DRAGGED: f64 = 3.0;
 
-/// Searches. `progress` is told how far it is.
+/// Searches, without [`exchange`]. `progress` is told how far it is.
 pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Search {
     progress("tolerances", 0.0);
     let nominal = problem.nominal();
@@ -114,15 +153,13 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
         of_size.retain(|h| found.best().log_posterior - h.log_posterior < most);
         frontier = of_size.into_iter().map(|h| h.effects.clone()).collect();
     }
-    progress("exchange", 0.8);
-    exchange(problem, &mut found);
     found
 }
 
 /// Screens beside a set that was fitted, and fits what promises most.
 fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
     let Some(from) = found.of(set).cloned() else { return };
-    let mut places: Vec<(Point, Option<&[Columns]>)> = vec![(from.fit.point.clone(), Some(&from.fit.columns))];
+    let mut places: Vec<(Point, Option<&Fit>)> = vec![(from.fit.point.clone(), Some(&from.fit))];
     let shared = &from.fit.point.shared;
     if shared.iter().map(|z| z * z).sum::<f64>() > DRAGGED * shared.len() as f64 {
         places.push((Point { effects: from.fit.point.effects, ..problem.nominal() }, None));
@@ -138,7 +175,7 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
     };
     let further: Vec<(usize, Point)> = found.ripples.iter().map(ripple).collect();
     let mut starts: Vec<(Vec<usize>, Point, f64, usize)> = Vec::new();
-    let mut columns: Vec<Vec<Columns>> = Vec::new();
+    let mut columns: Vec<Arc<Vec<Columns>>> = Vec::new();
     for (point, known) in &places {
         let Some(anchor) = Anchor::new(problem, point, set, None, *known) else { continue };
         let screening = screen(problem, &anchor, &further);
@@ -153,18 +190,28 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
         let pairs = if set.len() + 2 <= MOST_EFFECTS { screening.pairs() } else { Vec::new() };
         let worthwhile = singles.iter().filter(|p| p.cost < least).take(LOOKED_AT);
         let together = pairs.iter().filter(|p| singles.first().is_some_and(|s| p.cost < s.cost - 2.0 * LEAST_PROMISE)).take(2);
-        starts.extend(worthwhile.chain(together).map(|p| started(problem, &anchor, &screening, set, p, columns.len())));
+        let begun = worthwhile.chain(together).map(|p| started(&anchor, &screening, set, p, columns.len()));
+        starts.extend(begun.filter(|s| problem.can_follow(&s.1)));
         columns.push(anchor.columns);
     }
     starts.extend(taken_over(problem, &from, set));
+    // A ripple starts as its scan found it: what a linear model makes of a phase that is nearly right says little.
+    if set.is_empty() {
+        starts.extend(further.into_iter().map(|(e, point)| (vec![e], point, f64::NEG_INFINITY, 0)));
+    }
     // Of two starts of one set the more promising.
     starts.iter_mut().for_each(|s| s.0.sort_unstable());
     starts.sort_by(|a, b| a.0.cmp(&b.0).then(a.2.total_cmp(&b.2)));
-    starts.dedup_by(|later, kept| later.0 == kept.0 && later.2 > f64::NEG_INFINITY);
+    // Ripples of different orders are different starts.
+    let orders = |p: &Point, set: &[usize]| {
+        let ripples = set.iter().filter(|&&e| matches!(REGISTRY[e].effect.act, Act::Pulsation(_)));
+        ripples.map(|&e| p.effects[REGISTRY[e].parameters.start + 2]).sum::<f64>()
+    };
+    starts.dedup_by(|later, kept| later.0 == kept.0 && orders(&later.1, &later.0) == orders(&kept.1, &kept.0));
     let looked: Vec<(Vec<usize>, Fit)> = starts
         .into_par_iter()
         .map(|(effects, start, _, anchor)| {
-            let known = columns.get(anchor).map(Vec::as_slice);
+            let known = columns.get(anchor).map(|c| c.as_slice());
             let fitted = fit(problem, Free { effects: &effects, basis: None }, &start, LOOK, known);
             (effects, fitted)
         })
@@ -172,17 +219,9 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
     finish(problem, found, looked);
 }
 
-fn started(
-    problem: &Problem,
-    anchor: &Anchor,
-    screening: &Screening,
-    set: &[usize],
-    promise: &Promise,
-    k: usize,
-) -> (Vec<usize>, Point, f64, usize) {
+fn started(anchor: &Anchor, screening: &Screening, set: &[usize], promise: &Promise, k: usize) -> (Vec<usize>, Point, f64, usize) {
     let effects = set.iter().copied().chain(promise.members.iter().map(|&m| screening.candidates[m].effect)).collect();
     let start = screening.start(anchor, promise);
-    let _ = problem;
     (effects, start, promise.cost, k)
 }
 
@@ -213,8 +252,7 @@ fn taken_over(problem: &Problem, from: &Hypothesis, set: &[usize]) -> Vec<(Vec<u
 fn finish(problem: &Problem, found: &mut Search, mut looked: Vec<(Vec<usize>, Fit)>) {
     looked.sort_by(|a, b| b.1.log_evidence.total_cmp(&a.1.log_evidence));
     let Some(best) = looked.first().map(|l| l.1.log_evidence) else { return };
-    let explained = (best - found.base().fit.log_evidence).max(0.0);
-    let most = BEHIND_NATS + BEHIND_SHARE * explained;
+    let most = found.behind(best);
     let (near, far): (Vec<_>, Vec<_>) = looked.into_iter().enumerate().partition(|(k, l)| *k < FITTED && best - l.1.log_evidence < most);
     for (_, (effects, rough)) in far {
         found.add(Hypothesis::new(effects, rough));
@@ -222,7 +260,7 @@ fn finish(problem: &Problem, found: &mut Search, mut looked: Vec<(Vec<usize>, Fi
     let done: Vec<(Vec<usize>, Fit)> = near
         .into_par_iter()
         .map(|(_, (effects, rough))| {
-            let fitted = fit(problem, Free { effects: &effects, basis: None }, &rough.point, STAY, Some(&rough.columns));
+            let fitted = fit(problem, Free { effects: &effects, basis: None }, &rough.point, STAY, rough.known());
             (effects, fitted)
         })
         .collect();
@@ -233,7 +271,7 @@ fn finish(problem: &Problem, found: &mut Search, mut looked: Vec<(Vec<usize>, Fi
 
 /// Drops every member of the best set in turn; what is left is fitted from there and looks for a better companion, if it fits better than it did or if the
 /// best set strains its tolerances, which says that it is not the right one.
-fn exchange(problem: &Problem, found: &mut Search) {
+pub fn exchange(problem: &Problem, found: &mut Search) {
     for _ in 0..EXCHANGES {
         let best = found.best().clone();
         if best.effects.is_empty() {
@@ -251,10 +289,14 @@ fn exchange(problem: &Problem, found: &mut Search) {
                 start.effects[p] = PARAMETERS[p].null;
             }
             let before = found.of(&rest).map(|h| h.fit.cost);
-            let looked = fit(problem, Free { effects: &rest, basis: None }, &start, STAY, None);
-            let better = before.is_none_or(|b| looked.cost < b - LEAST_PROMISE);
-            found.add(Hypothesis::new(rest.clone(), looked));
-            if better {
+            let free = || Free { effects: &rest, basis: None };
+            let looked = fit(problem, free(), &start, LOOK, best.fit.known());
+            let better = before.is_some_and(|b| looked.cost < b - LEAST_PROMISE);
+            let near = best.fit.log_evidence - looked.log_evidence < found.behind(best.fit.log_evidence);
+            let whole = better || near && before.is_none();
+            let fitted = if whole { fit(problem, free(), &looked.point, STAY, looked.known()) } else { looked };
+            found.add(Hypothesis::new(rest.clone(), fitted));
+            if better || strained {
                 extend(problem, found, &rest);
             }
         }
@@ -277,7 +319,7 @@ fn exchange(problem: &Problem, found: &mut Search) {
                 .collect::<Vec<_>>()
                 .into_par_iter()
                 .map(|(set, point)| {
-                    let fitted = fit(problem, Free { effects: &set, basis: None }, &point, LOOK + 1, None);
+                    let fitted = fit(problem, Free { effects: &set, basis: None }, &point, LOOK + 1, best.fit.known());
                     (set, fitted)
                 })
                 .collect();
@@ -290,7 +332,7 @@ fn exchange(problem: &Problem, found: &mut Search) {
 }
 
 /// Rounds of exchange.
-const EXCHANGES: usize = 2;
+const EXCHANGES: usize = 4;
 /// Mean square of the nuisances beyond which a fit strains its tolerances: of a dozen and more standard normal numbers it is so once in a hundred times.
 const STRAINED: f64 = 2.0;
 

@@ -1,26 +1,29 @@
-//! What no effect of the library accounts for, as hypotheses beside the others: a missing law in one subsystem, alone or beside a set of effects.
+//! What no effect of the library accounts for, as hypotheses beside the others: a missing law in one subsystem, alone or beside a set of effects; and the
+//! form of an effect, which is never quite the library's.
 //!
-//! The evidence of every place follows from one linear Gaussian model at the set's mode: with G the curvature along the law's amplitudes (all else
-//! eliminated, in units of their prior) and g the gradient, the law gains ½ gᵀ(1 + G)⁻¹g − ½ ln det(1 + G) nats. The places that gain most are fitted.
-//!
-//! A gap that follows no variable but time (gusts, misfires) is a disturbance of one place that the filter follows: its likelihood under that filter
-//! competes as well.
+//! Both are sums of the functions of `model::missing`. Their evidence follows from one linear Gaussian model at a mode: with G the curvature along the
+//! amplitudes (all else eliminated, in units of their prior) and g the gradient, they gain ½ gᵀ(1 + G)⁻¹g − ½ ln det(1 + G) nats. A missing law has the
+//! size of a fault worth the name, and the places that gain most are fitted. A form has the size [`FORM`] of what its effect does to the recordings.
 
 use super::coordinate::coordinates;
-use super::density::{Basis, Problem, Residuals, weight};
-use super::fit::{Fit, Free, fit};
+use super::density::{Basis, Point, Problem, Residuals, weight};
+use super::fit::{Fit, Free, LOOK, fit};
 use super::linear::{Columns, Frame, Normal, normal};
-use super::search::{Hypothesis, log_prior};
-use crate::effects::{REGISTRY, Subsystem};
+use super::pulsation;
+use super::search::{Hypothesis, log_prior, moments};
+use crate::effects::{Act, PARAMETERS, REGISTRY, Subsystem};
 use crate::gap::model::missing;
-use crate::gap::model::replay;
+use crate::gap::model::replay::Missing;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Prior probability that some law is missing in a given subsystem.
 const PLACE_PRIOR: f64 = 0.012;
-/// Prior probability that an effect which is there has another form than the library's.
-const FORM_PRIOR: f64 = 0.3;
+
+/// How far the form of a real effect is from the library's: standard deviation of what that changes in the recordings, relative to what the effect
+/// itself changes in them.
+const FORM: f64 = 0.4;
 
 /// A missing law in one place, beside a set of effects.
 #[derive(Clone, Debug)]
@@ -41,56 +44,63 @@ pub struct Unknown {
 const FITTED_NATS: f64 = 15.0;
 const FITTED: usize = 2;
 
-fn odds(p: f64) -> f64 {
-    (p / (1.0 - p)).ln()
+/// Logarithm of the prior odds of a missing law at some place.
+fn place_prior() -> f64 {
+    (PLACE_PRIOR / (1.0 - PLACE_PRIOR)).ln()
 }
 
-/// Logarithm of the prior odds of a missing law at `place` beside these effects.
-fn place_prior(effects: &[usize], place: Subsystem) -> f64 {
-    let own = effects.iter().any(|&e| REGISTRY[e].effect.subsystem == place);
-    if own { odds(FORM_PRIOR) } else { odds(PLACE_PRIOR) }
-}
-
-/// Missing laws beside a set of effects, every place, most probable first.
-pub fn places(problem: &Problem, of: &Hypothesis) -> Vec<Unknown> {
-    let (shared, own) = coordinates(problem, &of.effects, 0);
-    let frame = Frame { shared, own };
-    let Some(equations) = normal(&of.fit.point, &frame, &of.fit.columns, &of.fit.residuals, 0.0) else { return Vec::new() };
+/// Missing laws beside a set of effects, every place, most probable first. They are fitted if the best of them promises more than `least`.
+pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
+    let at = Mode::new(problem, &of.fit, &of.effects, None);
+    let Some(at) = at else { return Vec::new() };
     let mut found: Vec<Unknown> = Subsystem::ALL
         .into_iter()
         .map(|place| {
-            let basis = basis(problem, of, place);
-            let gain = linear_gain(problem, of, &equations, &basis);
-            let log_posterior = of.log_posterior + gain + place_prior(&of.effects, place);
+            let basis = functions(problem, &of.fit.point, place);
+            let beside = at.forms(&of.effects, Some(place));
+            let law = at.columns(&basis);
+            let gain = at.gain(&law.iter().zip(&beside).map(|(l, b)| joined(l, b)).collect::<Vec<_>>()).nats;
+            let log_posterior = of.fit.log_evidence + log_prior(of.effects.len()) + moments(&of.fit, &of.effects) + gain + place_prior();
             Unknown { effects: of.effects.clone(), place, log_posterior, fit: None, basis }
         })
         .collect();
     found.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
     let best = found[0].log_posterior;
-    if best > of.log_posterior {
+    if best > least {
         for u in found.iter_mut().take(FITTED).filter(|u| best - u.log_posterior < FITTED_NATS) {
-            let free = Free { effects: &u.effects, basis: Some(&u.basis) };
-            let fitted = fit(problem, free, &of.fit.point, super::fit::LOOK + 2, None);
-            // The linear gain is what the law promised; the fit is what it keeps.
-            u.log_posterior = fitted.log_evidence + log_prior(u.effects.len()) + place_prior(&u.effects, u.place);
-            u.fit = Some(fitted);
+            *u = beside(problem, &of.effects, u.place, &u.basis, &of.fit.point);
         }
         found.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
     }
     found
 }
 
-/// A missing law at a place beside another set, fitted from a point.
-pub fn beside(problem: &Problem, effects: &[usize], place: Subsystem, basis: &Basis, start: &super::density::Point) -> Unknown {
-    let fitted = fit(problem, Free { effects, basis: Some(basis) }, start, super::fit::LOOK + 2, None);
-    let log_posterior = fitted.log_evidence + log_prior(effects.len()) + place_prior(effects, place);
+/// A missing law at a place beside a set, fitted from a point.
+pub fn beside(problem: &Problem, effects: &[usize], place: Subsystem, basis: &Basis, start: &Point) -> Unknown {
+    let fitted = fit(problem, Free { effects, basis: Some(basis) }, start, LOOK + 2, None);
+    let form = Mode::new(problem, &fitted, effects, Some(basis)).map_or(0.0, |m| m.gain(&m.forms(effects, Some(place))).nats);
+    let log_posterior = fitted.log_evidence + form + log_prior(effects.len()) + moments(&fitted, effects) + place_prior();
     Unknown { effects: effects.to_vec(), place, log_posterior, fit: Some(fitted), basis: basis.clone() }
 }
 
-/// Functions of the law at `place`, as the set's car would see them.
-fn basis(problem: &Problem, of: &Hypothesis, place: Subsystem) -> Basis {
-    let point = &of.fit.point;
-    let by_track: Vec<Vec<replay::Missing>> = (0..problem.tracks.len())
+/// What the unknown form of its effects adds to a set: nats of evidence, and the curvature along the shared coordinates that is left.
+pub fn form(problem: &Problem, fit: &Fit, effects: &[usize]) -> Option<Gain> {
+    let mode = Mode::new(problem, fit, effects, None)?;
+    Some(mode.gain(&mode.forms(effects, None)))
+}
+
+/// What functions beside a mode gain.
+#[derive(Clone, Debug)]
+pub struct Gain {
+    /// Logarithm of the evidence that they add, nats.
+    pub nats: f64,
+    /// Curvature of half the cost along the mode's shared coordinates, the functions' amplitudes eliminated.
+    pub curvature: DMatrix<f64>,
+}
+
+/// Functions of the law at `place`, as a point's car would see them.
+fn functions(problem: &Problem, point: &Point, place: Subsystem) -> Basis {
+    let by_track: Vec<Vec<Missing>> = (0..problem.tracks.len())
         .into_par_iter()
         .map(|k| {
             let car = problem.car(point, Some(k));
@@ -104,51 +114,134 @@ fn basis(problem: &Problem, of: &Hypothesis, place: Subsystem) -> Basis {
 /// Amplitude, in standard deviations, at which a function is replayed.
 const STEP: f64 = 0.5;
 
-fn linear_gain(problem: &Problem, of: &Hypothesis, equations: &Normal, basis: &Basis) -> f64 {
-    let m = basis.len();
-    let parts: Vec<(DMatrix<f64>, DVector<f64>, DMatrix<f64>)> =
-        (0..problem.tracks.len()).into_par_iter().map(|r| part(problem, of, equations, basis, r)).collect();
-    let (mut gram, mut slope, mut cross) = (DMatrix::zeros(m, m), DVector::zeros(m), DMatrix::zeros(equations.curvature.nrows(), m));
-    for (g, s, c) in parts {
-        gram += g;
-        slope += s;
-        cross += c;
-    }
-    let Some(root) = equations.curvature.clone().cholesky() else { return 0.0 };
-    let solved = root.solve(&cross);
-    gram -= cross.tr_mul(&solved);
-    slope -= solved.tr_mul(&equations.gradient);
-    let Some(law) = (gram + DMatrix::identity(m, m)).cholesky() else { return 0.0 };
-    let log_det = 2.0 * law.l_dirty().diagonal().map(f64::ln).sum();
-    0.5 * slope.dot(&law.solve(&slope)) - 0.5 * log_det
+/// A mode at which further functions are tried.
+struct Mode<'a> {
+    problem: &'a Problem,
+    fit: &'a Fit,
+    /// Functions that are fitted there.
+    basis: Option<&'a Basis>,
+    columns: Arc<Vec<Columns>>,
+    equations: Normal,
 }
 
-fn part(problem: &Problem, of: &Hypothesis, equations: &Normal, basis: &Basis, r: usize) -> (DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
-    let here: &Residuals = &of.fit.residuals[r];
-    let roots: Vec<f64> = here.iter().map(|r| weight(*r).sqrt()).collect();
-    let mut point = of.fit.point.clone();
-    point.missing = vec![0.0; basis.len()];
-    let columns: Vec<Vec<f64>> = (0..basis.len())
-        .into_par_iter()
-        .map(|k| {
-            let mut moved = point.clone();
-            moved.missing[k] = STEP;
-            let there = problem.residuals(r, &moved, Some(basis));
-            there.iter().zip(here).zip(&roots).map(|((a, b), w)| (a - b) * w / STEP).collect()
-        })
-        .collect();
-    let v = DMatrix::from_fn(here.len(), basis.len(), |i, k| columns[k][i]);
-    let known: &Columns = &of.fit.columns[r];
-    let mut a = known.matrix.clone();
-    let w = DVector::from_column_slice(&roots);
-    a.column_iter_mut().for_each(|mut c| c.component_mul_assign(&w));
-    let weighted = DVector::from_iterator(here.len(), here.iter().zip(&roots).map(|(r, w)| r * w));
-    let s = equations.curvature.nrows();
-    let products = a.tr_mul(&v);
-    let (shared, own) = (products.rows(0, s).into_owned(), products.rows(s, products.nrows() - s).into_owned());
-    let e = &equations.eliminated[r];
-    let gram = v.tr_mul(&v) - own.tr_mul(&e.solve(&own));
-    let slope = v.tr_mul(&weighted) - own.tr_mul(e.offset());
-    let cross = shared - e.coupling().tr_mul(&own);
-    (gram, slope, cross)
+/// Changes of one recording's innovations for one standard deviation of each function.
+type Changes = DMatrix<f64>;
+
+fn joined(a: &Changes, b: &Changes) -> Changes {
+    DMatrix::from_fn(a.nrows(), a.ncols() + b.ncols(), |i, j| if j < a.ncols() { a[(i, j)] } else { b[(i, j - a.ncols())] })
+}
+
+impl<'a> Mode<'a> {
+    fn new(problem: &'a Problem, fit: &'a Fit, effects: &[usize], basis: Option<&'a Basis>) -> Option<Self> {
+        let (shared, own) = coordinates(problem, effects, basis.map_or(0, Vec::len));
+        let frame = Frame { shared, own };
+        let columns = fit.derivatives(problem, &frame, basis);
+        let equations = normal(&fit.point, &frame, &columns, &fit.residuals, 0.0)?;
+        Some(Self { problem, fit, basis, columns, equations })
+    }
+
+    /// What each function changes, by recording.
+    fn columns(&self, further: &Basis) -> Vec<Changes> {
+        let there: Basis = self.basis.into_iter().flatten().chain(further).cloned().collect();
+        let fitted = there.len() - further.len();
+        let mut point = self.fit.point.clone();
+        point.missing.resize(there.len(), 0.0);
+        let one = |r: usize| {
+            let here = &self.fit.residuals[r];
+            let columns: Vec<Vec<f64>> = (0..further.len())
+                .into_par_iter()
+                .map(|k| {
+                    let mut moved = point.clone();
+                    moved.missing[fitted + k] = STEP;
+                    let there = self.problem.residuals(r, &moved, Some(&there));
+                    there.iter().zip(here).map(|(a, b)| (a - b) / STEP).collect()
+                })
+                .collect();
+            DMatrix::from_fn(here.len(), further.len(), |i, k| columns[k][i])
+        };
+        (0..self.problem.tracks.len()).into_par_iter().map(one).collect()
+    }
+
+    /// What the forms of these effects change, by recording; not of those that lie where a law is missing as a whole.
+    fn forms(&self, effects: &[usize], but_at: Option<Subsystem>) -> Vec<Changes> {
+        let mut all: Vec<Changes> = self.fit.residuals.iter().map(|r| DMatrix::zeros(r.len(), 0)).collect();
+        let pulsates = |e: usize| matches!(REGISTRY[e].effect.act, Act::Pulsation(_));
+        let smooth = Subsystem::ALL.into_iter().filter(|p| Some(*p) != but_at).map(|place| {
+            let there = effects.iter().filter(|&&e| REGISTRY[e].effect.subsystem == place && !pulsates(e));
+            (there.map(|&e| self.change(e)).sum::<f64>(), None, place)
+        });
+        let ripples = effects.iter().filter(|&&e| pulsates(e)).map(|&e| (self.change(e), Some(e), REGISTRY[e].effect.subsystem));
+        for (change, ripple, place) in smooth.chain(ripples).collect::<Vec<_>>() {
+            if change == 0.0 {
+                continue;
+            }
+            let point = &self.fit.point;
+            let basis = ripple.map_or_else(|| functions(self.problem, point, place), |e| pulsation::form(self.problem, point, e));
+            let mut columns = self.columns(&basis);
+            let whole: f64 = columns.iter().map(DMatrix::norm_squared).sum();
+            // Never larger than a law that is missing altogether.
+            let scale = (FORM * (change / whole.max(f64::MIN_POSITIVE)).sqrt()).min(1.0);
+            columns.iter_mut().for_each(|c| *c *= scale);
+            all = all.iter().zip(&columns).map(|(a, b)| joined(a, b)).collect();
+        }
+        all
+    }
+
+    /// Sum of squares of what an effect changes in the innovations.
+    fn change(&self, effect: usize) -> f64 {
+        let mut point = self.fit.point.clone();
+        REGISTRY[effect].parameters.clone().for_each(|p| point.effects[p] = PARAMETERS[p].null);
+        let square = |r: usize| {
+            let without = self.problem.residuals(r, &point, self.basis);
+            without.iter().zip(&self.fit.residuals[r]).map(|(a, b)| (a - b).powi(2)).sum::<f64>()
+        };
+        // Summed in one order, whatever the threads do.
+        (0..self.problem.tracks.len()).into_par_iter().map(square).collect::<Vec<f64>>().iter().sum()
+    }
+
+    fn gain(&self, changes: &[Changes]) -> Gain {
+        let curvature = &self.equations.curvature;
+        let m = changes.first().map_or(0, DMatrix::ncols);
+        let none = || Gain { nats: 0.0, curvature: curvature.clone() };
+        if m == 0 {
+            return none();
+        }
+        let parts: Vec<(DMatrix<f64>, DVector<f64>, DMatrix<f64>)> = changes.par_iter().enumerate().map(|(r, v)| self.part(r, v)).collect();
+        let (mut gram, mut slope, mut cross) = (DMatrix::identity(m, m), DVector::zeros(m), DMatrix::zeros(curvature.nrows(), m));
+        for (g, s, c) in parts {
+            gram += g;
+            slope += s;
+            cross += c;
+        }
+        let (Some(root), Some(own)) = (curvature.clone().cholesky(), gram.clone().cholesky()) else { return none() };
+        let left = curvature - &cross * own.solve(&cross.transpose());
+        let solved = root.solve(&cross);
+        gram -= cross.tr_mul(&solved);
+        slope -= solved.tr_mul(&self.equations.gradient);
+        let Some(law) = gram.cholesky() else { return none() };
+        let log_det = 2.0 * law.l_dirty().diagonal().map(f64::ln).sum();
+        Gain { nats: 0.5 * slope.dot(&law.solve(&slope)) - 0.5 * log_det, curvature: left }
+    }
+
+    /// One recording's products of the changes among themselves, with its residuals, and with the shared coordinates, own unknowns eliminated.
+    fn part(&self, r: usize, changes: &Changes) -> (DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
+        let here: &Residuals = &self.fit.residuals[r];
+        let w = DVector::from_iterator(here.len(), here.iter().map(|r| weight(*r).sqrt()));
+        let weigh = |m: &DMatrix<f64>| {
+            let mut m = m.clone();
+            m.column_iter_mut().for_each(|mut c| c.component_mul_assign(&w));
+            m
+        };
+        let known: &Columns = &self.columns[r];
+        let (v, a) = (weigh(changes), weigh(&known.matrix));
+        let weighted = DVector::from_column_slice(here).component_mul(&w);
+        let s = self.equations.curvature.nrows();
+        let products = a.tr_mul(&v);
+        let (shared, own) = (products.rows(0, s).into_owned(), products.rows(s, products.nrows() - s).into_owned());
+        let e = &self.equations.eliminated[r];
+        let gram = v.tr_mul(&v) - own.tr_mul(&e.solve(&own));
+        let slope = v.tr_mul(&weighted) - own.tr_mul(e.offset());
+        let cross = shared - e.coupling().tr_mul(&own);
+        (gram, slope, cross)
+    }
 }

@@ -14,8 +14,10 @@
 //! Speeds are taken in one after the other (flywheel, then disc), which decorrelates the two innovations of an instant.
 
 use super::noise::Noise;
+use super::replay::HIDDEN;
 use super::tolerance::Wander;
 use super::track::{Channel, Track};
+use crate::vehicle::Vehicle;
 use nalgebra::{SMatrix, SVector};
 
 /// Number of states.
@@ -68,8 +70,9 @@ const BRAKES: Wander = Wander { sigma: 300.0, time_s: 0.2 };
 const LOCK_UP_OBSERVATIONS: usize = 4;
 const LOCK_UP_TIMING_S: f64 = 0.012;
 
-/// Slip in units of its noise that counts as locked.
+/// Slip in units of its noise that counts as locked: of one sample, and of the mean of three.
 const LOCKED: f64 = 6.0;
+const LOCKED_MEAN: f64 = 3.0;
 
 /// Gains of one observation.
 #[derive(Clone, Copy, Debug, Default)]
@@ -95,6 +98,8 @@ pub struct Filter {
     pub log_det: f64,
     /// Whether the clutch is locked as measured, by observation.
     pub locked: Vec<bool>,
+    /// Inertias that the gains were worked out for: flywheel, car, kg·m².
+    pub inertia: [f64; 2],
     /// Samples, speeds and bench.
     pub samples: usize,
 }
@@ -103,7 +108,7 @@ pub struct Filter {
 const LASTING_TEMPERATURE_K: f64 = 0.1;
 
 /// Runs the covariance along a recording. `torque` is the clutch torque in N·m by observation that the share of [`Disturbances::clutch`] refers to.
-pub fn filter(track: &Track, inertia: [f64; 2], with: &Disturbances, torque: &[f64]) -> Filter {
+pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f64]) -> Filter {
     let n = track.observations();
     let speeds: [Vec<(f64, usize)>; 2] = [Channel::OmegaF, Channel::OmegaC].map(|c| (0..n).map(|k| track.mean(c, k)).collect());
     // The clutch locks when the speeds meet, not when late sensors show it.
@@ -112,13 +117,18 @@ pub fn filter(track: &Track, inertia: [f64; 2], with: &Disturbances, torque: &[f
         let ahead = (with.late[c] / pace).round() as usize;
         (0..n).map(|k| speeds[c][(k + ahead).min(n - 1)]).collect()
     });
-    let locked = locked(&then, with);
+    let locked = locked(&then, with, |k| closed(track, vehicle, k));
     let blur = lock_up_blur(track, &then, &locked);
-    let [j_f, j_c] = inertia;
+    let [j_f, j_c] = [vehicle.driveline.J_f, vehicle.driveline.J_c];
     let total = j_f + j_c;
     let variance = |c: usize, samples: usize| with.noise[c].white.powi(2) / samples as f64;
     let mut p = Covariance::zeros();
-    let start = |c: usize| with.noise[c].white.powi(2) + with.noise[c].coloured.powi(2) + with.sensors[c].sigma.powi(2);
+    // What a speed is before its first sample is known as well as that sample is small.
+    let hidden = |c: usize| {
+        let seen = speeds[c].iter().map(|s| s.0).find(|v| v.is_finite()).unwrap_or(0.0);
+        if speeds[c][0].0.is_nan() && seen.abs() < HIDDEN { 0.5 * seen } else { 0.0 }
+    };
+    let start = |c: usize| with.noise[c].white.powi(2) + with.noise[c].coloured.powi(2) + with.sensors[c].sigma.powi(2) + hidden(c).powi(2);
     (p[(OMEGA_F, OMEGA_F)], p[(OMEGA_C, OMEGA_C)]) = (start(0), start(1));
     let colour: [Wander; 2] = std::array::from_fn(|c| joined(with.noise[c], with.sensors[c]));
     let mut gains = Vec::with_capacity(n);
@@ -203,7 +213,7 @@ pub fn filter(track: &Track, inertia: [f64; 2], with: &Disturbances, torque: &[f
         }
     }
     let bench = bench(track, with, &locked, &mut samples, &mut log_det);
-    Filter { gains, bench, log_det, locked, samples }
+    Filter { gains, bench, log_det, locked, inertia: [j_f, j_c], samples }
 }
 
 /// A coloured noise and a further one: both are first-order, and the slower one's time stands for both where both are there.
@@ -220,17 +230,27 @@ fn interval(track: &Track, k: usize) -> f64 {
     end - begin
 }
 
-/// Observations in which the measured speeds do not differ; what is not known stays as it was.
-fn locked(speeds: &[Vec<(f64, usize)>; 2], with: &Disturbances) -> Vec<bool> {
+/// Whether the command at observation `k` asks for a closed clutch: two speeds that only cross while it is open are not locked.
+fn closed(track: &Track, vehicle: &Vehicle, k: usize) -> bool {
+    track.ticks[track.tick_of_row[track.rows_of(k).start]].x_to > vehicle.actuator.x_cnt_0
+}
+
+/// Observations in which the measured speeds do not differ. They begin while the clutch is closed, for speeds that only cross are not locked, and last until a
+/// sample, or the mean of three, shows slip: how long a clutch takes to open is not known. What is not known stays as it was.
+fn locked(speeds: &[Vec<(f64, usize)>; 2], with: &Disturbances, closed: impl Fn(usize) -> bool) -> Vec<bool> {
     let spread = |c: usize| with.noise[c].white.hypot(with.noise[c].coloured);
-    let most = LOCKED * spread(0).hypot(spread(1));
+    let sigma = spread(0).hypot(spread(1));
+    let slip: Vec<f64> = speeds[0].iter().zip(&speeds[1]).map(|((f, _), (c, _))| f - c).collect();
+    let mean = |k: usize| {
+        let near = &slip[k.saturating_sub(1)..(k + 2).min(slip.len())];
+        near.iter().sum::<f64>() / near.len() as f64
+    };
+    let slips = |k: usize| slip[k].abs() > LOCKED * sigma || mean(k).abs() > LOCKED_MEAN * sigma;
     let mut now = false;
-    speeds[0]
-        .iter()
-        .zip(&speeds[1])
-        .map(|((f, _), (c, _))| {
-            if f.is_finite() && c.is_finite() {
-                now = (f - c).abs() <= most;
+    (0..slip.len())
+        .map(|k| {
+            if slip[k].is_finite() {
+                now = !slips(k) && (now || closed(k));
             }
             now
         })

@@ -110,6 +110,18 @@ fn lagged(v: &[f64], dt: f64, tau: f64) -> Vec<f64> {
         .collect()
 }
 
+/// Mean over a fifth of a second around each row.
+fn averaged(v: &[f64], dt: f64) -> Vec<f64> {
+    let reach = (0.1 / dt).round() as usize;
+    let mut sums = vec![0.0];
+    v.iter().for_each(|x| sums.push(sums[sums.len() - 1] + x));
+    let mean = |k: usize| {
+        let (a, b) = (k.saturating_sub(reach), (k + reach + 1).min(v.len()));
+        (sums[b] - sums[a]) / (b - a) as f64
+    };
+    (0..v.len()).map(mean).collect()
+}
+
 /// What follows `v` through play of this width.
 fn played(v: &[f64], width: f64) -> Vec<f64> {
     let mut y = v[0];
@@ -254,11 +266,14 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
             }
         }
         Subsystem::Sensors => {
+            // Of slow speeds: what was corrected by a sample just now would act as another gain of the filter.
             for side in 0..2 {
-                all.push(sensed(side, &|k| 0.01 * s.speed[side][k]));
-                all.push(sensed(side, &|k| -0.008 * s.pace[side][k]));
+                let speed = averaged(&s.speed[side], s.dt);
+                let pace = averaged(&s.pace[side], s.dt);
+                all.push(sensed(side, &|k| 0.01 * speed[k]));
+                all.push(sensed(side, &|k| -0.008 * pace[k]));
                 for centre in [10.0, 60.0, 130.0, 220.0] {
-                    all.push(sensed(side, &|k| bump(s.speed[side][k], centre, if centre < 20.0 { 15.0 } else { 45.0 })));
+                    all.push(sensed(side, &|k| bump(speed[k], centre, if centre < 20.0 { 15.0 } else { 45.0 })));
                 }
             }
         }

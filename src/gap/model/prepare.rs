@@ -52,13 +52,12 @@ pub fn problem(tracks: Vec<Track>, vehicle: &Vehicle, tolerances: &Tolerances, w
 
 /// The filter of a recording, with the clutch torque that the nominal car shows in a corrected replay.
 pub fn filter_of(track: &Track, vehicle: &Vehicle, with: &Disturbances) -> Filter {
-    let inertia = [vehicle.driveline.J_f, vehicle.driveline.J_c];
-    let without = filter(track, inertia, &Disturbances { clutch: NONE, ..*with }, &[]);
+    let without = filter(track, vehicle, &Disturbances { clutch: NONE, ..*with }, &[]);
     if with.clutch.sigma == 0.0 {
         return without;
     }
     let torque = replay::torques(track, &without, &Car::nominal(vehicle), track.theta_0);
-    filter(track, inertia, with, &torque)
+    filter(track, vehicle, with, &torque)
 }
 
 /// Tracks and tolerances of recordings.
@@ -66,7 +65,9 @@ pub fn filter_of(track: &Track, vehicle: &Vehicle, with: &Disturbances) -> Filte
 /// # Errors
 /// Tolerances that are not sound.
 pub fn read(recordings: &[&Recording], vehicle_json: &serde_json::Value) -> Result<(Vec<Track>, Tolerances), tolerance::ToleranceError> {
-    let tracks: Vec<Track> = recordings.iter().map(|r| Track::new(r)).collect();
+    let mut tracks: Vec<Track> = recordings.iter().map(|r| Track::new(r)).collect();
+    let (white, quantum) = (noise::of_report(&tracks), noise::report_quantum(&tracks));
+    tracks.par_iter_mut().for_each(|t| t.believe(&noise::without_noise(&t.time, &t.reported, white, quantum)));
     let tolerances = tolerance::read(vehicle_json, logger(&tracks))?;
     Ok((tracks, tolerances))
 }

@@ -40,12 +40,17 @@ impl Missing {
 /// Slip in rad/s at which a recording that starts closed counts as starting locked.
 const LOCKED_SLIP: f64 = 0.6;
 
+/// Speed in rad/s under which a sensor's threshold may lie.
+pub const HIDDEN: f64 = 10.0;
+
 /// State at a row: the speeds as measured there; a clutch that is closed on two nearly equal speeds is locked.
 pub fn start(track: &Track, car: &Car, row: usize, theta: [f64; 2], noise: f64) -> Start {
     use crate::effects::param::clutch_speed_gain::gain;
     let first = |c: Channel| {
-        let v = &track.measured[c as usize];
-        v[row..].iter().copied().find(|v| v.is_finite()).unwrap_or(0.0)
+        let v = &track.measured[c as usize][row..];
+        let seen = v.iter().copied().find(|v| v.is_finite()).unwrap_or(0.0);
+        // A slow wheel that shows nothing yet stands still, or nearly.
+        if v.first().is_some_and(|v| v.is_nan()) && seen.abs() < HIDDEN { 0.0 } else { seen }
     };
     let (omega_f, omega_c) = (first(Channel::OmegaF), first(Channel::OmegaC) / car.effects[gain]);
     let command = track.ticks[track.tick_of_row[row]].x_to;
@@ -122,6 +127,12 @@ pub fn torques(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Ve
     all
 }
 
+/// A plant's inertias over those that gains were worked out for; together while its clutch sticks.
+fn shares(of: [f64; 2], plant: &Plant) -> [f64; 2] {
+    let d = &plant.config().constants.driveline;
+    if plant.state().stuck { [(d.J_f + d.J_c) / (of[0] + of[1]); 2] } else { [d.J_f / of[0], d.J_c / of[1]] }
+}
+
 /// A corrected replay: its whitened innovations; `each` sees what the sensors would show in every row.
 pub fn corrected(
     track: &Track,
@@ -137,7 +148,6 @@ pub fn corrected(
     let noise = 1.0 / filter.gains.iter().map(|g| g.weight[0]).fold(1e-3, f64::max);
     let speed_gain = car.effects[crate::effects::param::clutch_speed_gain::gain];
     let begin = start(track, car, 0, theta, noise);
-    let d = car.vehicle.driveline;
     let late = [effects::engine_speed_delay::delay, effects::clutch_speed_delay::delay];
     let smooth = [effects::engine_speed_delay::smoothing, effects::clutch_speed_delay::smoothing];
     let age: [f64; 2] = std::array::from_fn(|c| car.effects[late[c]] + car.effects[smooth[c]]);
@@ -171,15 +181,20 @@ pub fn corrected(
             (2..STATES).for_each(|s| estimate[s] += of[s] * innovation);
             // A speed that is sensed late tells of a moment ago; the torques that it shows missing have moved the speeds since.
             let torque = [of[state::ENGINE] - of[state::CLUTCH], of[state::LOAD] + of[state::CLUTCH]];
-            let rate = [torque[0] * innovation / d.J_f, torque[1] * innovation / d.J_c];
+            let rate = [torque[0] * innovation / filter.inertia[0], torque[1] * innovation / filter.inertia[1]];
             plant.correct_speeds([of[0] * innovation, of[1] * innovation / speed_gain], rate, age[c]);
+            let found = if plant.state().stuck { of[state::LOAD] + of[state::ENGINE] } else { of[state::LOAD] };
+            plant.correct_shafts(found * innovation);
         }
         for (c, weights) in filter.bench.iter().enumerate().filter(|(_, w)| !w.is_empty()) {
             bench[c].push(mean(c + 2) * weights[k]);
         }
         estimate.iter_mut().zip(gain.decay).skip(2).for_each(|(e, d)| *e *= d);
         let clutch = estimate[state::CLUTCH];
-        *added = Added { flywheel: estimate[state::ENGINE] - clutch, disc: estimate[state::LOAD] + clutch };
+        // The gains belong to one pair of inertias, and so do the accelerations that they ask for: a candidate with others would be corrected by more
+        // or less, and gain or lose by that alone.
+        let share = shares(filter.inertia, plant);
+        *added = Added { flywheel: share[0] * (estimate[state::ENGINE] - clutch), disc: share[1] * (estimate[state::LOAD] + clutch) };
         sums = Default::default();
         k += 1;
         if k < n {

@@ -77,6 +77,8 @@ pub struct Track {
     pub time: Vec<f64>,
     /// Inputs, tick by tick.
     pub ticks: Vec<Tick>,
+    /// Torque as it was reported, N·m, row by row: what the ticks hold is what the engine is believed to have given.
+    pub reported: Vec<f64>,
     /// Tick at which each row lies, and one past the last.
     pub tick_of_row: Vec<usize>,
     /// What was measured, by [`Channel`]; empty where the channel is missing, NaN where it has no sample.
@@ -102,12 +104,25 @@ impl Track {
             manoeuvre: r.manoeuvre.clone(),
             time: r.time.clone(),
             ticks,
+            reported: r.t_e.clone(),
             tick_of_row,
             measured: [r.omega_f.clone(), r.omega_c.clone(), optional(&r.x_to), optional(&r.t_fc), optional(&r.theta_c)],
             brake: r.brake.clone().unwrap_or_else(|| vec![false; r.time.len()]),
             theta_0: [r.theta_c0, r.theta_b0],
             theta_0_sigma: r.theta_0_sigma,
             rows_per_observation: ((OBSERVATION_S / interval).round() as usize).max(1),
+        }
+    }
+
+    /// Takes this for the engine's torque in N·m, row by row, instead of what was reported.
+    pub fn believe(&mut self, torque: &[f64]) {
+        for row in 0..self.rows() {
+            let next = (row + 1).min(self.rows() - 1);
+            let length = self.time[next] - self.time[row];
+            for k in self.tick_of_row[row]..self.tick_of_row[row + 1] {
+                let share = if length > 0.0 { (self.ticks[k].time - self.time[row]) / length } else { 0.0 };
+                self.ticks[k].t_e = torque[row] + share * (torque[next] - torque[row]);
+            }
         }
     }
 
