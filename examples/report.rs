@@ -12,6 +12,8 @@ fn main() -> std::io::Result<()> {
         overlays: &made.overlays,
         provenance: &made.provenance,
         regions: "",
+        traces: &[],
+        laws: &[],
     };
     let html = kisspoint::report::html(&input);
     std::fs::write(&target, &html)?;

@@ -109,6 +109,24 @@ fn of_several_campaigns_each_has_a_line_and_a_bad_one_stops_nothing() {
 }
 
 #[test]
+fn a_file_is_no_folder_and_a_folder_for_the_answer_is_tried_before_the_work() {
+    let said = text(&run(&["diagnose", "Cargo.toml", "--json"]).stderr);
+    assert!(said.contains("this is a file") && !said.contains("no such folder"), "{said}");
+    let begun = std::time::Instant::now();
+    let said = text(&run(&["diagnose", EXAMPLE, "--out", "Cargo.toml/answer"]).stderr);
+    assert!(said.contains("Cargo.toml") && !said.contains("r01"), "{said}");
+    assert!(begun.elapsed().as_secs_f64() < 2.0, "nothing was diagnosed before that");
+}
+
+#[test]
+fn one_campaign_gives_the_same_line_as_many() {
+    let output = run(&["diagnose", "no-such-folder", "--json"]);
+    let line: Value = serde_json::from_str(&text(&output.stdout)).unwrap();
+    assert_eq!(line["campaign"], "no-such-folder");
+    assert!(line["error"].as_str().unwrap().contains("no such folder"));
+}
+
+#[test]
 fn exit_codes_are_those_of_the_help() {
     for (arguments, code) in [
         (&["--help"][..], 0),
@@ -118,6 +136,8 @@ fn exit_codes_are_those_of_the_help() {
         (&["diagnose", "no-such-folder", "--json"], 1),
         (&["launch", "--vehicle", "no-such-file.json"], 1),
         (&["diagnose", EXAMPLE], 2),
+        (&["diagnose", EXAMPLE, "--out", "Cargo.toml/answer"], 1),
+        (&["diagnose", "Cargo.toml", "--json"], 1),
         (&["lunch"], 2),
         (&[], 2),
     ] {

@@ -12,7 +12,6 @@ from pathlib import Path
 
 from PIL import Image
 from selenium import webdriver
-from selenium.webdriver import ActionChains
 
 WIDTH, HEIGHT = 1160, 1380
 here = Path(__file__).resolve().parent
@@ -24,8 +23,6 @@ driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(shuti
 driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": WIDTH, "height": HEIGHT, "deviceScaleFactor": 1, "mobile": False})
 driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": "light"}]})
 driver.get(Path(sys.argv[1]).resolve().as_uri())
-plot = driver.find_elements("css selector", "#stage figure > svg")[0]
-ActionChains(driver).move_to_element_with_offset(plot, -150, -30).perform()
 picture = Image.open(io.BytesIO(base64.b64decode(driver.get_screenshot_as_base64())))
 # A palette is enough for lines and text, and keeps the file small.
 picture.convert("RGB").quantize(256).save(here / "report.png", optimize=True)

@@ -4,25 +4,36 @@
     kisspoint.gap("measurements/car_17")     # how far the simulation is off, per recording and channel
     found = kisspoint.diagnose("measurements/car_17", out="out/car_17")
     print(found.sentence)
-    found.figure("r01")                      # real, before, after; needs fmpy and matplotlib
+    found.figure("r01")                      # car, before, after; needs matplotlib
     with found.load_plant(theta_c_start=120.0) as plant:
         plant.step(1e-3, x_to=6.0, T_e_ref=40.0)
 """
 
 import json
+import math
 import tempfile
 from collections.abc import Iterator, Mapping
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import _campaign
 from ._command import KisspointError, run
-from ._plant import Plant, replay
+from ._plant import Plant
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Diagnosis", "KisspointError", "Plant", "diagnose", "gap", "inspect", "load_plant"]
+__all__ = ["Diagnosis", "Gaps", "KisspointError", "Plant", "__version__", "diagnose", "gap", "inspect", "load_plant"]
+
+try:
+    __version__ = metadata.version("kisspoint")
+except metadata.PackageNotFoundError:  # a checkout on the path
+    __version__ = "0+unknown"
+
+
+def _numbers(values: list[float | None]) -> list[float]:
+    return [math.nan if value is None else float(value) for value in values]
 
 
 class Diagnosis(Mapping[str, Any]):
@@ -50,7 +61,7 @@ class Diagnosis(Mapping[str, Any]):
 
     @property
     def verdict(self) -> str:
-        """no_gap, explained, partly_explained or unexplained."""
+        """no_gap, explained, partly_explained, unexplained or inputs_do_not_fit."""
         return str(self["verdict"])
 
     @property
@@ -91,22 +102,31 @@ class Diagnosis(Mapping[str, Any]):
         """The retuned plant, to be stepped."""
         return Plant(self.fmu, **start)
 
+    @property
+    def recordings(self) -> list[str]:
+        """Names of the curves: one per recording, or one per engagement of a drive."""
+        return list(self._curves())
+
+    def _curves(self) -> dict[str, Any]:
+        found = json.loads((self.out / "curves.json").read_text(encoding="utf-8"))["recordings"]
+        return {curves["recording"]: curves for curves in found}
+
     def replay(self, recording: str) -> dict[str, dict[str, list[float]]]:
-        """Speeds of a recording: ``real``, ``before`` and ``after``, with ``time_s``. It must be CSV with our column names."""
-        table = _campaign.read_csv(self.campaign / f"{recording}.csv")
-        about = json.loads((self.campaign / "recordings.json").read_text(encoding="utf-8"))[recording]
-        keys = {"theta_c_start": "theta_c0_degC", "theta_b_start": "theta_b0_degC"}
-        warm = {start: about[key] for start, key in keys.items() if key in about}
-        real = {name: table[name] for name in ("time_s", "omega_f_rad_s", "omega_c_rad_s")}
-        plant = self["plant"]
-        return {
-            "real": real,
-            "before": replay(self.fmu, table, plant["nominal_parameters"], warm),
-            "after": replay(self.fmu, table, plant["parameters"], warm),
-        }
+        """Curves of a recording, whatever file it came from: ``real``, ``before`` and ``after``, with ``time_s``; NaN where the car has no value.
+
+        They are those of the report: a free replay from the first sample, as the command does it.
+        """
+        curves = self._curves()
+        if recording not in curves:
+            raise KeyError(f"there are no curves of {recording!r}; there are {', '.join(curves)}")
+        channels, dt = curves[recording]["channels"], curves[recording]["dt_s"]
+        samples = max(len(channel["real"]) for channel in channels.values())
+        runs = {run: {name: _numbers(channel[run]) for name, channel in channels.items()} for run in ("real", "before", "after")}
+        runs["real"]["time_s"] = [k * dt for k in range(samples)]
+        return runs
 
     def figure(self, recording: str) -> "Figure":
-        """Both speeds of a recording: real, before and after."""
+        """Both speeds of a recording: car, before and after. It may come from any file that the command reads."""
         from matplotlib.figure import Figure
 
         runs = self.replay(recording)
@@ -115,11 +135,11 @@ class Diagnosis(Mapping[str, Any]):
         figure = Figure(figsize=(8, 5), layout="constrained")
         for axes, channel in zip(figure.subplots(2, 1, sharex=True), ("omega_f_rad_s", "omega_c_rad_s"), strict=True):
             for name, style in styles.items():
-                axes.plot(runs["real"]["time_s"], runs[name][channel], **style, label=name)
+                axes.plot(runs["real"]["time_s"], runs[name][channel], **style, label="car" if name == "real" else name)
             axes.set_ylabel(channel.replace("_rad_s", "") + " [rad/s]")
         figure.axes[0].legend()
         figure.axes[1].set_xlabel("time [s]")
-        figure.suptitle(f"{recording}: {', '.join(self.effects) or self.verdict}")
+        figure.suptitle(f"{recording}: {', '.join(self.effects) or self.verdict.replace('_', ' ')}")
         return figure
 
 
@@ -139,31 +159,69 @@ def diagnose(
     Without ``out`` the answer lives as long as the returned object.
     """
     keep: list[tempfile.TemporaryDirectory[str]] = []
-
-    def folder() -> Path:
-        keep.append(tempfile.TemporaryDirectory(prefix="kisspoint-"))
-        return Path(keep[-1].name)
-
-    if isinstance(campaign, Mapping):
-        if about is None or vehicle is None:
-            raise ValueError("recordings in memory need about (manoeuvre, sample_rate_Hz, theta_c0_degC, theta_b0_degC of each) and vehicle")
-        source = folder()
-        _campaign.write(source, campaign, about, vehicle)
-    else:
-        if about is not None or vehicle is not None:
-            raise ValueError("about and vehicle belong to recordings in memory; a folder has recordings.json and vehicle.json")
-        source = Path(campaign)
-    target = Path(out) if out is not None else folder()
+    if not isinstance(campaign, Mapping) and (about is not None or vehicle is not None):
+        raise ValueError("about and vehicle belong to recordings in memory; a folder has recordings.json and vehicle.json")
+    source = _source(campaign, about, vehicle, keep)
+    target = Path(out) if out is not None else _folder(keep)
     options = ["--strict"] if strict else []
-    run("diagnose", source, "--out", target, "--threads", threads, *options, *_mapped(channel_map))
+    run("diagnose", source, "--out", target, "--curves", "--threads", threads, *options, *_mapped(channel_map))
     return Diagnosis(source, target, keep)
 
 
-def gap(campaign: str | Path, *, vehicle: str | Path | None = None, channel_map: str | Path | None = None) -> list[dict[str, Any]]:
-    """How far a campaign's simulation is off, before any diagnosis: rows of recording, manoeuvre, channel, unit, rms and noise."""
-    options = ["--vehicle", str(vehicle)] if vehicle is not None else []
-    rows: list[dict[str, Any]] = json.loads(run("replay", campaign, "--json", *options, *_mapped(channel_map)))["gaps"]
-    return rows
+def _folder(keep: "list[tempfile.TemporaryDirectory[str]]") -> Path:
+    keep.append(tempfile.TemporaryDirectory(prefix="kisspoint-"))
+    return Path(keep[-1].name)
+
+
+def _source(
+    campaign: str | Path | Mapping[str, Any],
+    about: Mapping[str, Mapping[str, Any]] | None,
+    vehicle: str | Path | Mapping[str, Any] | None,
+    keep: "list[tempfile.TemporaryDirectory[str]]",
+) -> Path:
+    """A campaign's folder; that of recordings in memory is made."""
+    if not isinstance(campaign, Mapping):
+        return Path(campaign)
+    if about is None or vehicle is None:
+        raise ValueError("recordings in memory need about (manoeuvre, sample_rate_Hz, theta_c0_degC, theta_b0_degC of each) and vehicle")
+    folder = _folder(keep)
+    _campaign.write(folder, campaign, about, vehicle)
+    return folder
+
+
+class Gaps(list[dict[str, Any]]):
+    """Rows of recording, manoeuvre, channel, unit, rms and noise; with what was noted and what was left out on reading."""
+
+    notes: list[dict[str, str]]
+    left_out: list[dict[str, str]]
+
+
+def gap(
+    campaign: str | Path | Mapping[str, Any],
+    *,
+    about: Mapping[str, Mapping[str, Any]] | None = None,
+    vehicle: str | Path | Mapping[str, Any] | None = None,
+    channel_map: str | Path | None = None,
+) -> Gaps:
+    """How far a campaign's simulation is off, before any diagnosis; the campaign is a folder, or a DataFrame per recording as for `diagnose`.
+
+    Of a folder ``vehicle`` is another vehicle file than its own.
+    """
+    keep: list[tempfile.TemporaryDirectory[str]] = []
+    options: list[str] = []
+    if not isinstance(campaign, Mapping):
+        if about is not None:
+            raise ValueError("about belongs to recordings in memory; a folder has recordings.json")
+        if isinstance(vehicle, Mapping):
+            document = _folder(keep) / "vehicle.json"
+            document.write_text(json.dumps(dict(vehicle)), encoding="utf-8")
+            vehicle = document
+        options = ["--vehicle", str(vehicle)] if vehicle is not None else []
+    source = _source(campaign, about, vehicle, keep)
+    found = json.loads(run("replay", source, "--json", *options, *_mapped(channel_map)))
+    gaps = Gaps(found["gaps"])
+    gaps.notes, gaps.left_out = found["notes"], found["left_out"]
+    return gaps
 
 
 def inspect(file: str | Path) -> dict[str, Any]:

@@ -1,8 +1,8 @@
 //! `kisspoint diagnose`: where a simulation departs from a car, which effect causes it, how far the gap shrinks.
 
 use super::error::CommandError;
-use super::files::write_all;
-use super::output::{print, print_json};
+use super::files::{writable, write_all};
+use super::output::{alarm, print};
 use super::progress::Progress;
 use super::summary::summary;
 use crate::campaign::{self, Campaign, ChannelMap, ReadOptions, Recording};
@@ -18,16 +18,17 @@ use std::path::{Path, PathBuf};
 /// Options of `kisspoint diagnose`.
 #[derive(clap::Args, Debug)]
 #[command(
+    override_usage = "kisspoint diagnose [OPTIONS] --out <DIR> <CAMPAIGN>...\n       kisspoint diagnose [OPTIONS] --json <CAMPAIGN>...",
     after_help = "Writes diagnosis.json, report.html, plant.ssv and DrivelinePlant.fmu into DIR. Exit code 0 whatever the verdict.\n\nExamples:\n  kisspoint diagnose measurements/car_17 --out out/car_17\n  kisspoint diagnose measurements/car_17 --out out/car_17 --evidence\n  kisspoint diagnose measurements/* --out out\n  kisspoint diagnose measurements/* --json > answers.jsonl"
 )]
 pub struct Args {
     /// Folders with vehicle.json, recordings.json and the recordings
     #[arg(value_name = "CAMPAIGN", required = true)]
     campaigns: Vec<PathBuf>,
-    /// Folder for the answer; of several campaigns, each has a folder of its name in it
+    /// Folder for the answer, required unless --json is given; of several campaigns, each has a folder of its name in it
     #[arg(long, value_name = "DIR", required_unless_present = "json")]
     out: Option<PathBuf>,
-    /// Print diagnosis.json to standard output; of several campaigns, one line each with `campaign` and `diagnosis` or `error`
+    /// Print one line for each campaign to standard output, with `campaign` and `diagnosis` (the content of diagnosis.json) or `error`
     #[arg(long)]
     json: bool,
     /// Names and units of the channels, TOML or JSON
@@ -36,6 +37,9 @@ pub struct Args {
     /// Write evidence.ssp beside the answer: retuned FMU, held-out recordings, answer and report with checksums, by the standards of SSP Traceability
     #[arg(long, requires = "out")]
     evidence: bool,
+    /// Write curves.json beside the answer, too: car, before and after of every recording and channel
+    #[arg(long, requires = "out")]
+    curves: bool,
     /// Refuse the campaign if any recording has a defect
     #[arg(long)]
     strict: bool,
@@ -52,15 +56,32 @@ pub struct Args {
 /// # Errors
 /// A campaign that cannot be read or diagnosed, a missing shared library, a folder that cannot be written.
 pub fn run(args: &Args) -> Result<(), CommandError> {
-    // Found before the work begins: nobody wants to hear of a missing library after it.
+    // Found before the work begins: nobody wants to hear of a missing library or of a folder that cannot be written to after it.
+    args.out.as_deref().map(writable).transpose()?;
     let libraries = if args.out.is_some() { library::find(&args.library)? } else { Vec::new() };
     let channel_map = args.channel_map.as_deref().map(ChannelMap::from_file).transpose()?;
     let options = ReadOptions { channel_map, strict: args.strict };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads.into()).build()?;
-    let answer = |path: &Path, out: Option<&Path>, label: &str| one(path, out, label, args.evidence, &options, &pool, &libraries);
+    let answer =
+        |path: &Path, out: Option<&Path>, label: &str| one(path, out, label, [args.evidence, args.curves], &options, &pool, &libraries);
     let [path] = args.campaigns.as_slice() else { return several(args, answer) };
-    let diagnosis = answer(path, args.out.as_deref(), "")?;
-    if args.json { print_json(&diagnosis.json) } else { print(&summary(&diagnosis, args.out.as_deref())) }
+    match answer(path, args.out.as_deref(), "") {
+        Ok(diagnosis) if args.json => print(&line(path, &json!({ "diagnosis": diagnosis.json }))),
+        Ok(diagnosis) => print(&summary(&diagnosis, args.out.as_deref())),
+        Err(error) => {
+            if args.json {
+                print(&line(path, &json!({ "error": error.to_string() })))?;
+            }
+            Err(error)
+        }
+    }
+}
+
+/// One line for a machine: the campaign, and what became of it.
+fn line(path: &Path, what: &serde_json::Value) -> String {
+    let mut line = what.clone();
+    line["campaign"] = path.display().to_string().into();
+    format!("{line}\n")
 }
 
 /// Diagnoses one campaign after the other. What is wrong with one does not stop the next ones.
@@ -77,13 +98,13 @@ fn several(args: &Args, answer: impl Fn(&Path, Option<&Path>, &str) -> Result<Di
         let out = args.out.as_ref().map(|out| out.join(name(path)));
         let shown = path.display().to_string();
         match answer(path, out.as_deref(), &label) {
-            Ok(diagnosis) if args.json => print(&format!("{}\n", json!({"campaign": shown, "diagnosis": diagnosis.json})))?,
+            Ok(diagnosis) if args.json => print(&line(path, &json!({ "diagnosis": diagnosis.json })))?,
             Ok(diagnosis) => print(&format!("{shown}\n{}", summary(&diagnosis, out.as_deref())))?,
             Err(error @ (CommandError::Campaign(_) | CommandError::Diagnosis { .. })) => {
                 failed += 1;
-                eprintln!("kisspoint: {error}");
+                alarm(&error);
                 if args.json {
-                    print(&format!("{}\n", json!({"campaign": shown, "error": error.to_string()})))?;
+                    print(&line(path, &json!({ "error": error.to_string() })))?;
                 }
             }
             Err(error) => return Err(error),
@@ -102,7 +123,7 @@ fn one(
     path: &Path,
     out: Option<&Path>,
     label: &str,
-    evidence: bool,
+    [evidence, curves]: [bool; 2],
     options: &ReadOptions,
     pool: &rayon::ThreadPool,
     libraries: &[library::Library],
@@ -120,13 +141,29 @@ fn one(
     let diagnosis = found.map_err(refused)?;
     let shown = name(path).display().to_string();
     if let Some(out) = out {
-        let mut files = files(&diagnosis, &shown, &provenance(&campaign, options), libraries)?;
+        let mut files = files(&campaign, &diagnosis, &shown, &provenance(&campaign, options), libraries)?;
         if evidence {
             files.push(("evidence.ssp", super::evidence::archive(&diagnosis.json, &files, &campaign)?));
+        }
+        if curves {
+            files.push(("curves.json", curves_json(&diagnosis).into_bytes()));
         }
         write_all(out, &files)?;
     }
     Ok(diagnosis)
+}
+
+/// The curves that the report shows, as numbers; what the car has no value of is null.
+fn curves_json(diagnosis: &Diagnosis) -> String {
+    let all = diagnosis.overlays.iter().map(|o| {
+        let channels: serde_json::Map<String, serde_json::Value> = o
+            .channels
+            .iter()
+            .map(|c| (c.column.to_owned(), json!({"unit": c.unit, "real": c.real, "before": c.before, "after": c.after})))
+            .collect();
+        json!({"recording": o.recording, "manoeuvre": o.manoeuvre, "held_out": o.held_out, "dt_s": o.dt, "channels": channels})
+    });
+    format!("{}\n", json!({ "recordings": all.collect::<Vec<_>>() }))
 }
 
 /// What a reader needs to repeat the answer, or to doubt it.
@@ -149,7 +186,7 @@ fn provenance(campaign: &Campaign, options: &ReadOptions) -> Vec<(String, String
         ("recordings", format!("{} used at {}, {} left out", recordings.len(), rates.join(" and "), campaign.left_out.len())),
         ("bench channels", if bench.is_empty() { "none".to_owned() } else { bench.join(", ") }),
         ("candidates", format!("{} effects, up to three at a time, with {tolerances} declared tolerances free", REGISTRY.len())),
-        ("channel map", if options.channel_map.is_some() { "yes" } else { "none: the files have the names of the contract" }.to_owned()),
+        ("channel map", if options.channel_map.is_some() { "yes" } else { "none: the files have the standard channel names" }.to_owned()),
         ("recordings with defects", if options.strict { "refused (--strict)" } else { "left out, with a word" }.to_owned()),
         ("data fingerprint (SHA-256)", campaign.fingerprint.clone()),
     ];
@@ -157,17 +194,21 @@ fn provenance(campaign: &Campaign, options: &ReadOptions) -> Vec<(String, String
 }
 
 fn files(
+    campaign: &Campaign,
     diagnosis: &Diagnosis,
     name: &str,
     provenance: &[(String, String)],
     libraries: &[library::Library],
 ) -> Result<Vec<(&'static str, Vec<u8>)>, FmuError> {
+    let traces = super::laws::traces(campaign, diagnosis);
     let report = report::html(&report::Input {
         name,
         diagnosis: &diagnosis.json,
         overlays: &diagnosis.overlays,
         provenance,
         regions: &format!("cold is a disc below {HOT_DEGC} °C, low torque a clutch torque below {HIGH_TORQUE_NM} N·m"),
+        traces: &traces,
+        laws: &super::laws::laws(diagnosis, &traces),
     });
     let plant = fmu::MODELS.iter().find(|m| m.description.name == "DrivelinePlant").expect("the plant is one of the models");
     let archive = fmu::archive(plant, libraries, &diagnosis.vehicle, &diagnosis.effects)?;

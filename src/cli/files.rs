@@ -85,6 +85,20 @@ pub fn write_all(folder: &Path, files: &[(impl AsRef<str>, Vec<u8>)]) -> Result<
     Ok(())
 }
 
+/// Finds out whether files can be written into a folder, before the work for them begins. Nothing is left behind, not even the folder.
+///
+/// # Errors
+/// A path that is a file or leads through one, or a folder that cannot be written to.
+pub fn writable(folder: &Path) -> Result<(), CommandError> {
+    // What is not there yet will be made in the nearest folder that is.
+    let there = folder.ancestors().find(|p| p.as_os_str().is_empty() || p.symlink_metadata().is_ok()).unwrap_or(Path::new("."));
+    let there = if there.as_os_str().is_empty() { Path::new(".") } else { there };
+    if !there.is_dir() {
+        return Err(at(there)(ErrorKind::NotADirectory.into()));
+    }
+    tempfile::tempfile_in(there).map(drop).map_err(at(there))
+}
+
 /// A complete file in `folder` without a place yet; dropped, it is gone.
 fn beside(folder: &Path, bytes: &[u8]) -> std::io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();

@@ -12,6 +12,7 @@ pub mod fmu;
 pub mod inspect;
 pub mod launch;
 pub mod launch_drawn;
+mod laws;
 pub mod output;
 pub mod plausible;
 pub mod progress;
@@ -106,7 +107,7 @@ fn finish(name: &str, result: Result<(), CommandError>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("kisspoint: {error}");
+            output::alarm(&error);
             eprintln!("For usage and examples: kisspoint {name} --help");
             ExitCode::FAILURE
         }

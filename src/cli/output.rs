@@ -2,7 +2,7 @@
 
 use super::error::CommandError;
 use serde_json::Value;
-use std::io::{ErrorKind, Write};
+use std::io::{ErrorKind, IsTerminal, Write};
 
 /// Prints `text` as it stands.
 ///
@@ -22,4 +22,84 @@ pub fn print(text: &str) -> Result<(), CommandError> {
 /// As [`print`].
 pub fn print_json(document: &Value) -> Result<(), CommandError> {
     print(&format!("{document:#}\n"))
+}
+
+/// How a piece of text stands out on a terminal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Colour {
+    /// What may be taken as it stands.
+    Green,
+    /// What is in doubt.
+    Yellow,
+    /// What is wrong.
+    Red,
+}
+
+/// `text` in bold and colour on a terminal, as it stands elsewhere and where NO_COLOR is set.
+pub fn coloured(text: &str, colour: Colour, terminal: bool) -> String {
+    if !terminal || std::env::var_os("NO_COLOR").is_some_and(|v| !v.is_empty()) {
+        return text.to_owned();
+    }
+    let code = match colour {
+        Colour::Green => 32,
+        Colour::Yellow => 33,
+        Colour::Red => 31,
+    };
+    format!("\u{1b}[1;{code}m{text}\u{1b}[0m")
+}
+
+/// Prints an error to standard error.
+pub fn alarm(error: &CommandError) {
+    let terminal = std::io::stderr().is_terminal();
+    eprintln!("{} {}", coloured("kisspoint:", Colour::Red, terminal), folded(&error.to_string(), width(terminal), ""));
+}
+
+/// Columns of the terminal, or as many as $COLUMNS says; what is no terminal has no end of a line.
+pub fn width(terminal: bool) -> usize {
+    let asked = || std::env::var("COLUMNS").ok().and_then(|c| c.parse().ok());
+    let found = || terminal_size::terminal_size().map(|(width, _)| usize::from(width.0));
+    if terminal { asked().or_else(found).unwrap_or(usize::MAX) } else { usize::MAX }
+}
+
+/// Lines that are broken between words where they would be longer than `width`; what continues one is indented as it is, and by `more`.
+pub fn folded(text: &str, width: usize, more: &str) -> String {
+    let fold = |line: &str| {
+        if line.chars().count() <= width {
+            return line.to_owned();
+        }
+        let margin: String = line.chars().take_while(|c| *c == ' ').collect();
+        let mut out = margin.clone();
+        let mut used = margin.chars().count();
+        for (k, word) in line.split_whitespace().enumerate() {
+            let long = word.chars().count();
+            if k > 0 && used + 1 + long > width {
+                out += &format!("\n{margin}{more}");
+                used = margin.chars().count() + more.chars().count();
+            } else if k > 0 {
+                out.push(' ');
+                used += 1;
+            }
+            out += word;
+            used += long;
+        }
+        out
+    };
+    if width == usize::MAX { text.to_owned() } else { text.split('\n').map(fold).collect::<Vec<_>>().join("\n") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_break_between_words() {
+        let text = "one two three\n  four five six";
+        assert_eq!(folded(text, 9, "  "), "one two\n  three\n  four\n    five\n    six");
+        assert_eq!(folded(text, usize::MAX, "  "), text);
+    }
+
+    #[test]
+    fn only_a_terminal_has_colours() {
+        assert_eq!(coloured("no", Colour::Red, false), "no");
+    }
 }

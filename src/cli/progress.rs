@@ -12,7 +12,12 @@ impl Progress {
     /// A bar at its start; hidden when standard error is no terminal.
     pub fn new() -> Self {
         let bar = ProgressBar::new(STEPS);
-        bar.set_style(ProgressStyle::with_template("{bar:30} {percent:>3} %  {msg}").unwrap_or_else(|_| ProgressStyle::default_bar()));
+        bar.set_style(
+            ProgressStyle::with_template("{spinner} {bar:24} {percent:>3} %  {elapsed:>4}  {wide_msg}")
+                .unwrap_or_else(|_| ProgressStyle::default_bar()),
+        );
+        // Some steps are long: the clock shows that work goes on.
+        bar.enable_steady_tick(std::time::Duration::from_millis(250));
         Self(bar)
     }
 

@@ -1,29 +1,46 @@
 //! The answer of a diagnosis in a few lines for a terminal.
 
+use super::output::{Colour, coloured, folded, width};
 use crate::gap::diagnosis::Diagnosis;
 use crate::report::text::{estimate, number, unit};
+use crate::report::{Input, doubts, names, verdict};
 use serde_json::Value;
+use std::io::IsTerminal;
 use std::path::Path;
 
-/// The sentence, the effects with their parameters, how far the gap shrinks, and where the files are.
+/// The headline, how far off a free replay is, the effects with their parameters, what is in doubt, and where the files are.
 pub fn summary(diagnosis: &Diagnosis, out: Option<&Path>) -> String {
+    let terminal = std::io::stdout().is_terminal();
     let json = &diagnosis.json;
     let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
     let list = |value: &Value| value.as_array().cloned().unwrap_or_default();
-    let mut lines = vec![text(&json["sentence"])];
+    let doubts = doubts::of(&Input { overlays: &diagnosis.overlays, ..Input::empty(json) });
+    let grave = doubts.iter().any(|d| d.grave) || !verdict::settled(json);
+    let colour = match json["verdict"].as_str() {
+        Some("unexplained" | "inputs_do_not_fit") => Colour::Red,
+        Some("partly_explained") => Colour::Yellow,
+        _ if grave => Colour::Yellow,
+        _ => Colour::Green,
+    };
+    let wide = width(terminal);
+    // Folded before it is coloured, since codes have no width.
+    let mut lines = vec![coloured(&folded(&verdict::headline(json), wide, ""), colour, terminal)];
+    let mut rest: Vec<String> = Vec::new();
+    rest.extend(verdict::replayed(json));
     for effect in list(&json["which"]["effects"]) {
-        let probability = effect["probability"].as_f64().map_or_else(String::new, |p| format!(", probability {:.0} %", 100.0 * p));
-        lines.push(format!("  {}{probability}", text(&effect["id"])));
-        lines.extend(effect["parameters"].as_object().into_iter().flatten().map(|(name, p)| parameter(name, p)));
-        let group: Vec<String> = list(&effect["ambiguous_with"]).iter().map(text).collect();
+        let id = text(&effect["id"]);
+        rest.push(format!("  {} ({id})", names::effect(&id)));
+        rest.extend(effect["parameters"].as_object().into_iter().flatten().map(|(name, p)| parameter(name, p)));
+        let group: Vec<String> =
+            list(&effect["ambiguous_with"]).iter().map(|v| format!("{} ({})", names::effect(&text(v)), text(v))).collect();
         if !group.is_empty() {
-            lines.push(format!("    not told apart from: {}", group.join(", ")));
+            rest.push(format!("    not told apart from: {}", group.join(", ")));
         }
     }
-    let far = &json["how_far"];
-    let figures = ["before", "after", "noise_floor"].map(|key| far[key].as_f64().map_or_else(|| "?".to_owned(), |v| number(v, 3)));
-    lines.push(format!("  speed error on held-out recordings: {} before, {} after, noise {} rad/s", figures[0], figures[1], figures[2]));
-    lines.extend(out.map(|out| format!("  written: {}", out.join("report.html").display())));
+    rest.extend(verdict::confidence(json).map(|said| format!("  {said}")));
+    rest.extend(doubts.iter().map(|d| format!("  {} {}", if d.grave { "!" } else { "-" }, d.text())));
+    rest.extend(out.map(|out| format!("  written: {}", out.join("report.html").display())));
+    lines.extend(rest.iter().map(|line| folded(line, wide, "  ")));
     lines.join("\n") + "\n"
 }
 

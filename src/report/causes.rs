@@ -5,21 +5,30 @@ use serde_json::Value;
 use super::absent;
 use super::chart::Scale;
 use super::json::{list, real, text, texts};
-use super::text::{enumeration, escape, estimate, fixed, meaning as readable, number, percent, title, unit, words};
+use super::names;
+use super::text::{alternatives, escape, estimate, fixed, meaning as readable, number, percent, unit, words};
 use crate::effects::{PARAMETERS, REGISTRY};
 
 /// The section.
 pub fn section(diagnosis: &Value) -> String {
     let which = &diagnosis["which"];
-    let effects: String = list(which, "effects").iter().map(effect).collect();
+    let effects: String = list(which, "effects").iter().map(|e| effect(e, which)).collect();
     let chosen =
         if effects.is_empty() { absent("No effect was added to the model.") } else { format!("<div class=\"effects\">{effects}</div>\n") };
-    format!("{chosen}{}", ranked(list(which, "ranked"), !effects.is_empty()))
+    format!("{chosen}{}{}", ranked(diagnosis), correlations(which))
 }
 
-fn effect(e: &Value) -> String {
+fn effect(e: &Value, which: &Value) -> String {
     let id = text(e, "id").unwrap_or("unnamed");
-    let probability = real(e, "probability").map_or_else(|| "not stated".to_owned(), percent);
+    let ahead = list(which, "ranked").iter().find(|c| text(c, "id") == Some(id)).and_then(|c| real(c, "evidence"));
+    let ahead = ahead.map_or_else(String::new, |nats| {
+        let side = if nats >= 0.0 { "ahead of" } else { "behind" };
+        format!("<strong>{} nats</strong> {side} the best explanation without it", number(nats.abs(), 3))
+    });
+    let mass = real(e, "probability").map_or_else(
+        || "weight not stated".to_owned(),
+        |p| format!("{} of the weight of all explanations compared", percent(p.min(0.9999))),
+    );
     let parameters = match e["parameters"].as_object() {
         Some(map) if !map.is_empty() => {
             let rows: String = map.iter().map(|(name, p)| parameter(id, name, p)).collect();
@@ -31,9 +40,12 @@ fn effect(e: &Value) -> String {
         _ => absent("No parameters were stated."),
     };
     format!(
-        "<article class=\"effect\"><h3>{} <code>{}</code></h3><p class=\"probability\">Probability <strong>{probability}</strong></p>{parameters}{}</article>",
-        escape(&title(id)),
+        "<article class=\"effect\"><h3>{} <code>{}</code></h3><p class=\"probability\">{ahead}{} {mass}</p>{parameters}{}</article>",
+        escape(&names::with_rivals(id, &texts(e, "ambiguous_with")))
+            .replacen(names::effect(id).as_str(), &names::effect_title(id), 1)
+            .replace(" or ", " <strong class=\"or\">or</strong> "),
         escape(id),
+        if ahead.is_empty() { "" } else { ";" },
         ambiguity(e)
     )
 }
@@ -78,89 +90,156 @@ fn ambiguity(e: &Value) -> String {
     if !e["ambiguous_with"].is_array() {
         return absent("Whether these data tell it from other effects was not stated.");
     }
-    let others: Vec<String> = texts(e, "ambiguous_with").iter().map(|id| format!("<b>{}</b>", escape(&words(id)))).collect();
+    let others: Vec<String> = texts(e, "ambiguous_with").iter().map(|id| format!("<b>{}</b>", escape(&names::effect(id)))).collect();
     if others.is_empty() {
-        return "<p class=\"ambiguity\">These data tell it apart from every other effect that can be assessed.</p>".to_owned();
+        return "<p class=\"ambiguity\">No other effect of the library is within reach of it in these recordings.</p>".to_owned();
     }
     let split =
         text(e, "separated_by").map_or_else(String::new, |how| format!(" To split the group: {}.", escape(how.trim_end_matches('.'))));
     format!(
-        "<p class=\"ambiguity\"><span class=\"pill warn\"><span aria-hidden=\"true\">≈</span> Ambiguous</span> These data can’t tell it from {}.{split}</p>",
-        enumeration(&others)
+        "<p class=\"ambiguity\"><span class=\"pill warn\"><span aria-hidden=\"true\">≈</span> Ambiguous</span> These recordings cannot tell it from {}.{split} The numbers above hold if it is the right one.</p>",
+        alternatives(&others)
+    )
+}
+
+/// Parameters that move together with another one, or with a number of the vehicle file.
+fn correlations(which: &Value) -> String {
+    let row = |c: &Value| {
+        let r = real(c, "coefficient")?;
+        let x = Scale { low: -1.0, high: 1.0, a: 4.0, b: 136.0 };
+        Some(format!(
+            "<tr><th scope=\"row\" class=\"name\"><code>{}</code></th><td><code>{}</code></td><td class=\"num\">{}</td><td class=\"drawn\"><svg viewBox=\"0 0 140 14\" aria-hidden=\"true\">\
+             <path class=\"null\" d=\"M70 0v14\"/><path class=\"whisker\" d=\"M70 7H{:.1}\"/></svg></td></tr>",
+            escape(text(c, "parameter").unwrap_or("unnamed").trim_start_matches("effect.")).replace('.', ".<wbr>"),
+            escape(text(c, "with").unwrap_or("unnamed").trim_start_matches("effect.")).replace('.', ".<wbr>"),
+            super::text::signed(r, 2),
+            x.at(r.clamp(-1.0, 1.0))
+        ))
+    };
+    let rows: String = list(which, "correlations").iter().filter_map(row).collect();
+    if rows.is_empty() {
+        return String::new();
+    }
+    format!(
+        "<h3>What moves together</h3>\n<p>Correlations of the effects’ parameters with each other and with the tolerances of the vehicle file. Near ±1 the recordings \
+         determine only a combination of the two.</p>\n<table class=\"plain tolerances pairs\"><thead><tr><th scope=\"col\">Parameter</th><th scope=\"col\">with</th>\
+         <th scope=\"col\" class=\"num\">Correlation</th><th scope=\"col\"><span class=\"unseen\">Drawn</span></th></tr></thead><tbody>{rows}</tbody></table>\n"
     )
 }
 
 /// Rejected candidates of one reason that are listed in a paragraph, not each in a row of its own, from this number on.
 const MANY: usize = 3;
 
-fn ranked(candidates: &[Value], chosen: bool) -> String {
+fn ranked(diagnosis: &Value) -> String {
+    let candidates = list(&diagnosis["which"], "ranked");
     if candidates.is_empty() {
         return absent("The ranking of all candidates was not handed over.");
     }
-    let most = candidates.iter().filter_map(|c| real(c, "evidence")).fold(0.0, f64::max);
+    let law = text(&diagnosis["where"], "unexplained_at");
     // Whatever stands out has a row; the many that do not share a paragraph.
-    let trifling = |c: &Value| text(c, "verdict") == Some("rejected") && real(c, "evidence").is_some_and(|e| e < 0.05 * most);
-    let (rest, rows): (Vec<&Value>, Vec<&Value>) = candidates.iter().partition(|c| trifling(c));
+    let far = |c: &Value| text(c, "verdict") == Some("rejected") && real(c, "evidence").is_some_and(|e| e < FAR);
+    let (rest, rows): (Vec<&Value>, Vec<&Value>) = candidates.iter().partition(|c| far(c));
     let (rest, rows) = if rest.len() < MANY { (Vec::new(), candidates.iter().collect()) } else { (rest, rows) };
-    let rows: String = rows.iter().map(|c| candidate(c, most, chosen)).collect();
+    let rows: String = rows.iter().map(|c| candidate(c, diagnosis, law)).collect();
     format!(
-        "<h3>Every candidate</h3>\n<p>Evidence is the gain in log-likelihood over the model without the effect, in nats; noise alone gives half a nat per parameter on average. \
-         Of an effect that was screened out it is what a linear model promises, which may be less than nothing.</p>\n\
+        "<h3>Every candidate</h3>\n<p>Nats by which the best explanation with the effect is ahead of the best one without it (to the right), or behind it (to the left); 2.3 nats are odds of ten to one. \
+         Of an effect that was not fitted it is what a linear model promises at most.</p>\n\
          <div class=\"scroll\" role=\"region\" aria-label=\"Candidates\" tabindex=\"0\"><table class=\"ranked\"><thead><tr><th scope=\"col\">Effect</th>\
-         <th scope=\"col\" colspan=\"2\">Evidence</th><th scope=\"col\">Verdict</th><th scope=\"col\">Why</th></tr></thead><tbody>{rows}</tbody></table></div>\n{}",
-        trifles(&rest, chosen)
+         <th scope=\"col\" class=\"num\">Nats</th><th scope=\"col\">{}</th><th scope=\"col\">Verdict</th><th scope=\"col\">Why</th></tr></thead><tbody>{rows}</tbody></table></div>\n{}",
+        ruler(),
+        trifles(&rest, law)
     )
 }
 
-/// Rejected candidates by reason: names with their evidence.
-fn trifles(rest: &[&Value], chosen: bool) -> String {
+/// Nats behind from which a rejected candidate has no row of its own.
+const FAR: f64 = -30.0;
+
+/// Place of so many nats on a scale that is linear near zero and logarithmic beyond.
+fn forest_at(nats: f64) -> f64 {
+    let x = Scale { low: -f64::asinh(1500.0), high: f64::asinh(1500.0), a: 6.0, b: 194.0 };
+    x.at((0.5 * nats.clamp(-3000.0, 3000.0)).asinh())
+}
+
+fn ruler() -> String {
+    let marks: String = [-1000.0, -30.0, 0.0, 30.0, 1000.0]
+        .iter()
+        .map(|m| format!("<text class=\"tick\" x=\"{:.1}\" y=\"12\" text-anchor=\"middle\">{}</text>", forest_at(*m), fixed(*m, 0)))
+        .collect();
+    format!("<svg class=\"forest\" viewBox=\"-10 0 220 16\" role=\"img\" aria-label=\"nats behind and ahead\">{marks}</svg>")
+}
+
+/// Rejected candidates by reason: names with their nats.
+fn trifles(rest: &[&Value], law: Option<&str>) -> String {
     let mut groups: Vec<(String, Vec<String>)> = Vec::new();
     for c in rest {
-        let name =
-            format!("{} <span class=\"num\">{}</span>", escape(&words(text(c, "id").unwrap_or("unnamed"))), nats(real(c, "evidence")));
-        let why = reason(c, chosen);
+        let name = format!(
+            "{} <span class=\"num\">{}</span>",
+            escape(&names::effect(text(c, "id").unwrap_or("unnamed"))),
+            nats(real(c, "evidence"))
+        );
+        let why = reason(c, law);
         match groups.iter_mut().find(|g| g.0 == why) {
             Some(group) => group.1.push(name),
             None => groups.push((why, vec![name])),
         }
     }
     let items: String = groups.iter().map(|(why, names)| format!("<li><b>{}</b>: {}</li>", escape(why), names.join(", "))).collect();
-    if items.is_empty() { items } else { format!("<p>Rejected, each with its evidence:</p>\n<ul class=\"trifles\">{items}</ul>\n") }
+    if items.is_empty() { items } else { format!("<p>Far behind, each with its nats:</p>\n<ul class=\"trifles\">{items}</ul>\n") }
 }
 
-/// Why, in the words of diagnosis.json; there is no chosen explanation to compare with where nothing was chosen.
-fn reason(c: &Value, chosen: bool) -> String {
+/// Why, in words for people; diagnosis.json has its own.
+fn reason(c: &Value, law: Option<&str>) -> String {
     let why = text(c, "reason").unwrap_or("");
-    if chosen {
-        why.to_owned()
-    } else {
-        why.replace("it leaves more unexplained than the chosen explanation", "it does not earn its place")
+    let fitted = why.contains("nats");
+    match (text(c, "verdict"), real(c, "evidence")) {
+        (Some("chosen"), _) => "part of the most probable explanation".to_owned(),
+        (Some("ambiguous"), _) => "may be there in the place of one that was named".to_owned(),
+        (Some("rejected"), Some(e)) if e > 0.0 => match law {
+            Some(place) => format!("it helps beside a law that is missing in {}, but does not explain the gap", names::place(place)),
+            None => "it stands in for something else".to_owned(),
+        },
+        (Some("rejected"), _) if fitted => "the explanations with it are less probable".to_owned(),
+        (Some("rejected"), _) if why.starts_with("screened") => "improvement too small to accept".to_owned(),
+        _ => why.to_owned(),
     }
 }
 
 fn nats(evidence: Option<f64>) -> String {
-    evidence.map_or_else(|| "–".to_owned(), |e| fixed(e, usize::from(e.abs() < 10.0)))
+    evidence.map_or_else(|| "–".to_owned(), |e| super::text::signed(e, usize::from(e.abs() < 10.0)))
 }
 
-fn candidate(c: &Value, most: f64, chosen: bool) -> String {
+fn candidate(c: &Value, diagnosis: &Value, law: Option<&str>) -> String {
     let evidence = real(c, "evidence");
-    let bar = evidence.filter(|_| most > 0.0).map_or_else(String::new, |e| {
-        format!("<span class=\"bar\"><i style=\"width:{:.1}%\"></i></span>", 100.0 * (e / most).clamp(0.0, 1.0))
+    let id = text(c, "id").unwrap_or("unnamed");
+    let place = evidence.map(forest_at);
+    let dot = place.map_or_else(String::new, |x| {
+        let zero = forest_at(0.0);
+        format!(
+            "<svg class=\"forest\" viewBox=\"-10 0 220 16\" aria-hidden=\"true\"><path class=\"null\" d=\"M{zero:.1} 0v16\"/><path class=\"link\" d=\"M{zero:.1} 8H{x:.1}\"/><circle class=\"dot\" cx=\"{x:.1}\" cy=\"8\" r=\"4.5\"/></svg>"
+        )
     });
     let verdict = text(c, "verdict").unwrap_or("not stated");
+    let own = list(&diagnosis["which"], "effects").iter().find(|e| text(e, "id") == Some(id));
+    let rivals: Vec<String> = own.map(|e| texts(e, "ambiguous_with").into_iter().map(names::effect).collect()).unwrap_or_default();
     let (class, mark) = match verdict {
+        "chosen" if !rivals.is_empty() => ("warn", "≈"),
         "chosen" => ("good", "✓"),
         "ambiguous" => ("warn", "≈"),
         "not assessable" => ("plain", "–"),
         "rejected" => ("plain", "✕"),
         _ => ("plain", "·"),
     };
+    let said = if rivals.is_empty() {
+        escape(verdict)
+    } else {
+        format!("chosen, <strong class=\"or\">or</strong> {}", escape(&alternatives(&rivals)))
+    };
     format!(
-        "<tr class=\"{class}\"><th scope=\"row\">{}</th><td class=\"num\">{}</td><td class=\"wide\">{bar}</td>\
-         <td><span class=\"pill {class}\"><span aria-hidden=\"true\">{mark}</span> {}</span></td><td class=\"why\">{}</td></tr>",
-        escape(&title(text(c, "id").unwrap_or("unnamed"))),
+        "<tr class=\"{class}\"><th scope=\"row\">{}<small><code>{}</code></small></th><td class=\"num\">{}</td><td class=\"wide\">{dot}</td>\
+         <td><span class=\"pill {class}\"><span aria-hidden=\"true\">{mark}</span> {said}</span></td><td class=\"why\">{}</td></tr>",
+        escape(&names::effect_title(id)),
+        escape(id),
         nats(evidence),
-        escape(verdict),
-        escape(&reason(c, chosen))
+        escape(&reason(c, law))
     )
 }

@@ -64,13 +64,36 @@ const KEYS = {
   End: () => goTo(whole()[1]),
   "+": () => zoomBy(0.5), "=": () => zoomBy(0.5), "-": () => zoomBy(2), "−": () => zoomBy(2),
   Escape: () => { cancel(); state.cursor = null; reset(); },
-  PageUp: () => choose((state.recording + RECORDINGS.length - 1) % RECORDINGS.length),
-  PageDown: () => choose((state.recording + 1) % RECORDINGS.length),
+  PageUp: () => turnTo((state.recording + RECORDINGS.length - 1) % RECORDINGS.length),
+  PageDown: () => turnTo((state.recording + 1) % RECORDINGS.length),
 };
 
+/// Another recording, by the reader's wish.
+function turnTo(k) {
+  choose(k);
+  remember();
+}
+
+/// Recording and zoom as the address has them; else the one that proves most.
+function follow() {
+  const wanted = recalled();
+  if (wanted) choose(wanted.k, wanted.view);
+  return Boolean(wanted);
+}
+
+/// One of two residual maps.
+function switchMaps() {
+  const buttons = all("[data-map]");
+  const show = (name) => {
+    for (const b of buttons) b.setAttribute("aria-pressed", String(b.dataset.map === name));
+    for (const m of all(".map")) m.classList.toggle("away", !m.classList.contains(name));
+  };
+  for (const b of buttons) b.addEventListener("click", () => show(b.dataset.map));
+  if (buttons.length) show("map-before");
+}
+
 function start() {
-  document.documentElement.classList.add("js");
-  for (const card of all(".card")) card.addEventListener("click", () => { choose(Number(card.dataset.recording)); speak(); });
+  for (const card of all(".card")) card.addEventListener("click", () => { turnTo(Number(card.dataset.recording)); speak(); });
   for (const button of all("[data-curve]")) button.addEventListener("click", () => {
     state.shown[button.dataset.curve] = !state.shown[button.dataset.curve];
     button.setAttribute("aria-pressed", String(state.shown[button.dataset.curve]));
@@ -94,7 +117,11 @@ function start() {
   });
   let width = 0;
   new ResizeObserver(() => { if (stage.clientWidth !== width) { width = stage.clientWidth; if (width) render(); } }).observe(stage);
-  choose(Number(document.querySelector(".card[aria-pressed=true]").dataset.recording));
+  window.addEventListener("hashchange", follow);
+  if (!follow()) choose(Number(document.querySelector(".card[aria-pressed=true]").dataset.recording));
 }
 
+document.documentElement.classList.add("js");
+switchMaps();
+offerStills();
 if (stage && RECORDINGS.length) start();

@@ -1,24 +1,30 @@
 //! `report.html`: the answer of a diagnosis as an engineer takes it to the review.
 //!
 //! One file that needs no network: style, script and data are inside. The order is that of the questions asked in a review:
-//! the verdict, the curves, where, which, how far, what stays open, how it was computed. Figures exist twice: still ones for
+//! the verdict with its doubts, where, the curves, which, how far, what stays open, how it was computed. Figures exist twice: still ones for
 //! paper and for browsers without scripts, and a viewer with linked cursor and zoom that the script draws from [`series`].
 //!
 //! - [`text`]: escaping and numbers as people read them
 //! - [`json`]: reading diagnosis.json leniently, since a part that is missing must be said and not guessed
 //! - [`chart`]: scales, ticks and paths of the still figures
 //! - [`series`]: curves as small integers, thinned where they are long
-//! - one file per section: [`verdict`], [`curves`], [`residual_map`], [`causes`], [`shrinkage`], [`open_questions`], [`provenance`]
+//! - [`names`]: what effects and subsystems are called in a sentence
+//! - one file per section: [`verdict`] with [`doubts`], [`residual_map`], [`curves`], [`causes`] with [`laws`], [`shrinkage`] with [`residuals`],
+//!   [`open_questions`], [`provenance`]
 //!
 //! The same input gives the same bytes.
 
 pub mod causes;
 pub mod chart;
 pub mod curves;
+pub mod doubts;
 pub mod json;
+pub mod laws;
+pub mod names;
 pub mod open_questions;
 pub mod provenance;
 pub mod residual_map;
+pub mod residuals;
 pub mod series;
 pub mod shrinkage;
 pub mod text;
@@ -38,6 +44,17 @@ pub struct Input<'a> {
     pub provenance: &'a [(String, String)],
     /// What parts the regions of the residual map, as a sentence; may be empty.
     pub regions: &'a str,
+    /// What drove each of the overlays, in their order; may be empty.
+    pub traces: &'a [series::Trace],
+    /// Laws of the clutch, nominal and identified; may be empty.
+    pub laws: &'a [laws::Law],
+}
+
+impl<'a> Input<'a> {
+    /// A report of an answer alone.
+    pub fn empty(diagnosis: &'a Value) -> Self {
+        Self { name: "", diagnosis, overlays: &[], provenance: &[], regions: "", traces: &[], laws: &[] }
+    }
 }
 
 pub use crate::gap::measure::{Overlay, OverlayChannel};
@@ -46,6 +63,7 @@ const STYLE: &str = include_str!("report.css");
 const PLOT: &str = include_str!("plot.js");
 const VIEWER: &str = include_str!("viewer.js");
 const INPUT: &str = include_str!("input.js");
+const EXPORT: &str = include_str!("export.js");
 
 /// Nothing may be loaded from anywhere, and the browser is told so.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:";
@@ -55,11 +73,12 @@ type Section = (&'static str, &'static str, String);
 
 /// The whole report as one HTML document.
 pub fn html(input: &Input) -> String {
+    let retuned = series::retuned(input.diagnosis);
     let sections: [Section; 6] = [
-        ("curves", "Real, before and after", curves::section(input)),
         ("where", "Where the gap lies", residual_map::section(input)),
-        ("which", "Which effect causes it", causes::section(input.diagnosis)),
-        ("how-far", "How far the gap shrinks", shrinkage::section(input.diagnosis)),
+        ("curves", if retuned { "Car, before and after" } else { "Car and model" }, curves::section(input)),
+        ("which", "Which effect causes it", causes::section(input.diagnosis) + &laws::section(input)),
+        ("how-far", "How far the gap shrinks", shrinkage::section(input.diagnosis) + &residuals::section(input)),
         ("open", "Not judged, and what to measure next", open_questions::section(input.diagnosis)),
         ("computed", "How this was computed", provenance::section(input)),
     ];
@@ -78,9 +97,9 @@ pub fn html(input: &Input) -> String {
          <title>Kisspoint: {title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
          <a class=\"skip\" href=\"#main\">Skip to the result</a>\n\
          <main id=\"main\" tabindex=\"-1\">\n{verdict}<nav aria-label=\"Contents\"><ol>{links}</ol></nav>\n{body}</main>\n\
-         <script type=\"application/json\" id=\"series\">{data}</script>\n<script>\n(() => {{\n\"use strict\";\n{PLOT}{VIEWER}{INPUT}}})();\n</script>\n</body>\n</html>\n",
+         <script type=\"application/json\" id=\"series\">{data}</script>\n<script>\n(() => {{\n\"use strict\";\n{PLOT}{EXPORT}{VIEWER}{INPUT}}})();\n</script>\n</body>\n</html>\n",
         title = text::escape(
-            &[input.name, &verdict::sentence(input.diagnosis)].iter().filter(|t| !t.is_empty()).copied().collect::<Vec<_>>().join(": ")
+            &[input.name, &verdict::headline(input.diagnosis)].iter().filter(|t| !t.is_empty()).copied().collect::<Vec<_>>().join(": ")
         ),
         verdict = verdict::section(input),
         data = series::embedded(input),

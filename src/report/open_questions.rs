@@ -4,7 +4,8 @@ use serde_json::Value;
 
 use super::absent;
 use super::json::{list, text, texts};
-use super::text::{enumeration, escape, title, words};
+use super::names;
+use super::text::{enumeration, escape, title};
 use crate::effects::{REGISTRY, find};
 
 /// The section.
@@ -72,9 +73,9 @@ fn next(diagnosis: &Value) -> String {
     let which = &diagnosis["which"];
     let unknown = text(&diagnosis["where"], "unexplained_at");
     let look = CLOSER_LOOKS.iter().find(|(id, _)| Some(*id) == unknown);
-    let look = look.map(|(id, how)| format!("What is not in the library, in <b>{}</b>: measure {how}", escape(&words(id))));
+    let look = look.map(|(id, how)| format!("What is not in the library, in <b>{}</b>: measure {how}", escape(&names::place(id))));
     let splits = list(which, "effects").iter().filter_map(|e| {
-        let group: Vec<String> = text(e, "id").into_iter().chain(texts(e, "ambiguous_with")).map(|id| escape(&words(id))).collect();
+        let group: Vec<String> = text(e, "id").into_iter().chain(texts(e, "ambiguous_with")).map(|id| escape(&names::effect(id))).collect();
         let how = text(e, "separated_by").filter(|_| group.len() > 1)?;
         Some(format!("{}: this would tell {} apart.", escape(&title(how.trim_end_matches('.'))), enumeration(&group)))
     });
@@ -92,8 +93,8 @@ fn not_assessable(entries: &[Value]) -> String {
         let known = find(id).map(|k| REGISTRY[k].effect.shown_by);
         let measure = text(entry, "measure").or(known).unwrap_or("not stated");
         match groups.iter_mut().find(|g| g.0 == measure) {
-            Some(group) => group.1.push(escape(&title(id))),
-            None => groups.push((measure, vec![escape(&title(id))])),
+            Some(group) => group.1.push(escape(&names::effect_title(id))),
+            None => groups.push((measure, vec![escape(&names::effect_title(id))])),
         }
     }
     let rows: String = groups

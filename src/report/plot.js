@@ -1,18 +1,68 @@
 // Decoding, scales and drawing: functions that know nothing of the page's state.
-const CURVES = ["real", "before", "after"];
-const MODELS = ["before", "after"];
+const DATA = JSON.parse(document.getElementById("series").textContent);
+const CURVES = DATA.retuned ? ["real", "before", "after"] : ["real", "before"];
+const MODELS = CURVES.slice(1);
+const NAMES = { real: "car", before: DATA.retuned ? "before" : "model", after: "after" };
+
+/// Integers from bytes in base 64: steps in sevens of bits, doubled with the sign last, one added; NaN for zero.
+function unpack(text) {
+  const bytes = atob(text), out = [];
+  for (let k = 0, level = 0; k < bytes.length; k++) {
+    let value = 0, weight = 1, byte;
+    do {
+      byte = bytes.charCodeAt(k);
+      value += (byte & 127) * weight;
+      weight *= 128;
+    } while (byte & 128 && ++k);
+    if (value) {
+      const step = value - 1;
+      level += step % 2 ? -(step + 1) / 2 : step / 2;
+    }
+    out.push(value ? level : NaN);
+  }
+  return out;
+}
 
 /// Curves of a channel from its integers: times in s, values in the channel's unit, NaN where the car has a gap.
 function decode(channel, dt) {
-  let at = 0, level = 0;
-  const times = channel.real.map((_, i) => (at = channel.index ? at + channel.index[i] : i) * dt);
-  const real = channel.real.map((step) => (step === null ? NaN : (level += step) * channel.q));
-  const gap = (name) => channel[name].map((k) => (k === null ? NaN : k * channel.q));
+  const steps = unpack(channel.real), index = channel.index ? unpack(channel.index) : null;
+  const times = steps.map((_, i) => (index ? index[i] : i) * dt);
+  const real = steps.map((v) => v * channel.q);
+  const gap = (name) => unpack(channel[name]).map((k) => k * channel.q);
   const gaps = { before: gap("before"), after: gap("after") };
   const model = (name) => real.map((r, i) => r - gaps[name][i]);
-  return { label: channel.label, unit: channel.unit, noise: channel.noise, samples: channel.samples, thinned: Boolean(channel.index),
-    rms: { before: channel.rms[0] ?? NaN, after: channel.rms[1] ?? NaN },
+  return { column: channel.column, label: channel.label, unit: channel.unit, noise: channel.noise, samples: channel.samples, thinned: Boolean(index),
+    curves: CURVES, rms: { before: channel.rms[0] ?? NaN, after: channel.rms[1] ?? NaN },
     times, gaps, values: { real, before: model("before"), after: model("after") } };
+}
+
+/// A channel that has no model: what drove the car, or what follows from its speeds.
+function alone(label, unit, times, values, curves = { real: values }) {
+  return { label, unit, times, values: curves, gaps: {}, rms: {}, curves: Object.keys(curves), alone: true };
+}
+
+/// Signals that drove the recording, its slip, and the torque that the flywheel has in the car and lacks in the model.
+function beside(recording, channels, flywheel) {
+  const of = (column) => channels.find((c) => c.column === column);
+  const out = recording.inputs.map((s) => {
+    const values = unpack(s.values).map((v) => v * s.q);
+    return alone(s.label, s.unit, values.map((_, i) => i * s.step * recording.dt), values);
+  });
+  const [f, c] = [of("omega_f_rad_s"), of("omega_c_rad_s")];
+  if (f && c && f.times.length === c.times.length && !f.thinned) {
+    const slip = (k) => f.values[k].map((v, i) => v - c.values[k][i]);
+    out.push(alone("Slip", "rad/s", f.times, [], Object.fromEntries(CURVES.map((k) => [k, slip(k)]))));
+  }
+  if (f && flywheel) {
+    const lacking = (k) => f.times.map((_, i) => {
+      let a = i, b = i;
+      while (a > 0 && f.times[i] - f.times[a] < 0.05) a--;
+      while (b < f.times.length - 1 && f.times[b] - f.times[i] < 0.05) b++;
+      return b > a ? flywheel[0] * (f.gaps[k][b] - f.gaps[k][a]) / (f.times[b] - f.times[a]) + flywheel[1] * f.gaps[k][i] : NaN;
+    });
+    out.push(alone("Unexplained torque on the flywheel", "N·m", f.times, [], Object.fromEntries(MODELS.map((k) => [k, lacking(k)]))));
+  }
+  return out;
 }
 
 /// Index of the sample nearest to `time`.
@@ -26,7 +76,7 @@ function nearest(times, time) {
 }
 
 function scale(low, high, a, b) {
-  return { low, high, at: (v) => a + (v - low) / (high - low) * (b - a), back: (p) => low + (p - a) / (b - a) * (high - low) };
+  return { low, high, a, b, at: (v) => a + (v - low) / (high - low) * (b - a), back: (p) => low + (p - a) / (b - a) * (high - low) };
 }
 
 /// Least and greatest finite value of several lists between two indices, widened a little.
@@ -86,12 +136,26 @@ function rms(list, from, to) {
   return Math.sqrt(sum / count);
 }
 
+/// Samples per point of the screen from which each stretch is drawn by its first, least, greatest and last value.
+const CROWDED = 4;
+
 function path(times, values, x, y, from, to) {
+  const width = Math.abs(x.b - x.a) || 1, crowded = to - from > CROWDED * width, stride = crowded ? Math.ceil((to - from) / width) : 1;
   let out = "", pen = "M";
-  for (let i = from; i <= to; i++) {
-    if (!Number.isFinite(values[i])) { pen = "M"; continue; }
+  const point = (i) => {
+    if (!Number.isFinite(values[i])) { pen = "M"; return; }
     out += pen + x.at(times[i]).toFixed(1) + " " + y.at(values[i]).toFixed(1);
     pen = "L";
+  };
+  for (let i = from; i <= to; i += stride) {
+    if (!crowded) { point(i); continue; }
+    const end = Math.min(i + stride - 1, to);
+    let least = i, most = i;
+    for (let k = i; k <= end; k++) {
+      if (values[k] < values[least] || !Number.isFinite(values[least])) least = k;
+      if (values[k] > values[most] || !Number.isFinite(values[most])) most = k;
+    }
+    for (const k of [...new Set([i, least, most, end])].sort((a, b) => a - b)) point(k);
   }
   return out;
 }

@@ -40,7 +40,7 @@ fn retuned(diagnosis: &Value) -> String {
         if names.is_empty() { String::new() } else { format!("<tbody>{head}{rows}</tbody>") }
     };
     format!(
-        "<h3>What to set in <code>DrivelinePlant.fmu</code></h3>\n<p>Every other parameter keeps the number of the vehicle file. The FMU beside this report has them set.</p>\n\
+        "<h3>What to set in <code>DrivelinePlant.fmu</code></h3>\n<p>Every other parameter keeps the number of the vehicle file. The FMU beside this report has them set; all digits are in plant.ssv and diagnosis.json.</p>\n\
          <table class=\"plain settings\"><thead><tr><th scope=\"col\">Variable</th><th scope=\"col\" class=\"num\">Nominal</th><th scope=\"col\" class=\"num\">Retuned</th></tr></thead>{}{}</table>\n",
         body("The effects", &effects),
         body("Numbers that moved within their tolerances", &numbers)
@@ -48,7 +48,7 @@ fn retuned(diagnosis: &Value) -> String {
 }
 
 fn row(name: &str, nominal: &Map<String, Value>, now: &Map<String, Value>) -> String {
-    let shown = |values: &Map<String, Value>| values.get(name).and_then(Value::as_f64).map_or_else(|| "–".to_owned(), plain);
+    let shown = |values: &Map<String, Value>| values.get(name).and_then(Value::as_f64).map_or_else(|| "–".to_owned(), |v| plain(v, 4));
     let of_number = NUMBERS.iter().find(|n| n.name == name).map(|n| n.unit);
     let known = of_number.or_else(|| PARAMETERS.iter().find(|p| p.variable == name).map(|p| p.unit));
     format!(

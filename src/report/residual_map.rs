@@ -3,21 +3,29 @@
 use serde_json::Value;
 
 use super::json::{flag, list, real, text, texts};
-use super::text::{alternatives, capitalised, enumeration, escape, number, percent, title, unit, words};
+use super::names::place as named_place;
+use super::text::{capitalised, enumeration, escape, number, percent, title, unit};
+use super::verdict::or_places;
 use super::{Input, absent};
 
 /// Bounds between the shades, in standard deviations.
 const SHADES: [f64; 5] = [2.0, 3.0, 5.0, 10.0, 30.0];
 
-/// Equations in the order in which torque flows, and what each compares; others follow as they come.
-const EQUATIONS: [(&str, &str); 7] = [
-    ("engine balance", "torque that the flywheel is short of in J_f ω̇_f = T_e − T_fc − b_f ω_f"),
-    ("actuator", "bearing position, measured less simulated"),
-    ("torque map", "clutch torque while slipping: by the transducer, or half of the difference of the two balances"),
-    ("thermal", "disc temperature, measured less simulated"),
-    ("driveline balance", "torque that the disc is short of in J_c ω̇_c = T_fc − T_L − b_c ω_c"),
-    ("sum of both balances", "the same while locked, when only the sum of the two can be seen"),
-    ("speed sensors", "slip that the sensors show while the clutch is locked"),
+/// Equations in the order in which torque flows, the subsystems whose gap they show first, and what each compares; others follow as they come.
+const EQUATIONS: [(&str, &str, &str); 5] = [
+    (
+        "engine balance",
+        "engine torque, clutch force, friction",
+        "flywheel speed: the torque that the flywheel lacks in J_f ω̇_f = T_e − T_fc − b_f ω_f",
+    ),
+    ("bearing position", "actuator", "position of the throwout bearing"),
+    ("clutch torque", "clutch force, friction", "torque by the transducer"),
+    ("disc temperature", "heat balance", "temperature by the thermocouple"),
+    (
+        "driveline balance",
+        "driveline, clutch force, friction",
+        "disc speed: the torque that the disc lacks in J_c ω̇_c = T_fc − T_L − b_c ω_c",
+    ),
 ];
 
 /// Phases in the order in which the clutch closes.
@@ -32,8 +40,18 @@ pub fn section(input: &Input) -> String {
     }
     let hidden = text(place, "primary").is_some() && !entries.iter().any(|e| flag(e, "significant"));
     let hidden = if hidden { HIDDEN } else { "" };
-    lead(input.diagnosis) + hidden + &map(entries, place) + &how_to_read(entries, input.regions)
+    let after = list(place, "equations_after");
+    let named = !list(&input.diagnosis["which"], "effects").is_empty();
+    let switch = if after.is_empty() || !named { "" } else { SWITCH };
+    let maps =
+        if switch.is_empty() { map(entries, place, "") } else { map(entries, place, "map-before") + &map(after, place, "map-after") };
+    lead(input.diagnosis) + hidden + switch + &maps + &how_to_read(entries, input.regions)
 }
+
+/// Both maps stand in the page; without a script they stand one below the other.
+const SWITCH: &str = "<div class=\"tools live\" role=\"group\" aria-label=\"Residual map\">\
+    <button type=\"button\" data-map=\"map-before\" aria-pressed=\"true\">without the effects</button>\
+    <button type=\"button\" data-map=\"map-after\" aria-pressed=\"false\">with the effects</button></div>\n";
 
 /// A gap of which the map shows nothing.
 const HIDDEN: &str = "<p>No cell stands out: spread over phases and regions, this gap is too faint for any one of them. What speaks for an effect \
@@ -51,26 +69,22 @@ fn lead(diagnosis: &Value) -> String {
     let partly = text(diagnosis, "verdict") == Some("partly_explained");
     let primary = match text(place, "primary") {
         Some(id) => {
-            let others: Vec<String> = subsystems(place).iter().skip(1).map(|id| format!("<b>{}</b>", escape(&words(id)))).collect();
-            let then = if others.is_empty() { String::new() } else { format!(", then in {}", enumeration(&others)) };
-            format!("The gap lies first of all in <b>{}</b>{then}.", escape(&words(id)))
+            let all: Vec<&str> = std::iter::once(id).chain(texts(place, "ambiguous_with")).collect();
+            let others: Vec<String> = subsystems(place).iter().skip(1).map(|id| format!("<b>{}</b>", escape(&named_place(id)))).collect();
+            let then = if others.is_empty() { String::new() } else { format!(", and then in {}", enumeration(&others)) };
+            if partly {
+                format!("The gap lies in <b>{}</b>{then}.", escape(&named_place(id)))
+            } else {
+                format!("The gap lies in {}{then}.", or_places(&all))
+            }
         }
         None => "No subsystem shows a gap.".to_owned(),
     };
     let remainder = text(place, "unexplained_at").filter(|_| partly).map_or_else(String::new, |id| {
-        format!(
-            " <span class=\"pill warn\"><span aria-hidden=\"true\">◐</span> Not accounted for: something in {}</span>",
-            escape(&words(id))
-        )
+        let all: Vec<&str> = std::iter::once(id).chain(texts(place, "ambiguous_with")).collect();
+        format!(" <span class=\"pill warn\"><span aria-hidden=\"true\">◐</span> Not accounted for: something in {}</span>", or_places(&all))
     });
-    let others: Vec<String> = texts(place, "ambiguous_with").into_iter().map(|id| format!("<b>{}</b>", escape(&words(id)))).collect();
-    let doubt = if others.is_empty() {
-        String::new()
-    } else {
-        let what = if partly { "the gap, or what remains of it," } else { "it" };
-        format!(" As far as these recordings tell, {what} may as well lie in {}.", alternatives(&others))
-    };
-    format!("<p>{primary}{remainder}{doubt}</p>\n")
+    format!("<p>{primary}{remainder}</p>\n")
 }
 
 /// Names that occur, known ones first.
@@ -85,10 +99,11 @@ fn ordered<'a>(known: &[&'a str], found: impl Iterator<Item = &'a str>) -> Vec<&
     out
 }
 
-fn map(entries: &[Value], place: &Value) -> String {
+fn map(entries: &[Value], place: &Value, id: &str) -> String {
     let equations = ordered(&EQUATIONS.map(|e| e.0), entries.iter().filter_map(|e| text(e, "equation")));
     let phases = ordered(&PHASES, entries.iter().filter_map(|e| text(e, "phase")));
-    let head: String = equations.iter().map(|e| format!("<th scope=\"col\">{}</th>", escape(&title(e)))).collect();
+    let shows = |e: &str| EQUATIONS.iter().find(|k| k.0 == e).map_or_else(String::new, |k| format!("<small>{}</small>", k.1));
+    let head: String = equations.iter().map(|e| format!("<th scope=\"col\">{}{}</th>", escape(&title(e)), shows(e))).collect();
     let mut rows = String::new();
     for phase in phases {
         let of_phase: Vec<&Value> = entries.iter().filter(|e| text(e, "phase") == Some(phase)).collect();
@@ -103,10 +118,16 @@ fn map(entries: &[Value], place: &Value) -> String {
     }
     let rows = rows.trim_end_matches("<tbody>").trim_end_matches("</tbody>");
     format!(
-        "<div class=\"scroll\" role=\"region\" aria-label=\"Residual map\" tabindex=\"0\"><table class=\"heat\">\
-         <caption><span>What is left without any effect, with the tolerances that go with the verdict, in standard deviations of the noise; below it the rms gap.</span></caption>\
-         <thead><tr><th scope=\"col\">Phase</th><th scope=\"col\">Region</th>{head}</tr></thead><tbody>{rows}</tbody></table></div>\n{}",
-        scale(real(place, "family_wise_error"))
+        "<div class=\"map {id}\"><div class=\"scroll\" role=\"region\" aria-label=\"Residual map{}\" tabindex=\"0\"><table class=\"heat\">\
+         <caption><span>{} In standard deviations of the noise, below it the rms error; the model is corrected at every sample, so that each error is a new one.</span></caption>\
+         <thead><tr><th scope=\"col\">Phase</th><th scope=\"col\">Region</th>{head}</tr></thead><tbody>{rows}</tbody></table></div></div>\n{}",
+        if id == "map-after" { ", with the effects" } else { "" },
+        if id == "map-after" {
+            "What is left with the effects that were named."
+        } else {
+            "What is left without any effect, with the tolerances that go with the verdict."
+        },
+        if id == "map-before" { String::new() } else { scale(real(place, "family_wise_error")) }
     )
 }
 
@@ -128,21 +149,21 @@ fn shade(sigma: f64) -> usize {
 }
 
 fn scale(error: Option<f64>) -> String {
-    let rate = error.map_or_else(String::new, |e| format!(" (any false alarm on a car without gap: {})", percent(e)));
+    let rate = error.map_or_else(|| "significant".to_owned(), |e| format!("significant (family-wise error {})", percent(e)));
     let bins = ["&lt;&#8201;2", "2–3", "3–5", "5–10", "10–30", "≥&#8201;30"];
     let bins: String = bins.iter().enumerate().map(|(k, label)| format!("<span class=\"bin h{k}\">{label}</span>")).collect();
     format!(
-        "<p class=\"scale\">{bins}<span>standard deviations</span><span class=\"bin hit\">frame</span><span>beyond chance{rate}</span><span class=\"bin\">·</span><span>no samples</span></p>\n"
+        "<p class=\"scale\">{bins}<span>standard deviations</span><span class=\"bin hit\">frame</span><span>{rate}</span><span class=\"bin\">·</span><span>no samples</span></p>\n"
     )
 }
 
 /// What the columns and rows are, and what a cell does not say.
 fn how_to_read(entries: &[Value], regions: &str) -> String {
-    let known = EQUATIONS.iter().filter(|(name, _)| entries.iter().any(|e| text(e, "equation") == Some(name)));
-    let columns: String = known.map(|(name, meaning)| format!("<div><dt>{}</dt><dd>{meaning}</dd></div>", title(name))).collect();
+    let known = EQUATIONS.iter().filter(|(name, _, _)| entries.iter().any(|e| text(e, "equation") == Some(name)));
+    let columns: String = known.map(|(name, _, meaning)| format!("<div><dt>{}</dt><dd>{meaning}</dd></div>", title(name))).collect();
     let regions = if regions.is_empty() { String::new() } else { format!(" {}.", escape(&capitalised(regions))) };
     format!(
-        "<p class=\"hint\">A cell says where the gap shows, not where it comes from: a wrong clutch force also heats the disc wrongly and is seen in both balances. \
+        "<p class=\"hint\">Each column has the subsystems beside it whose error it shows first. A cell says where the gap shows, not where it comes from: a wrong clutch force also heats the disc wrongly and is seen in both balances. \
          The subsystem is that of the effect that explains all cells together; without one, that of the balance that the gap cannot do without.{regions}</p>\n\
          <dl class=\"columns\">{columns}</dl>\n"
     )

@@ -1,22 +1,57 @@
 //! Curves as small integers, so that a usual campaign fits into a mail.
 //!
-//! The measured curve is stored as steps between samples, the models' as what the measurement has over them, both in units of a
-//! decimal quantum `q` far below the noise. Long recordings are thinned: of each stretch of time the least and the greatest
-//! measured value and the greatest gap are kept, so that no peak is lost.
+//! The measured curve is stored as steps between samples, the models' as steps of what the measurement has over them, both in units of a
+//! decimal quantum `q` far below the noise, as bytes of variable length in base 64. All samples go in up to [`WHOLE`]; more are thinned: of each
+//! stretch of time the least and the greatest measured value and the greatest gap are kept, so that no peak is lost.
 
 use serde_json::{Value, json};
 
 use super::json::{list, real, text};
 use super::{Input, Overlay, OverlayChannel};
 
-/// Points per curve, all channels together, that the viewer gets.
+/// Samples, all channels together, up to which none is left out.
+const WHOLE: usize = 300_000;
+/// Points per curve, all channels together, that the viewer gets of more.
 const VIEWER_POINTS: usize = 60_000;
+
+/// A signal that drove a recording.
+#[derive(Clone, Debug, Default)]
+pub struct Signal {
+    /// Column of the recording.
+    pub column: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// One value per sample of the curves.
+    pub values: Vec<f64>,
+}
+
+/// What drove one recording.
+#[derive(Clone, Debug, Default)]
+pub struct Trace {
+    /// Reported torque, commanded position.
+    pub signals: Vec<Signal>,
+    /// State of the clutch per sample: 0 open, 1 slipping, 2 locked.
+    pub phases: Vec<u8>,
+}
 
 /// All curves as JSON that is safe inside a script element.
 pub fn embedded(input: &Input) -> String {
-    let limit = limit(input.overlays, VIEWER_POINTS, usize::MAX);
-    let recordings: Vec<Value> = input.overlays.iter().map(|o| recording(o, input.diagnosis, limit)).collect();
-    json!({ "recordings": recordings }).to_string().replace('<', "\\u003c")
+    let samples: usize = input.overlays.iter().flat_map(|o| &o.channels).map(OverlayChannel::len).sum();
+    let limit = if samples <= WHOLE { usize::MAX } else { limit(input.overlays, VIEWER_POINTS, usize::MAX) };
+    let nothing = Trace::default();
+    let recordings: Vec<Value> = input
+        .overlays
+        .iter()
+        .enumerate()
+        .map(|(k, o)| recording(o, input.traces.get(k).unwrap_or(&nothing), input.diagnosis, limit))
+        .collect();
+    let flywheel = super::residuals::flywheel(input).map(|(inertia, damping)| [inertia, damping]);
+    json!({ "recordings": recordings, "retuned": retuned(input.diagnosis), "flywheel": flywheel }).to_string().replace('<', "\\u003c")
+}
+
+/// Whether there is a retuned model beside the nominal one: otherwise its curves would only be drawn twice.
+pub fn retuned(diagnosis: &Value) -> bool {
+    !matches!(text(diagnosis, "verdict"), Some("unexplained" | "inputs_do_not_fit"))
 }
 
 /// Points that each channel may have if all share `total`.
@@ -25,12 +60,12 @@ pub fn limit(overlays: &[Overlay], total: usize, most: usize) -> usize {
     (total / channels.max(1)).clamp(45, most)
 }
 
-/// Standard deviation of the noise of a channel, if the diagnosis states it.
+/// Standard deviation of the noise of a channel, if the diagnosis states it for this recording, or else for another: the sensor is the same.
 pub fn noise(diagnosis: &Value, recording: &str, column: &str) -> Option<f64> {
-    list(&diagnosis["how_far"], "per_recording")
-        .iter()
-        .find(|r| text(r, "recording") == Some(recording) && text(r, "channel") == Some(column))
-        .and_then(|r| real(r, "noise"))
+    let rows = list(&diagnosis["how_far"], "per_recording");
+    let mut of_channel = rows.iter().filter(|r| text(r, "channel") == Some(column));
+    let own = of_channel.clone().find(|r| text(r, "recording") == Some(recording));
+    own.or_else(|| of_channel.next()).and_then(|r| real(r, "noise"))
 }
 
 /// Root mean square of `real − model`.
@@ -74,41 +109,80 @@ impl OverlayChannel {
     }
 }
 
-fn recording(overlay: &Overlay, diagnosis: &Value, limit: usize) -> Value {
+fn recording(overlay: &Overlay, trace: &Trace, diagnosis: &Value, limit: usize) -> Value {
     let channels: Vec<Value> = overlay.channels.iter().map(|c| channel(c, noise(diagnosis, &overlay.recording, c.column), limit)).collect();
-    json!({ "name": overlay.recording, "manoeuvre": overlay.manoeuvre, "dt": overlay.dt, "channels": channels })
+    let inputs: Vec<Value> = trace.signals.iter().filter(|s| s.values.iter().any(|v| v.is_finite())).map(|s| signal(s, limit)).collect();
+    json!({
+        "name": overlay.recording, "manoeuvre": overlay.manoeuvre, "held_out": overlay.held_out, "dt": overlay.dt, "channels": channels,
+        "inputs": inputs, "phases": runs(&trace.phases),
+    })
+}
+
+/// Where each state of the clutch begins: sample and state.
+fn runs(phases: &[u8]) -> Vec<[usize; 2]> {
+    let begins = |i: usize| i == 0 || phases[i] != phases[i - 1];
+    (0..phases.len()).filter(|&i| begins(i)).map(|i| [i, phases[i].into()]).collect()
+}
+
+fn signal(s: &Signal, limit: usize) -> Value {
+    let step = s.values.len().div_ceil(limit.max(1)).max(1);
+    let kept: Vec<f64> = s.values.iter().copied().step_by(step).collect();
+    let q = quantum(&kept);
+    json!({ "label": super::text::channel(s.column), "unit": super::text::unit(s.unit), "q": q, "step": step, "values": packed(kept.iter().map(|v| v / q)) })
 }
 
 fn channel(c: &OverlayChannel, noise: Option<f64>, limit: usize) -> Value {
     let kept = c.kept(limit);
-    let q = quantum(c);
-    let mut level = 0;
-    let mut steps: Vec<Value> = Vec::with_capacity(kept.len());
-    for &i in &kept {
-        let now = (c.real[i] / q).round();
-        steps.push(if now.is_finite() { json!(now as i64 - level) } else { Value::Null });
-        level = if now.is_finite() { now as i64 } else { level };
-    }
-    let over = |model: &[f64]| -> Vec<Value> {
-        let gap = |i: usize| ((c.real[i] - model[i]) / q).round();
-        kept.iter().map(|&i| if gap(i).is_finite() { json!(gap(i) as i64) } else { Value::Null }).collect()
-    };
-    let index = (kept.len() < c.len()).then(|| {
-        let mut last = 0;
-        kept.iter().map(|&i| i - std::mem::replace(&mut last, i)).collect::<Vec<_>>()
-    });
+    let q = quantum(&c.real);
+    let over = |model: &[f64]| packed(kept.iter().map(|&i| (c.real[i] - model[i]) / q));
+    let index = (kept.len() < c.len()).then(|| packed(kept.iter().map(|&i| i as f64)));
     let size = |model: &[f64]| Some(rms(&c.real, model)).filter(|r| r.is_finite());
     let sizes = [size(&c.before), size(&c.after)];
     json!({
-        "label": super::text::channel(c.column), "unit": super::text::unit(c.unit), "q": q, "noise": noise, "samples": c.len(),
+        "column": c.column, "label": super::text::channel(c.column), "unit": super::text::unit(c.unit), "q": q, "noise": noise, "samples": c.len(),
         "rms": sizes,
-        "index": index, "real": steps, "before": over(&c.before), "after": over(&c.after),
+        "index": index, "real": packed(kept.iter().map(|&i| c.real[i] / q)), "before": over(&c.before), "after": over(&c.after),
     })
 }
 
+/// Rounded values as steps from one to the next, in base 64: each step is doubled, its sign in the last bit, and one is added, since zero stands for what is
+/// no number; seven bits go into a byte, the lowest first, and the eighth says that more follow.
+fn packed(values: impl Iterator<Item = f64>) -> String {
+    let mut bytes = Vec::new();
+    let mut level = 0_i64;
+    for value in values {
+        let now = value.round();
+        let mut left = if now.is_finite() && now.abs() < 1e15 {
+            let step = now as i64 - level;
+            level = now as i64;
+            ((step << 1) ^ (step >> 63)) as u64 + 1
+        } else {
+            0
+        };
+        while left > 127 {
+            bytes.push((left & 127) as u8 | 128);
+            left >>= 7;
+        }
+        bytes.push(left as u8);
+    }
+    base64(&bytes)
+}
+
+fn base64(bytes: &[u8]) -> String {
+    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for three in bytes.chunks(3) {
+        let all = three.iter().fold(0_u32, |a, b| a << 8 | u32::from(*b)) << (8 * (3 - three.len()));
+        for k in 0..4 {
+            out.push(if k > three.len() { '=' } else { LETTERS[(all >> (18 - 6 * k) & 63) as usize] as char });
+        }
+    }
+    out
+}
+
 /// A power of ten, about one part in twenty thousand of the range.
-fn quantum(c: &OverlayChannel) -> f64 {
-    let (low, high) = super::chart::range(c.real.iter());
+fn quantum(values: &[f64]) -> f64 {
+    let (low, high) = super::chart::range(values.iter());
     let exponent = ((high - low) / 2e4).log10().ceil().clamp(-9.0, 9.0) as i32;
     // Through text, since 10^-3 as a product of floats is not the float nearest to 0.001.
     format!("1e{exponent}").parse().expect("a power of ten is a number")
@@ -133,11 +207,32 @@ mod tests {
     }
 
     #[test]
-    fn integers_give_the_curve_back() {
-        let c = channel_of(vec![100.0, 100.123, f64::NAN, 250.5]);
+    fn bytes_hold_steps_and_gaps() {
+        // 10000 is 20000 doubled, 20001 with one added: 33, 28, 1 in sevens; a step of 12 is 25; nothing is 0; 15038 is a step of 5026.
+        let c = channel_of(vec![100.0, 100.12, f64::NAN, 150.38]);
         let stored = channel(&c, None, 100);
         assert_eq!(stored["q"], 0.01);
-        assert_eq!(stored["real"], json!([10000, 12, null, 15038]));
-        assert_eq!(stored["before"], json!([-100, -100, null, -100]));
+        assert_eq!(stored["real"], base64(&[0xA1, 0x9C, 1, 25, 0, 0xC5, 0x4E]));
+        assert_eq!(stored["before"], base64(&[0xC8, 1, 1, 0, 1]), "−100 is 199 with its sign in the last bit, 200 with one added");
+        assert_eq!([base64(b"kiss"), base64(b"poi"), base64(b"nt")], ["a2lzcw==", "cG9p", "bnQ="]);
+    }
+
+    #[test]
+    fn what_fits_is_whole() {
+        let overlay = Overlay {
+            recording: "r".into(),
+            manoeuvre: String::new(),
+            held_out: true,
+            dt: 1e-3,
+            channels: vec![channel_of(vec![1.5; 100_000])],
+        };
+        let d = json!({});
+        let page = embedded(&Input { overlays: &[overlay], ..Input::empty(&d) });
+        assert!(page.contains("\"index\":null"), "100 000 samples are no reason to leave any out");
+    }
+
+    #[test]
+    fn states_are_told_where_they_begin() {
+        assert_eq!(runs(&[0, 0, 1, 1, 2]), [[0, 0], [2, 1], [4, 2]]);
     }
 }

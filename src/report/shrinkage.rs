@@ -33,16 +33,32 @@ fn summary(far: &Value) -> String {
             if most > 0.0 { (100.0 * value / most).clamp(0.0, 100.0) } else { 0.0 }
         )
     };
-    let noise = floor.map_or_else(|| absent("The noise floor was not stated."), |f| row("Noise floor", "floor", f));
+    let noise = floor.map_or_else(
+        || absent("What the true car would be expected to leave was not stated."),
+        |f| row("To be expected of the true car", "floor", f),
+    );
     let (row_noise, said) = if floor.is_some() { (noise, String::new()) } else { (String::new(), noise) };
     let held = texts(far, "held_out");
     let held = if held.is_empty() { "No recording was held out.".to_owned() } else { format!("Held out: {}.", escape(&held.join(", "))) };
-    let closed = real(far, "closed_fraction")
-        .map_or_else(String::new, |c| format!(" <b>{}</b> of what stood above the noise floor is closed.", percent(c)));
+    let less = if before > 0.0 && after <= before {
+        format!(" The free replay is off by <b>{} less</b> than before.", percent(1.0 - after / before))
+    } else {
+        String::new()
+    };
+    let less = if after > before { " The free replay is off by <b>more</b> than before.".to_owned() } else { less };
+    // Of one that is closed to its floor no share is told beyond that: what is left cannot be told from what the true car would leave.
+    let closed = match (real(far, "closed_fraction"), floor) {
+        (Some(_), Some(f)) if before <= f => {
+            format!(" Before, it was already within the {} {unit} that the true car would be expected to leave.", number(f, 3))
+        }
+        (Some(c), Some(f)) if c >= 1.0 => format!(" It is below the {} {unit} that the true car would be expected to leave.", number(f, 3)),
+        (Some(c), _) => format!(" Of what stood above what the true car would be expected to leave, {} is gone.", percent(c)),
+        _ => String::new(),
+    };
     format!(
-        "<p>{held}{closed}</p>\n<table class=\"bars\"><caption>{}</caption><thead class=\"unseen\"><tr><th scope=\"col\">Model</th><th scope=\"col\">Gap</th>\
+        "<p>{held}{less}{closed}</p>\n<table class=\"bars\"><caption>{}</caption><thead class=\"unseen\"><tr><th scope=\"col\">Model</th><th scope=\"col\">Gap</th>\
          <th scope=\"col\">Bar</th></tr></thead><tbody>{}{}{row_noise}</tbody></table>\n{said}",
-        escape(&capitalised(metric)),
+        escape(&capitalised(&metric.replace("real minus simulated", "car minus model"))),
         row("Before", "before", before),
         row("After", "after", after),
     )
@@ -133,7 +149,7 @@ fn dumbbell(before: f64, after: f64, x: &Scale) -> String {
 }
 
 /// Key, name, unit, factor from the key's unit.
-const FIGURES: [(&str, &str, &str, f64); 3] = [
+pub const FIGURES: [(&str, &str, &str, f64); 3] = [
     ("engagement_time_s", "Engagement time", "s", 1.0),
     ("dissipated_energy_J", "Dissipated energy", "kJ", 1e-3),
     ("slip_acceleration_rad_s2", "Slip acceleration at lock-up", "rad/s²", 1.0),
@@ -165,7 +181,7 @@ fn engagement(far: &Value) -> String {
     let rows = rows.trim_end_matches("<tbody>").trim_end_matches("</tbody>");
     format!(
         "<h3>Engagement figures</h3>\n<div class=\"scroll\" role=\"region\" aria-label=\"Engagement figures\" tabindex=\"0\"><table class=\"figures-table\"><thead><tr>\
-         <th scope=\"col\">Recording</th><th scope=\"col\">Figure</th><th scope=\"col\">Real</th><th scope=\"col\"><span class=\"t-before\">Before</span></th>\
+         <th scope=\"col\">Recording</th><th scope=\"col\">Figure</th><th scope=\"col\">Car</th><th scope=\"col\"><span class=\"t-before\">Before</span></th>\
          <th scope=\"col\"><span class=\"t-after\">After</span></th></tr></thead><tbody>{rows}</tbody></table></div>\n"
     )
 }
@@ -177,9 +193,16 @@ fn cells(values: [Option<f64>; 3]) -> String {
         Some(r) if r.abs() > 1e-9 => format!("<small>{}&#8239;%</small>", signed(100.0 * (v / r - 1.0), 1)),
         _ => String::new(),
     };
+    let worse = matches!(values, [Some(r), Some(b), Some(a)] if (a - r).abs() > (b - r).abs() + 0.01 * r.abs());
     let cell = |v: Option<f64>, compare: bool| match v {
         Some(v) => format!("<td class=\"num\">{}{}</td>", number(v, 4), if compare { off(v) } else { String::new() }),
         None => "<td class=\"num\">–</td>".to_owned(),
     };
-    cell(real, false) + &cell(values[1], true) + &cell(values[2], true)
+    let after = cell(values[2], true);
+    let after = if worse {
+        after.replacen("<td class=\"num\">", "<td class=\"num worse\"><span class=\"unseen\">worse: </span>", 1)
+    } else {
+        after
+    };
+    cell(real, false) + &cell(values[1], true) + &after
 }

@@ -31,9 +31,9 @@ pub fn number(value: f64, digits: i32) -> String {
     fixed(value, (digits - 1 - magnitude).clamp(0, 9) as usize)
 }
 
-/// A number with up to six significant digits and no padding: a setting to copy.
-pub fn plain(value: f64) -> String {
-    let text = number(value, 6);
+/// A number with up to so many significant digits and no padding.
+pub fn plain(value: f64, digits: i32) -> String {
+    let text = number(value, digits);
     let (digits, power) = text.split_once('e').map_or((text.as_str(), String::new()), |(digits, power)| (digits, format!("e{power}")));
     let bare = if digits.contains('.') { digits.trim_end_matches('0').trim_end_matches('.') } else { digits };
     format!("{bare}{power}")
@@ -152,7 +152,7 @@ pub fn channel(column: &str) -> String {
     match column {
         "omega_f_rad_s" => "Flywheel speed",
         "omega_c_rad_s" => "Disc speed",
-        "T_e_Nm" => "Engine torque",
+        "T_e_Nm" => "Engine torque reported",
         "x_to_cmd_mm" => "Bearing position commanded",
         "x_to_mm" => "Bearing position",
         "T_fc_Nm" => "Clutch torque",
@@ -179,7 +179,7 @@ mod tests {
         assert_eq!(number(123_456.7, 4), "123\u{202f}457");
         assert_eq!(number(1.5e-6, 2), "1.5e−6");
         assert_eq!(number(f64::NAN, 3), "–");
-        assert_eq!([plain(-7.06e-6), plain(28.5), plain(120.0)], ["−7.06e−6", "28.5", "120"]);
+        assert_eq!([-7.06e-6, 28.5, 120.0].map(|v| plain(v, 4)), ["−7.06e−6", "28.5", "120"]);
         assert_eq!(fixed(-0.001, 2), "0.00", "no negative zero");
         assert_eq!(signed(0.5, 1), "+0.5");
         assert_eq!(signed(0.0, 1), "0.0");

@@ -1,119 +1,219 @@
-//! The verdict in a sentence, its confidence, and the answer to each question in a few words.
+//! The verdict: a headline that holds the doubt, what speaks against believing it, and the answer to each question in a few words.
 
 use serde_json::Value;
 
 use super::Input;
+use super::doubts;
 use super::json::{list, real, text, texts};
-use super::text::{alternatives, enumeration, escape, number, percent, title, words};
+use super::names;
+use super::text::{alternatives, capitalised, enumeration, escape, number, percent};
 
-/// The sentence that stands above everything.
-pub fn sentence(diagnosis: &Value) -> String {
-    if let Some(said) = text(diagnosis, "sentence") {
-        return in_words(said);
-    }
-    let effects = match effect_names(diagnosis) {
-        names if names.is_empty() => "effects that are not named".to_owned(),
-        names => enumeration(&names),
-    };
-    let place = |key| text(&diagnosis["where"], key).map_or_else(|| "an unnamed subsystem".to_owned(), words);
+/// Stands about the "or" between rivals, which the page sets in bold.
+const MARK: char = '\u{1}';
+
+/// Nats from which an explanation is ahead of all others for certain, as far as the library goes.
+const AHEAD: f64 = 7.0;
+
+/// The sentence that stands above everything, as plain text.
+pub fn headline(diagnosis: &Value) -> String {
+    marked(diagnosis).replace(MARK, "")
+}
+
+fn marked(diagnosis: &Value) -> String {
+    let effects = list(&diagnosis["which"], "effects");
+    let place = places(diagnosis);
+    let alone = effects.len() < 2;
     match text(diagnosis, "verdict") {
-        Some("no_gap") => "The car behaves as its model says, within noise and tolerances.".to_owned(),
-        Some("explained") => format!("The gap is explained by {effects}."),
-        Some("partly_explained") => {
-            format!("Part of the gap is explained by {effects}; a structured remainder lies in {}.", place("unexplained_at"))
+        Some("no_gap") => "No effect is called for: within the tolerances of its vehicle file the model follows the car.".to_owned(),
+        Some("explained") => format!("{} {} the gap.", named(effects), if alone { "explains" } else { "explain" }),
+        Some("partly_explained") => format!(
+            "{} {} a part of the gap; something in {place} remains that no effect in the library explains.",
+            named(effects),
+            if alone { "explains" } else { "explain" }
+        ),
+        Some("unexplained") => format!("No effect in the library explains the gap; it lies in {place}."),
+        Some("inputs_do_not_fit") => {
+            "The recordings do not fit this vehicle: torque, position and speeds of such a car do not go together \
+             like that. Check the channel map."
+                .to_owned()
         }
-        Some("unexplained") => format!("There is a gap in {} that no effect of the library explains.", place("primary")),
-        Some("inputs_do_not_fit") => "These inputs do not fit this vehicle.".to_owned(),
         _ => "The diagnosis holds no verdict.".to_owned(),
     }
 }
 
-/// The sentence of diagnosis.json names effects and subsystems as programs know them; people read words.
-fn in_words(said: &str) -> String {
-    let known = |word: &str| word.contains('_') && word.chars().all(|c| c.is_ascii_lowercase() || c == '_');
-    let all: Vec<String> = said
-        .split(' ')
-        .map(|word| {
-            let name = word.trim_end_matches([',', '.', ';']);
-            if known(name) { words(name) + &word[name.len()..] } else { word.to_owned() }
+/// Effects with their rivals: "A or B, and C".
+fn named(effects: &[Value]) -> String {
+    let groups: Vec<String> = effects
+        .iter()
+        .filter_map(|e| {
+            let own = text(e, "id")?;
+            let all: Vec<String> = std::iter::once(own).chain(texts(e, "ambiguous_with")).map(names::effect).collect();
+            Some(all.join(&format!(" {MARK}or{MARK} ")))
         })
         .collect();
-    // A number and its percent sign stay on one line.
-    super::text::capitalised(&all.join(" ").replace(" %", "\u{202f}%"))
+    if groups.is_empty() {
+        return "An effect that is not named".to_owned();
+    }
+    let doubtful = groups.iter().any(|g| g.contains(MARK));
+    capitalised(&if doubtful { groups.join(", and ") } else { enumeration(&groups) })
 }
 
-/// Names of the effects chosen, as words.
-pub fn effect_names(diagnosis: &Value) -> Vec<String> {
-    list(&diagnosis["which"], "effects").iter().filter_map(|e| text(e, "id")).map(words).collect()
+/// Where the remainder or the unexplained gap lies, with what may stand in its place.
+fn places(diagnosis: &Value) -> String {
+    let place = &diagnosis["where"];
+    let first = text(place, "unexplained_at").or_else(|| text(place, "primary"));
+    let all: Vec<String> = first.into_iter().chain(texts(place, "ambiguous_with")).map(names::place).collect();
+    if all.is_empty() { "a subsystem that is not named".to_owned() } else { all.join(&format!(" {MARK}or{MARK} ")) }
+}
+
+/// How far off a free replay of what was held out is, before and after.
+pub fn replayed(diagnosis: &Value) -> Option<String> {
+    let far = &diagnosis["how_far"];
+    let (before, after) = (real(far, "before")?, real(far, "after")?);
+    let unit = unit_of(far);
+    let held = texts(far, "held_out");
+    let on = if held.is_empty() {
+        "On the recordings that were fitted".to_owned()
+    } else {
+        format!("On {}, which took no part in the fit,", held.join(", "))
+    };
+    let with_unit = |v: f64| format!("{} {unit}", number(v, 3)).trim_end().to_owned();
+    let (b, a) = (with_unit(before), with_unit(after));
+    Some(match text(diagnosis, "verdict") {
+        Some("unexplained" | "inputs_do_not_fit") => format!("{on} a free replay is off by {b} (rms); nothing was retuned."),
+        Some("no_gap") if after > before => {
+            format!("{on} a free replay is off by {a} (rms) with the numbers that suit the others best, and by {b} with those of the file.")
+        }
+        Some("no_gap") => format!("{on} a free replay is off by {a} (rms); with the numbers of the file as they stand, by {b}."),
+        _ if after > before => format!("{on} a free replay got worse: it is off by {a} (rms), before by {b}."),
+        _ => format!("{on} a free replay is off by {a} (rms) instead of {b}."),
+    })
+}
+
+/// The explanation that comes next after the best, and how many nats it lies behind.
+pub fn next_best(diagnosis: &Value) -> Option<(String, f64)> {
+    let all = list(&diagnosis["which"], "explanations");
+    let best = all.first()?;
+    let other = all.iter().skip(1).find(|e| e["effects"] != best["effects"] || e["missing_law"] != best["missing_law"])?;
+    let (kept, ids) = (texts(best, "effects"), texts(other, "effects"));
+    // What only adds to the best says so.
+    let adds = !kept.is_empty() && kept.iter().all(|id| ids.contains(id)) && best["missing_law"] == Value::Null;
+    let mut parts: Vec<String> = ids.into_iter().filter(|id| !(adds && kept.contains(id))).map(names::effect).collect();
+    parts.extend(text(other, "missing_law").map(|s| format!("a law missing in {}", names::place(s))));
+    let name = match (parts.is_empty(), adds) {
+        (true, _) => "no effect at all".to_owned(),
+        (_, true) => format!("the same, and {} beside it", enumeration(&parts)),
+        _ => enumeration(&parts),
+    };
+    Some((name, real(other, "behind")?))
+}
+
+/// How sure the answer is, in words.
+pub fn confidence(diagnosis: &Value) -> Option<String> {
+    let (name, behind) = next_best(diagnosis)?;
+    let odds = match behind.exp() {
+        r if r > 1e6 => "more than a million to one".to_owned(),
+        r if r < 1.05 => "even".to_owned(),
+        r if r < 10.0 => format!("{} to one", number(r, 2)),
+        r => {
+            let unit = 10f64.powf(r.log10().floor() - 1.0);
+            format!("{} to one", number((r / unit).round() * unit, 2))
+        }
+    };
+    let said = match behind {
+        b if b < 1.0 => "Not settled",
+        b if b < 3.0 => "Leaning",
+        b if b < AHEAD => "Likely",
+        _ => "Clear within the library",
+    };
+    Some(format!(
+        "{said}. Next best: {name}, {} nats behind; odds of {odds}, if the true cause is among those compared.",
+        number(behind, 2)
+    ))
+}
+
+/// Whether nothing stands in the place of what is named.
+pub fn settled(diagnosis: &Value) -> bool {
+    let rivals = list(&diagnosis["which"], "effects").iter().any(|e| !texts(e, "ambiguous_with").is_empty());
+    let elsewhere = !texts(&diagnosis["where"], "ambiguous_with").is_empty();
+    !rivals && !elsewhere && next_best(diagnosis).is_none_or(|(_, behind)| behind >= 3.0)
 }
 
 /// Header of the report.
 pub fn section(input: &Input) -> String {
     let diagnosis = input.diagnosis;
-    let (mark, class, verdict) = match text(diagnosis, "verdict") {
-        Some("no_gap") => ("✓", "good", "No gap"),
-        Some("explained") => ("✓", "good", "Explained"),
-        Some("partly_explained") => ("◐", "warn", "Partly explained"),
-        Some("unexplained") => ("?", "bad", "Unexplained"),
-        Some("inputs_do_not_fit") => ("✗", "bad", "Inputs do not fit"),
+    let doubts = doubts::of(input);
+    // A tick is for what may be taken as it stands.
+    let sure = settled(diagnosis) && !doubts.iter().any(|d| d.grave);
+    let (mark, class, verdict) = match (text(diagnosis, "verdict"), sure) {
+        (Some("no_gap"), true) => ("✓", "good", "No gap found"),
+        (Some("no_gap"), false) => ("≈", "warn", "No gap found, with doubts"),
+        (Some("explained"), true) => ("✓", "good", "Explained"),
+        (Some("explained"), false) => ("≈", "warn", "Explained, with doubts"),
+        (Some("partly_explained"), _) => ("◐", "warn", "Partly explained"),
+        (Some("unexplained"), _) => ("?", "bad", "Unexplained"),
+        (Some("inputs_do_not_fit"), _) => ("✗", "bad", "Inputs do not fit"),
         _ => ("–", "warn", "No verdict"),
     };
     let tiles: String = tiles(diagnosis).iter().map(|(name, value, note)| tile(name, value, note)).collect();
+    let lead = replayed(diagnosis).map_or_else(String::new, |said| format!("<p class=\"lead\">{}</p>\n", escape(&said)));
+    let sure = confidence(diagnosis).map_or_else(
+        || "<p class=\"confidence\">Confidence: not stated</p>\n".to_owned(),
+        |said| format!("<p class=\"confidence\">{}</p>\n", escape(&said)),
+    );
+    let doubts: String = doubts.iter().map(|d| format!("<li{}>{}</li>", if d.grave { " class=\"grave\"" } else { "" }, d.html)).collect();
+    let doubts = if doubts.is_empty() { String::new() } else { format!("<ul class=\"doubts\" aria-label=\"Doubts\">{doubts}</ul>\n") };
     format!(
-        "<header id=\"verdict\">\n<p class=\"eyebrow\">{name}Kisspoint, diagnosis of the sim-to-real gap</p>\n\
-         <p class=\"pill {class}\"><span aria-hidden=\"true\">{mark}</span> {verdict}</p>\n<h1>{}</h1>\n{}<dl class=\"tiles\">{tiles}</dl>\n</header>\n",
-        escape(&sentence(diagnosis)),
-        confidence(diagnosis),
+        "<header id=\"verdict\">\n<p class=\"eyebrow\">{name}Kisspoint: where a simulation departs from the car</p>\n\
+         <p class=\"pill {class}\"><span aria-hidden=\"true\">{mark}</span> {verdict}</p>\n<h1>{}</h1>\n{lead}<dl class=\"tiles\">{tiles}</dl>\n{sure}{doubts}</header>\n",
+        bold(&marked(diagnosis)),
         name = if input.name.is_empty() { String::new() } else { format!("<b>{}</b> · ", escape(input.name)) },
     )
 }
 
-fn confidence(diagnosis: &Value) -> String {
-    match real(diagnosis, "confidence") {
-        Some(share) => {
-            let width = 100.0 * share.clamp(0.0, 1.0);
-            format!(
-                "<p class=\"confidence\"><span>Confidence <strong>{}</strong></span>\
-                 <span class=\"meter\" aria-hidden=\"true\"><i style=\"width:{width:.1}%\"></i></span></p>\n",
-                percent(share)
-            )
-        }
-        None => "<p class=\"confidence\"><span>Confidence: not stated</span></p>\n".to_owned(),
-    }
+/// Escaped, each marked "or" in bold.
+fn bold(text: &str) -> String {
+    escape(text).replace(&format!("{MARK}or{MARK}"), "<strong class=\"or\">or</strong>")
 }
 
-/// Name, answer, and a word of explanation.
+/// Name, answer, and a word of explanation; the answers may have marks.
 fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
     let (place, far) = (&diagnosis["where"], &diagnosis["how_far"]);
-    let primary = text(place, "primary").map_or_else(|| "No subsystem".to_owned(), title);
-    let others: Vec<String> = super::residual_map::subsystems(place).iter().skip(1).map(|id| words(id)).collect();
-    let doubts: Vec<String> = texts(place, "ambiguous_with").into_iter().map(words).collect();
-    let then = (!others.is_empty()).then(|| format!("then {}", enumeration(&others)));
-    let or = (!doubts.is_empty()).then(|| format!("or {}", alternatives(&doubts)));
-    let located = then.into_iter().chain(or).collect::<Vec<_>>().join("; ");
-    let effects = match effect_names(diagnosis) {
-        names if names.is_empty() => "No effect added".to_owned(),
-        _ => list(&diagnosis["which"], "effects").iter().map(with_rivals).collect::<Vec<_>>().join(" + "),
+    let or = format!(" {MARK}or{MARK} ");
+    let doubts: Vec<&str> = texts(place, "ambiguous_with");
+    let primary = match text(place, "primary") {
+        Some(id) => std::iter::once(id).chain(doubts.iter().copied()).map(names::subsystem).collect::<Vec<_>>().join(&or),
+        None => "no subsystem".to_owned(),
     };
-    let least = list(&diagnosis["which"], "effects").iter().filter_map(|e| real(e, "probability")).fold(f64::NAN, f64::min);
-    let probability = if least.is_finite() { format!("probability {}", percent(least)) } else { String::new() };
-    let closed = real(far, "closed_fraction").map_or_else(|| "Not stated".to_owned(), percent);
-    let shrink = match (real(far, "before"), real(far, "after")) {
-        (Some(b), Some(a)) => format!("{} → {} {} on {}", number(b, 3), number(a, 3), unit_of(far), held_out(list(far, "held_out").len())),
-        _ => String::new(),
+    let others: Vec<String> = super::residual_map::subsystems(place).iter().skip(1).map(|id| names::subsystem(id)).collect();
+    let then = if others.is_empty() { String::new() } else { format!("then {}", enumeration(&others)) };
+    let effects = list(&diagnosis["which"], "effects");
+    let which = if effects.is_empty() { "no effect added".to_owned() } else { named(effects) };
+    let ids: Vec<String> = effects.iter().filter_map(|e| text(e, "id")).map(str::to_owned).collect();
+    let unit = unit_of(far);
+    let (value, note) = match (real(far, "before"), real(far, "after")) {
+        (Some(b), Some(a)) if matches!(text(diagnosis, "verdict"), Some("unexplained" | "inputs_do_not_fit")) => {
+            (format!("{} {unit}", number(b.max(a), 3)), "nothing retuned".to_owned())
+        }
+        (Some(b), Some(a)) => {
+            let change = if b <= 0.0 {
+                String::new()
+            } else if a <= b {
+                format!("{} less", percent(1.0 - a / b))
+            } else {
+                format!("{} more", percent(a / b - 1.0))
+            };
+            let floor = real(far, "noise_floor")
+                .map_or_else(String::new, |f| format!("; about {} is to be expected of the true car", number(f, 3)));
+            (format!("{} → {} {unit}", number(b, 3), number(a, 3)), format!("{change}{floor}"))
+        }
+        _ => ("not stated".to_owned(), String::new()),
     };
-    let (name, closed) = match text(diagnosis, "verdict") {
-        Some("no_gap") => ("Tolerances fitted", "Nothing left to close".to_owned()),
-        Some("unexplained" | "inputs_do_not_fit") => ("Gap closed", "Nothing retuned".to_owned()),
-        _ => ("Gap closed", closed),
-    };
-    vec![("Where", primary, located), ("Which", effects, probability), (name, closed, shrink)]
-}
-
-/// An effect's title with those that may be there in its place.
-fn with_rivals(effect: &Value) -> String {
-    let own = text(effect, "id").into_iter();
-    own.chain(texts(effect, "ambiguous_with")).map(|id| title(&words(id))).collect::<Vec<_>>().join(" or ")
+    vec![
+        ("Where", capitalised(&primary), then),
+        ("Which", capitalised(&which), ids.join(", ")),
+        ("Free replay of what was held out", capitalised(&value), note),
+    ]
 }
 
 /// Unit of the gap: what stands behind the last comma of the metric, if that is one word.
@@ -123,15 +223,12 @@ pub fn unit_of(far: &Value) -> String {
     last.map_or_else(String::new, super::text::unit)
 }
 
-fn held_out(count: usize) -> String {
-    match count {
-        0 => "the recordings that were fitted".to_owned(),
-        1 => "1 held-out recording".to_owned(),
-        n => format!("{n} held-out recordings"),
-    }
-}
-
 fn tile(name: &str, value: &str, note: &str) -> String {
     let note = if note.is_empty() { String::new() } else { format!("<span>{}</span>", escape(note)) };
-    format!("<div><dt>{name}</dt><dd><strong>{}</strong>{note}</dd></div>", escape(value))
+    format!("<div><dt>{name}</dt><dd><strong>{}</strong>{note}</dd></div>", bold(value))
+}
+
+/// What the rivals of a place are called in a sentence.
+pub fn or_places(ids: &[&str]) -> String {
+    alternatives(&ids.iter().map(|id| format!("<b>{}</b>", escape(&names::place(id)))).collect::<Vec<_>>())
 }

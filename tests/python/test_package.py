@@ -1,5 +1,6 @@
 """The Python package: a campaign, its answer, the retuned plant; recordings in memory are in the notebook."""
 
+import json
 import math
 import os
 import shutil
@@ -53,6 +54,66 @@ def test_gaps_parameters_and_files_are_told(found):
     assert {row["parameter"] for row in found.parameters} == {"slope", "curvature", "closed_share"}
     assert all(row["low"] <= row["value"] <= row["high"] for row in found.parameters)
     assert [c["guess"] for c in kisspoint.inspect(EXAMPLE / "r01.csv")["channels"]][:2] == ["time_s", "omega_f_rad_s"]
+
+
+def test_curves_come_from_any_file_that_the_command_reads(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+    source = tmp_path / "campaign"
+    shutil.copytree(EXAMPLE, source)
+    for file in source.glob("r*.csv"):
+        pandas.read_csv(file).to_parquet(file.with_suffix(".parquet"))
+        file.unlink()
+    found = kisspoint.diagnose(source)
+    assert found.recordings == [f"r{k:02}" for k in range(1, 10)]
+    assert len(found.figure("r01").axes) == 2
+    with pytest.raises(KeyError, match="r01"):
+        found.replay("no such recording")
+
+
+def tables():
+    pandas = pytest.importorskip("pandas")
+    made = {file.stem: pandas.read_csv(file) for file in sorted(EXAMPLE.glob("r*.csv"))[:2]}
+    about = json.loads((EXAMPLE / "recordings.json").read_text())
+    return made, {name: about[name] for name in made}, EXAMPLE / "vehicle.json"
+
+
+def test_gaps_of_tables_in_memory_have_the_notes(found):
+    made, about, vehicle = tables()
+    rows = kisspoint.gap(made, about=about, vehicle=vehicle)
+    assert {row["recording"] for row in rows} == set(made)
+    assert rows.notes == [] or {"recording", "text"} <= set(rows.notes[0])
+    assert rows.left_out == []
+    folder = {(row["recording"], row["channel"]): row["rms"] for row in kisspoint.gap(EXAMPLE)}
+    assert all(row["rms"] == pytest.approx(folder[row["recording"], row["channel"]]) for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda p, t: t.drop(columns="time_s").set_index(p.to_datetime(t["time_s"], unit="s")), "r01: the time stands in the index .DatetimeIndex"),
+        (lambda p, t: t.assign(time_s=p.to_datetime(t["time_s"], unit="s")), "r01, column time_s, row 0: Timestamp"),
+        (lambda p, t: t.assign(T_e_Nm=t["T_e_Nm"].astype(str)), "r01, column T_e_Nm, row 0: .* but text"),
+        (lambda p, t: t.assign(T_e_Nm=[[1]] * len(t)), r"r01, column T_e_Nm, row 0: \[1\] is no number"),
+    ],
+)
+def test_what_is_no_number_is_named_with_recording_and_column(change, said):
+    pandas = pytest.importorskip("pandas")
+    made, about, vehicle = tables()
+    made["r01"] = change(pandas, made["r01"])
+    with pytest.raises(ValueError, match=said):
+        kisspoint.gap(made, about=about, vehicle=vehicle)
+
+
+def test_a_missing_value_is_a_gap_whatever_its_type():
+    from kisspoint._campaign import _cell
+
+    pandas = pytest.importorskip("pandas")
+    assert [_cell("r", "c", 0, v) for v in (None, math.nan, pandas.NA, pandas.NaT, 1)] == ["", "", "", "", "1.0"]
+
+
+def test_the_version_is_that_of_the_package():
+    assert kisspoint.__version__
 
 
 def test_it_is_typed():

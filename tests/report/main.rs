@@ -6,11 +6,11 @@ use kisspoint::report::{Input, Overlay, OverlayChannel, html};
 use serde_json::{Value, json};
 
 fn render(diagnosis: &Value, overlays: &[Overlay]) -> String {
-    html(&Input { name: "", diagnosis, overlays, provenance: &[], regions: "" })
+    html(&Input { overlays, ..Input::empty(diagnosis) })
 }
 
 fn page_of(made: &campaign::Campaign, provenance: &[(String, String)]) -> String {
-    html(&Input { name: "car 17", diagnosis: &made.diagnosis, overlays: &made.overlays, provenance, regions: "cold is below 70 °C" })
+    html(&Input { name: "car 17", overlays: &made.overlays, provenance, regions: "cold is below 70 °C", ..Input::empty(&made.diagnosis) })
 }
 
 /// The body without the scripts.
@@ -29,10 +29,10 @@ fn the_name_of_a_campaign_is_text_wherever_it_stands() {
     let name = "</title><script>alert('x')</script> & \"co\"";
     let page = html(&Input {
         name,
-        diagnosis: &made.diagnosis,
         overlays: &made.overlays,
         provenance: &[(name.into(), name.into())],
         regions: name,
+        ..Input::empty(&made.diagnosis)
     });
     assert!(!page.contains("<script>alert") && !page.contains("</title><script>"), "markup in a name is text");
     let head = &page[page.find("<title>").unwrap()..page.find("</title>").unwrap()];
@@ -44,21 +44,25 @@ fn the_answers_of_a_campaign_are_all_there() {
     let made = campaign::campaign();
     let page = page_of(&made, &made.provenance);
     let text = visible(&page);
-    let sentence = made.diagnosis["sentence"].as_str().unwrap();
     for expected in [
-        sentence,
+        "Friction fade when hot",
+        "explains the gap.",
+        "Not settled. Next best: thermal change of the cushion stiffness, 0.52 nats behind",
+        "≈",
+        "took no part in the fit, a free replay is off by",
         "car 17",
         "Cold is below 70 °C.",
-        "96\u{202f}%",
         "may as well lie in",
-        "or actuator",
-        "Friction fade",
+        "cannot tell",
+        "Does what is left look like noise?",
+        "Unexplained torque over slip",
+        "Slip of car and model, after",
         "0.281 to 0.327",
         "Share of the friction that is lost when hot",
-        "cushion stiffness thermal",
+        "thermal change of the cushion stiffness",
         "slip at constant clutch torque on a hot disc",
         "held out",
-        "Noise floor",
+        "To be expected of the true car",
         "Dissipated energy, kJ",
         "a creep at 5 to 30 rad/s of slip, recorded at 1 kHz",
         "r11",
@@ -68,13 +72,13 @@ fn the_answers_of_a_campaign_are_all_there() {
         assert!(text.contains(expected), "{expected:?} is missing");
     }
     let order =
-        ["curves", "where", "which", "how-far", "open", "computed"].map(|id| page.find(&format!("<section id=\"{id}\"")).expect(id));
+        ["where", "curves", "which", "how-far", "open", "computed"].map(|id| page.find(&format!("<section id=\"{id}\"")).expect(id));
     assert!(order.is_sorted(), "sections stand in the order of the questions");
     assert_eq!(page.matches("<th scope=\"row\"><code>").count(), 5, "five parameters differ from the vehicle file, friction.m_0 does not");
 }
 
 #[test]
-fn a_usual_campaign_stays_below_one_and_a_half_megabytes() {
+fn a_usual_campaign_stays_below_two_and_a_half_megabytes() {
     let columns = ["omega_f_rad_s", "omega_c_rad_s", "T_fc_Nm", "x_to_mm", "theta_c_degC"];
     let noisy = |k: usize, j: usize| 150.0 * (0.01 * k as f64).sin() + ((k * 7919 + j * 104_729) % 1000) as f64 / 200.0;
     let channel = |j: usize, n: usize| OverlayChannel {
@@ -95,7 +99,7 @@ fn a_usual_campaign_stays_below_one_and_a_half_megabytes() {
     let long: Vec<Overlay> = (0..10).map(|r| overlay(r, 60_000)).collect();
     for (name, overlays) in [("10 × 450", usual), ("10 × 60000", long)] {
         let size = render(&json!({}), &overlays).len();
-        assert!(size < 1_500_000, "{name} samples with five channels: {size} bytes");
+        assert!(size < 2_500_000, "{name} samples with five channels: {size} bytes");
     }
 }
 

@@ -1,0 +1,200 @@
+//! What the report shows beside the answer: the clutch's laws, nominal and identified, and what drove each recording.
+
+use crate::campaign::{Campaign, Recording};
+use crate::gap::diagnosis::Diagnosis;
+use crate::gap::measure::Overlay;
+use crate::physics::map::torque_of;
+use crate::plant::clutch::{self, Branch, Found};
+use crate::plant::config::Config;
+use crate::plant::motion::{Motion, index};
+use crate::report::laws::{Law, Line};
+use crate::report::series::{Signal, Trace};
+use crate::vehicle::Vehicle;
+
+/// Slip below which a clutch counts as locked, rad/s.
+const LOCKED: f64 = 1.5;
+/// Slip at which torque over position and friction over temperature are drawn, rad/s.
+const SLIP: f64 = 50.0;
+/// Torque per unit of friction below which a measured friction is mostly noise, N·m.
+const PRESSED: f64 = 60.0;
+/// Points of a curve.
+const POINTS: usize = 121;
+/// Time over which the flywheel's acceleration is taken, s.
+const SLOPE_S: f64 = 0.1;
+
+/// One sample of a recording in which the clutch slips.
+struct Sample {
+    torque: f64,
+    x: f64,
+    slip: f64,
+    theta: Option<f64>,
+}
+
+/// The recording of an overlay, and the row at which it begins.
+fn source<'a>(campaign: &'a Campaign, o: &Overlay) -> Option<(&'a Recording, usize)> {
+    if let Some(r) = campaign.recordings.iter().find(|r| r.name == o.recording) {
+        return Some((r, 0));
+    }
+    let (name, at) = o.recording.rsplit_once(" at ")?;
+    let begin: f64 = at.strip_suffix(" s")?.parse().ok()?;
+    let r = campaign.recordings.iter().find(|r| r.name == name)?;
+    let real = o.channels.iter().find(|c| c.column == "omega_f_rad_s")?;
+    // The name has one digit; the samples tell the row.
+    let near = (0..r.time.len()).filter(|&k| (r.time[k] - begin).abs() < 0.06);
+    let off = |k: usize| real.real.iter().zip(&r.omega_f[k..]).take(20).map(|(a, b)| (a - b).abs()).filter(|d| d.is_finite()).sum::<f64>();
+    near.min_by(|&a, &b| off(a).total_cmp(&off(b))).map(|k| (r, k))
+}
+
+/// Reported torque, commanded position and state of the clutch along each overlay.
+pub fn traces(campaign: &Campaign, found: &Diagnosis) -> Vec<Trace> {
+    let car = Config::new(&found.vehicle, &found.effects);
+    found.overlays.iter().map(|o| source(campaign, o).map_or_else(Trace::default, |(r, begin)| trace(&car, r, begin, o))).collect()
+}
+
+fn trace(car: &Config, r: &Recording, begin: usize, o: &Overlay) -> Trace {
+    let n = o.channels.iter().map(|c| c.real.len()).max().unwrap_or(0);
+    let mut row = begin;
+    let rows: Vec<usize> = (0..n)
+        .map(|i| {
+            let t = r.time[begin] + i as f64 * o.dt + 1e-9;
+            while row + 1 < r.time.len() && r.time[row + 1] <= t {
+                row += 1;
+            }
+            row
+        })
+        .collect();
+    let held = |v: &[f64]| rows.iter().map(|&k| v.get(k).copied().unwrap_or(f64::NAN)).collect::<Vec<f64>>();
+    let (t_e, x) = (held(&r.t_e), held(&r.x_to_cmd));
+    let theta = o.channels.iter().find(|c| c.column == "theta_c_degC");
+    let speeds = ["omega_f_rad_s", "omega_c_rad_s"].map(|column| o.channels.iter().find(|c| c.column == column));
+    let phases = match speeds {
+        [Some(f), Some(c)] => (0..n.min(f.real.len()).min(c.real.len()))
+            .map(|i| {
+                let theta = theta.map(|t| t.after[i]).filter(|t| t.is_finite()).unwrap_or(r.theta_c0);
+                if !clutch::engaged(car, x[i], theta) {
+                    0
+                } else if (f.real[i] - c.real[i]).abs() < LOCKED {
+                    2
+                } else {
+                    1
+                }
+            })
+            .collect(),
+        _ => Vec::new(),
+    };
+    Trace {
+        signals: vec![Signal { column: "T_e_Nm", unit: "N.m", values: t_e }, Signal { column: "x_to_cmd_mm", unit: "mm", values: x }],
+        phases,
+    }
+}
+
+/// Torque over position, friction over slip and over temperature.
+pub fn laws(found: &Diagnosis, traces: &[Trace]) -> Vec<Law> {
+    let cars = [Config::new(&found.nominal, &crate::effects::null()), Config::new(&found.vehicle, &found.effects)];
+    let measured = found.overlays.iter().any(|o| o.channels.iter().any(|c| c.column == "T_fc_Nm"));
+    let all: Vec<Sample> = found.overlays.iter().zip(traces).flat_map(|(o, t)| samples(o, t, &found.nominal)).collect();
+    let mut thetas: Vec<f64> = all.iter().filter_map(|s| s.theta).collect();
+    thetas.sort_by(f64::total_cmp);
+    let at = |share: f64| thetas.get((share * (thetas.len().max(1) - 1) as f64) as usize).copied();
+    let (cold, hot) = match (at(0.05), at(0.95)) {
+        (Some(a), Some(b)) if b - a > 10.0 => ((a / 5.0).round() * 5.0, (b / 5.0).round() * 5.0),
+        _ => (40.0, 120.0),
+    };
+    let torque_from =
+        if measured { "torque by the transducer" } else { "torque from the flywheel’s balance, T_e − b_f ω_f − J_f ω̇_f" };
+    let actuator = &found.nominal.actuator;
+    let mut xs: Vec<f64> = all.iter().map(|s| s.x).collect();
+    xs.sort_by(f64::total_cmp);
+    // As far as the recordings slip, and a little farther.
+    let reached = xs.get(xs.len().saturating_sub(1) * 98 / 100).map_or(actuator.x_cls_0, |x| x + 0.4);
+    let (first, last) = (actuator.x_cnt_0 - 0.3, reached.min(actuator.x_cls_0).max(actuator.x_cnt_0 + 0.5));
+    let x = |k: usize| first + (last - first) * k as f64 / (POINTS - 1) as f64;
+    let lines = |of: &dyn Fn(&Config, f64) -> Vec<(f64, f64)>| -> Vec<Line> {
+        let both = cars.iter().enumerate();
+        both.flat_map(|(k, car)| [(false, cold), (true, hot)].map(|(hot, theta)| Line { identified: k == 1, hot, points: of(car, theta) }))
+            .collect()
+    };
+    let mut laws = vec![Law {
+        title: "Clutch torque over position".to_owned(),
+        over: "bearing position, mm".to_owned(),
+        unit: "N·m",
+        lines: lines(&|car, theta| (0..POINTS).map(|k| (x(k), capacity(car, x(k), SLIP, theta))).collect()),
+        cloud: all.iter().map(|s| (s.x, s.torque)).collect(),
+        note: format!("{cold:.0} and {hot:.0} °C, {SLIP:.0} rad/s; {torque_from}"),
+    }];
+    // The friction that the data show needs the temperature for the force; without a thermocouple the laws stand alone.
+    let friction = |s: &Sample| {
+        let per_mu =
+            torque_of(&cars[1].vehicle.friction, clutch::force(&cars[1], &Found::NOTHING, s.x, Branch { x: s.x, z: 0.0 }, s.theta?), 1.0);
+        (per_mu > PRESSED).then(|| s.torque / per_mu)
+    };
+    let cloud = |over: fn(&Sample) -> Option<f64>| all.iter().filter_map(|s| Some((over(s)?, friction(s)?))).collect::<Vec<_>>();
+    let from =
+        if thetas.is_empty() { "no temperature measured: the data show no μ" } else { "dots: measured torque over the identified force" };
+    laws.push(Law {
+        title: "Friction coefficient over slip".to_owned(),
+        over: "slip, rad/s".to_owned(),
+        unit: "",
+        lines: lines(&|car, theta| {
+            (0..POINTS).map(|k| 200.0 * k as f64 / (POINTS - 1) as f64).map(|slip| (slip, mu(car, slip, theta))).collect()
+        }),
+        cloud: cloud(|s| Some(s.slip)),
+        note: format!("{cold:.0} and {hot:.0} °C; {from}"),
+    });
+    laws.push(Law {
+        title: "Friction coefficient over disc temperature".to_owned(),
+        over: "disc temperature, °C".to_owned(),
+        unit: "",
+        lines: cars
+            .iter()
+            .enumerate()
+            .map(|(k, car)| {
+                let most = hot.max(120.0) + 40.0;
+                let theta = |i: usize| 20.0 + (most - 20.0) * i as f64 / (POINTS - 1) as f64;
+                Line { identified: k == 1, hot: false, points: (0..POINTS).map(|i| (theta(i), mu(car, SLIP, theta(i)))).collect() }
+            })
+            .collect(),
+        cloud: cloud(|s| s.theta),
+        note: format!("at {SLIP:.0} rad/s; {from}"),
+    });
+    laws
+}
+
+fn motion(theta: f64) -> Motion {
+    let mut y = Motion::default();
+    y[index::THETA_C] = theta;
+    y
+}
+
+fn capacity(car: &Config, x: f64, slip: f64, theta: f64) -> f64 {
+    clutch::capacity(car, x, Branch { x, z: 0.0 }, slip, &motion(theta))
+}
+
+/// Effective friction coefficient: torque over what a unit of friction makes of the same force.
+fn mu(car: &Config, slip: f64, theta: f64) -> f64 {
+    let force = 1000.0;
+    clutch::capacity_under(car, &Found::NOTHING, force, slip, &motion(theta)) / torque_of(&car.vehicle.friction, force, 1.0)
+}
+
+fn samples(o: &Overlay, t: &Trace, vehicle: &Vehicle) -> Vec<Sample> {
+    let of = |column: &str| o.channels.iter().find(|c| c.column == column).map(|c| c.real.as_slice());
+    let (Some(f), Some(c)) = (of("omega_f_rad_s"), of("omega_c_rad_s")) else { return Vec::new() };
+    let signal = |column: &str| t.signals.iter().find(|s| s.column == column).map(|s| s.values.as_slice());
+    let Some(x) = of("x_to_mm").or_else(|| signal("x_to_cmd_mm")) else { return Vec::new() };
+    let reach = ((0.5 * SLOPE_S / o.dt).round() as usize).max(1);
+    let d = &vehicle.driveline;
+    let balance = |i: usize| {
+        let (a, b) = (i.checked_sub(reach)?, i + reach);
+        let slope = (f.get(b)? - f[a]) / ((b - a) as f64 * o.dt);
+        Some(signal("T_e_Nm")?.get(i)? - d.b_f * f[i] - d.J_f * slope)
+    };
+    let torque = |i: usize| of("T_fc_Nm").map_or_else(|| balance(i), |v| v.get(i).copied());
+    (0..t.phases.len())
+        .filter(|&i| t.phases[i] == 1 && f[i] - c[i] > 3.0 * LOCKED)
+        .filter_map(|i| {
+            let theta = of("theta_c_degC").and_then(|v| v.get(i).copied()).filter(|v| v.is_finite());
+            let sample = Sample { torque: torque(i)?, x: *x.get(i)?, slip: f[i] - c[i], theta };
+            (sample.torque.is_finite() && sample.x.is_finite()).then_some(sample)
+        })
+        .collect()
+}

@@ -1,0 +1,158 @@
+//! What a sceptical reader has to know before the verdict is believed; it stands with the verdict, not below it.
+
+use serde_json::Value;
+
+use super::Input;
+use super::json::{list, real, text, texts};
+use super::names;
+use super::residuals::Residual;
+use super::text::{alternatives, channel, enumeration, escape, number, percent};
+use super::verdict::or_places;
+
+/// One thing to know, as HTML.
+pub struct Doubt {
+    /// Whether it takes the tick away.
+    pub grave: bool,
+    /// The sentence.
+    pub html: String,
+}
+
+impl Doubt {
+    /// The sentence without markup.
+    pub fn text(&self) -> String {
+        let linked = self.html.split("<a ").next().unwrap_or_default();
+        let plain: String =
+            linked.split('<').enumerate().map(|(k, part)| if k == 0 { part } else { part.split_once('>').map_or("", |p| p.1) }).collect();
+        let plain = plain.replace("&lt;", "<").replace("&gt;", ">").replace("&quot;", "\"").replace("&#39;", "'").replace("&amp;", "&");
+        plain.trim_end().to_owned()
+    }
+}
+
+/// Recordings below which a campaign is thin.
+const FEW: usize = 4;
+/// Standard deviations from which a number of the vehicle file is said to be far off.
+const FAR: f64 = 3.0;
+/// Time outside of the noise's band, in one piece, from which it is told, s.
+const LONG_S: f64 = 0.2;
+
+/// All that there is.
+pub fn of(input: &Input) -> Vec<Doubt> {
+    let d = input.diagnosis;
+    let mut all: Vec<Doubt> = Vec::new();
+    let mut tell = |grave: bool, html: Option<String>| all.extend(html.map(|html| Doubt { grave, html }));
+    for effect in list(&d["which"], "effects") {
+        tell(true, rivals(effect));
+    }
+    tell(true, elsewhere(d));
+    tell(true, thin(input));
+    tell(true, far_off(d));
+    tell(false, remains(input));
+    tell(false, worse(d));
+    all
+}
+
+fn rivals(effect: &Value) -> Option<String> {
+    let rivals: Vec<String> =
+        texts(effect, "ambiguous_with").into_iter().map(|id| format!("<b>{}</b>", escape(&names::effect(id)))).collect();
+    let own = escape(&names::effect(text(effect, "id")?));
+    if rivals.is_empty() {
+        return None;
+    }
+    let how = text(effect, "separated_by").map_or_else(String::new, |how| format!(" To tell: {}.", escape(how.trim_end_matches('.'))));
+    Some(format!("These recordings cannot tell <b>{own}</b> from {}.{how}", alternatives(&rivals)))
+}
+
+fn elsewhere(d: &Value) -> Option<String> {
+    let others = texts(&d["where"], "ambiguous_with");
+    (!others.is_empty()).then(|| format!("The gap, or what remains of it, may as well lie in {}.", or_places(&others)))
+}
+
+/// Few recordings, or many curves of few recordings.
+fn thin(input: &Input) -> Option<String> {
+    let mut names: Vec<&str> = input.overlays.iter().map(|o| o.recording.split(" at ").next().unwrap_or_default()).collect();
+    names.sort_unstable();
+    names.dedup();
+    let (recordings, curves) = (names.len(), input.overlays.len());
+    if curves == 0 || recordings >= FEW {
+        return None;
+    }
+    let many = |n: usize, what: &str| if n == 1 { format!("one {what}") } else { format!("{n} {what}s") };
+    Some(if curves > recordings {
+        format!("All {curves} curves are engagements of {}: what these have in common is not tested.", many(recordings, "recording"))
+    } else {
+        format!(
+            "Thin data: {}. With fewer than {FEW} a verdict rests on little, and what was held out is like what was fitted.",
+            many(recordings, "recording")
+        )
+    })
+}
+
+/// Numbers of the vehicle file that the fit had to bend.
+fn far_off(d: &Value) -> Option<String> {
+    let map = d["which"]["tolerances"].as_object()?;
+    let mut far: Vec<(&String, f64)> = map.iter().filter_map(|(n, z)| Some((n, z.as_f64()?))).filter(|(_, z)| z.abs() > FAR).collect();
+    far.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+    let named: Vec<String> = far.iter().take(3).map(|(n, z)| format!("<code>{}</code> by {}", escape(n), number(z.abs(), 2))).collect();
+    (!named.is_empty())
+        .then(|| format!("The fit had to move numbers of the vehicle file by many of their standard deviations: {}.", enumeration(&named)))
+}
+
+/// Held-out speeds that stay outside of their noise.
+fn remains(input: &Input) -> Option<String> {
+    let speeds = |c: &str| c.starts_with("omega");
+    let worst =
+        super::residuals::held_out(input).into_iter().filter(|r| speeds(r.column)).max_by(|a, b| a.longest_s.total_cmp(&b.longest_s))?;
+    (worst.longest_s >= LONG_S).then(|| stays(&worst))
+}
+
+fn stays(r: &Residual) -> String {
+    format!(
+        "In the free replay of {} the {} stays outside ±2σ of its sensor noise for {} s on end, by up to {} {}; {} of its samples lie outside, where \
+         noise alone puts 5\u{202f}%. <a href=\"#residuals\">Tests of the residuals</a>",
+        escape(&r.recording),
+        escape(&channel(r.column).to_lowercase()),
+        number(r.longest_s, 2),
+        number(r.largest, 2),
+        escape(&super::text::unit(r.unit)),
+        percent(r.outside)
+    )
+}
+
+/// What got worse by retuning.
+fn worse(d: &Value) -> Option<String> {
+    let far = &d["how_far"];
+    let (mut all, mut names) = (0, Vec::new());
+    for row in list(far, "per_recording") {
+        let (Some(before), Some(after)) = (real(row, "before"), real(row, "after")) else { continue };
+        all += 1;
+        if after > 1.02 * before && after > real(row, "noise").unwrap_or(0.0) {
+            let name = channel(text(row, "channel").unwrap_or("unnamed")).to_lowercase();
+            names.push(format!("{name} of {} ({} → {})", text(row, "recording").unwrap_or(""), number(before, 3), number(after, 3)));
+        }
+    }
+    for (recording, figures) in far["kpi"].as_object().into_iter().flatten() {
+        for (key, name, _, factor) in super::shrinkage::FIGURES {
+            let [Some(car), Some(before), Some(after)] = ["real", "before", "after"].map(|k| real(&figures[key], k)) else { continue };
+            all += 1;
+            if (after - car).abs() > (before - car).abs() + 0.01 * car.abs() {
+                let [c, b, a] = [car, before, after].map(|v| number(v * factor, 3));
+                names.push(format!("{} of {recording} ({b} → {a}, car {c})", name.to_lowercase()));
+            }
+        }
+    }
+    let (count, more) = (names.len(), names.len().saturating_sub(3));
+    names.truncate(3);
+    let tail = if more > 0 { format!(", and {more} more") } else { String::new() };
+    (count > 0).then(|| format!("Worse after retuning: {count} of {all} figures: {}{tail}.", escape(&names.join(", "))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_terminal_gets_the_sentence_without_markup() {
+        let doubt = Doubt { grave: true, html: "Not <b>a &amp; b</b> &lt; <code>c</code>. <a href=\"#x\">More</a>".to_owned() };
+        assert_eq!(doubt.text(), "Not a & b < c.");
+    }
+}

@@ -1,0 +1,122 @@
+//! The laws of the clutch: torque over position, friction over slip and temperature, nominal and identified, with the data as a cloud.
+
+use std::fmt::Write as _;
+
+use super::Input;
+use super::chart::{Scale, path, range};
+use super::residuals::{labelled, plain};
+use super::text::escape;
+
+/// One curve of a law.
+#[derive(Clone, Debug)]
+pub struct Line {
+    /// Whether it is the identified car's, or the nominal one's.
+    pub identified: bool,
+    /// Whether it is that of the hotter of two temperatures.
+    pub hot: bool,
+    /// Its points.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// One law as a figure.
+#[derive(Clone, Debug)]
+pub struct Law {
+    /// What it is.
+    pub title: String,
+    /// Abscissa with its unit.
+    pub over: String,
+    /// Unit of the ordinate.
+    pub unit: &'static str,
+    /// Curves.
+    pub lines: Vec<Line>,
+    /// What was measured.
+    pub cloud: Vec<(f64, f64)>,
+    /// Where the cloud comes from.
+    pub note: String,
+}
+
+/// Dots of a cloud.
+const DOTS: usize = 1500;
+
+/// The section: all laws, or nothing.
+pub fn section(input: &Input) -> String {
+    if input.laws.is_empty() {
+        return String::new();
+    }
+    let figures: String = input.laws.iter().map(drawn).collect();
+    format!(
+        "<h3>The laws of the clutch, nominal and identified</h3>\n<p class=\"keys\"><svg class=\"key\" aria-hidden=\"true\"><path class=\"c-before\" d=\"M0 7h26\"/></svg> nominal \
+         <svg class=\"key\" aria-hidden=\"true\"><path class=\"c-after\" d=\"M0 7h26\"/></svg> identified; thin lines cold, thick ones hot; dots are the recordings, slipping</p>\n\
+         <div class=\"figures\">{figures}</div>\n"
+    )
+}
+
+fn drawn(law: &Law) -> String {
+    let step = law.cloud.len().div_ceil(DOTS).max(1);
+    let cloud: Vec<(f64, f64)> = law.cloud.iter().copied().step_by(step).collect();
+    let lines = law.lines.iter().flat_map(|l| &l.points);
+    let (low, high) = range(lines.clone().map(|p| &p.0));
+    // The lines and all but the outermost dots.
+    let mut heights: Vec<f64> = cloud.iter().map(|p| p.1).collect();
+    heights.sort_by(f64::total_cmp);
+    let inner = heights.get(heights.len() / 50..heights.len() - heights.len() / 50).unwrap_or_default();
+    let (bottom, top) = range(lines.map(|p| &p.1).chain(inner));
+    let x = Scale { low, high, a: 52.0, b: 512.0 };
+    let y = Scale { low: bottom, high: top, a: 188.0, b: 8.0 };
+    let mut drawing = frame(&x, &y, &law.over);
+    let dots = cloud.iter().filter(|p| (low..=high).contains(&p.0) && (bottom..=top).contains(&p.1)).fold(String::new(), |mut out, p| {
+        write!(out, "M{:.0} {:.0}h0", x.at(p.0), y.at(p.1)).expect("a String takes any text");
+        out
+    });
+    write!(drawing, "<path class=\"dots d-real\" d=\"{dots}\"/>").expect("a String takes any text");
+    let mut csv = format!("curve,{},{} {}\n", law.over.replace(',', ""), law.title, law.unit);
+    for line in &law.lines {
+        let class = format!("{}{}", if line.identified { "c-after" } else { "c-before" }, if line.hot { " hot" } else { "" });
+        let points = line.points.iter().map(|p| (x.at(p.0), y.at(p.1)));
+        write!(drawing, "<path class=\"{class}\" d=\"{}\"/>", path(points)).expect("a String takes any text");
+        let name = format!("{} {}", if line.identified { "identified" } else { "nominal" }, if line.hot { "hot" } else { "cold" });
+        line.points.iter().for_each(|p| writeln!(csv, "{name},{},{}", plain(p.0), plain(p.1)).expect("a String takes any text"));
+    }
+    cloud.iter().for_each(|p| writeln!(csv, "car,{},{}", plain(p.0), plain(p.1)).expect("a String takes any text"));
+    figure(&law.title, law.unit, &drawing, &csv, &law.note)
+}
+
+/// Grid, ticks and the name of the abscissa of a figure of 520 by 232 user units.
+pub fn frame(x: &Scale, y: &Scale, over: &str) -> String {
+    let mut out = String::new();
+    for (t, text) in labelled(y, 4) {
+        let p = y.at(t);
+        write!(
+            out,
+            "<path class=\"grid\" d=\"M52 {p:.1}h460\"/><text class=\"tick\" x=\"47\" y=\"{:.1}\" text-anchor=\"end\">{text}</text>",
+            p + 4.0
+        )
+        .expect("a String takes any text");
+    }
+    for (t, text) in labelled(x, 6) {
+        let p = x.at(t);
+        write!(
+            out,
+            "<path class=\"grid\" d=\"M{p:.1} 8v180\"/><text class=\"tick\" x=\"{p:.1}\" y=\"205\" text-anchor=\"middle\">{text}</text>"
+        )
+        .expect("a String takes any text");
+    }
+    write!(out, "<text class=\"tick\" x=\"282\" y=\"225\" text-anchor=\"middle\">{}</text>", escape(over))
+        .expect("a String takes any text");
+    out
+}
+
+/// A still figure with its table, which the script offers as SVG, PNG and CSV.
+pub fn figure(title: &str, unit: &str, drawing: &str, csv: &str, note: &str) -> String {
+    let label = if unit.is_empty() {
+        format!("<b>{}</b>", escape(title))
+    } else {
+        format!("<span><b>{}</b>, {}</span>", escape(title), escape(unit))
+    };
+    let note = if note.is_empty() { String::new() } else { format!(" <span class=\"note\">{}</span>", escape(note)) };
+    format!(
+        "<figure data-csv=\"{}\"><figcaption>{label}{note}</figcaption><svg viewBox=\"0 0 520 232\" role=\"img\" aria-label=\"{}\">{drawing}</svg></figure>",
+        escape(csv),
+        escape(title)
+    )
+}

@@ -1,0 +1,95 @@
+//! Plain names of effects, subsystems and numbers: what a person says, beside the ids that programs use.
+
+use super::text::{alternatives, capitalised, words};
+
+/// What each effect of the library is called in a sentence.
+pub const EFFECTS: [(&str, &str); 24] = [
+    ("actuator_backlash", "play in the actuator"),
+    ("actuator_delay", "delay of the position command"),
+    ("actuator_lag", "actuator lag"),
+    ("actuator_rate_limit", "speed limit of the actuator"),
+    ("clutch_cooling", "cooling of the clutch"),
+    ("clutch_drag", "drag of the open clutch"),
+    ("clutch_speed_delay", "late disc-speed signal"),
+    ("clutch_speed_gain", "scale error of the disc-speed signal"),
+    ("cushion_hysteresis", "hysteresis of the cushion spring"),
+    ("cushion_stiffness_thermal", "thermal change of the cushion stiffness"),
+    ("driveline_compliance", "elastic drive shafts"),
+    ("engine_speed_delay", "late flywheel-speed signal"),
+    ("engine_torque_bias", "offset of the engine torque"),
+    ("engine_torque_gain", "scale error of the engine torque"),
+    ("engine_torque_lag", "lag of the engine torque"),
+    ("friction_fade", "friction fade when hot"),
+    ("friction_level", "friction level"),
+    ("friction_slip_gradient", "friction that changes with slip speed"),
+    ("heat_partition", "split of the friction heat"),
+    ("judder", "judder"),
+    ("kiss_point_offset", "shifted kiss point"),
+    ("kiss_point_thermal", "thermal drift of the kiss point"),
+    ("road_load", "road load"),
+    ("vehicle_mass", "vehicle mass"),
+];
+
+/// What each subsystem is called in a sentence.
+pub const SUBSYSTEMS: [(&str, &str); 7] = [
+    ("engine", "engine torque"),
+    ("actuator", "actuator"),
+    ("clutch_force", "clutch force"),
+    ("friction", "friction"),
+    ("thermal", "heat balance"),
+    ("driveline", "driveline"),
+    ("sensors", "speed sensors"),
+];
+
+/// The plain name of an effect; an id that is not in the library is given back as words.
+pub fn effect(id: &str) -> String {
+    EFFECTS.iter().find(|(known, _)| *known == id).map_or_else(|| words(id), |(_, name)| (*name).to_owned())
+}
+
+/// The plain name of a subsystem.
+pub fn subsystem(id: &str) -> String {
+    SUBSYSTEMS.iter().find(|(known, _)| *known == id).map_or_else(|| words(id), |(_, name)| (*name).to_owned())
+}
+
+/// A subsystem with its article, as in "lies in the driveline".
+pub fn place(id: &str) -> String {
+    match id {
+        "friction" => subsystem(id),
+        _ => format!("the {}", subsystem(id)),
+    }
+}
+
+/// An effect with those that may be there in its place: "A or B".
+pub fn with_rivals(id: &str, rivals: &[&str]) -> String {
+    alternatives(&std::iter::once(id).chain(rivals.iter().copied()).map(effect).collect::<Vec<_>>())
+}
+
+/// The name at the beginning of a line.
+pub fn effect_title(id: &str) -> String {
+    capitalised(&effect(id))
+}
+
+/// The name at the beginning of a line.
+pub fn subsystem_title(id: &str) -> String {
+    capitalised(&subsystem(id))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::{REGISTRY, Subsystem};
+
+    #[test]
+    fn everything_has_a_plain_name_and_the_documentation_has_the_same() {
+        let page = include_str!("../../docs/effects.md");
+        for entry in &REGISTRY {
+            let name = EFFECTS.iter().find(|(id, _)| *id == entry.id).unwrap_or_else(|| panic!("{} has no plain name", entry.id)).1;
+            let row = page.lines().find(|line| line.contains(&format!("| `{}` |", entry.id))).expect("every effect is documented");
+            assert!(row.contains(&format!("| {name} |")), "docs/effects.md: {} is called {name}", entry.id);
+        }
+        assert_eq!(EFFECTS.len(), REGISTRY.len());
+        for s in Subsystem::ALL {
+            assert!(SUBSYSTEMS.iter().any(|(id, _)| *id == s.id()), "{} has no plain name", s.id());
+        }
+    }
+}
