@@ -50,8 +50,6 @@ impl Fit {
 /// Steps that an iteration tries, each shorter than the one before, and the factor on their damping.
 const TRIES: usize = 7;
 const SHRINK: f64 = 20.0;
-/// Rounds in which parameters that would leave their bounds are stopped there.
-const STOPS: usize = 4;
 /// Ratio of a step's gain to what the linear model promised within which derivatives along nuisances are kept.
 const KEEPS_ITS_WORD: std::ops::Range<f64> = 0.7..1.5;
 /// Gain of a step, in units of the cost, below which a fit ends.
@@ -170,26 +168,115 @@ fn moved(problem: &Problem, frame: &Frame, equations: &Normal, point: &Point, st
     trial
 }
 
-/// Gauss–Newton step within the bounds: a coordinate that would leave is stopped at its bound, and the others move for themselves.
+/// Gauss–Newton step within the bounds: the least of the quadratic model over the box that they leave, by the primal active-set method (Nocedal and Wright,
+/// "Numerical Optimization", 2nd edition, algorithm 16.3). A coordinate that is stopped at its bound is let go where the model then falls inwards.
 fn bounded_step(problem: &Problem, equations: &Normal, frame: &Frame, point: &Point) -> Option<DVector<f64>> {
-    let (mut curvature, mut downhill) = (equations.curvature.clone(), -equations.gradient.clone());
-    let mut stopped = vec![false; frame.shared.len()];
-    for _ in 0..STOPS {
-        let step = curvature.clone().cholesky()?.solve(&downhill);
-        let room = |k: usize| frame.shared[k].room(problem, point, 0, step[k]);
-        let leaving: Vec<usize> = (0..step.len()).filter(|&k| !stopped[k] && room(k) != step[k]).collect();
-        if leaving.is_empty() {
-            return Some(step);
+    let n = frame.shared.len();
+    let room = |k: usize| [-FAR, FAR].map(|by| frame.shared[k].room(problem, point, 0, by));
+    let bounds: Vec<[f64; 2]> = (0..n).map(room).collect();
+    least_in_box(&equations.curvature, &equations.gradient, &bounds)
+}
+
+/// Further than any step.
+const FAR: f64 = 1e9;
+
+/// Least of ½ sᵀHs + gᵀs with every s between its two bounds, which hold zero between them; none if H is not positive definite.
+fn least_in_box(curvature: &DMatrix<f64>, gradient: &DVector<f64>, bounds: &[[f64; 2]]) -> Option<DVector<f64>> {
+    let n = bounds.len();
+    let mut step = DVector::zeros(n);
+    let outwards = |k: usize, slope: f64, at: f64| (at <= bounds[k][0] && slope > 0.0) || (at >= bounds[k][1] && slope < 0.0);
+    let mut stopped: Vec<bool> = (0..n).map(|k| outwards(k, gradient[k], 0.0)).collect();
+    // Each round stops a coordinate or lets one go while the model falls: it ends, and in practice after a few.
+    for _ in 0..4 * n.max(4) {
+        let (mut h, mut downhill) = (curvature.clone(), -(gradient + curvature * &step));
+        for k in (0..n).filter(|k| stopped[*k]) {
+            h.row_mut(k).fill(0.0);
+            h.column_mut(k).fill(0.0);
+            (h[(k, k)], downhill[k]) = (1.0, 0.0);
         }
-        for k in leaving {
-            stopped[k] = true;
-            let to_bound = room(k);
-            downhill -= curvature.column(k) * to_bound;
-            curvature.row_mut(k).fill(0.0);
-            curvature.column_mut(k).fill(0.0);
-            curvature[(k, k)] = 1.0;
-            downhill[k] = to_bound;
+        let to = h.cholesky()?.solve(&downhill);
+        let share = |k: usize| {
+            let [least, most] = bounds[k];
+            let (from, by) = (step[k], to[k]);
+            if from + by > most {
+                (most - from) / by
+            } else if from + by < least {
+                (least - from) / by
+            } else {
+                1.0
+            }
+        };
+        let first = (0..n).filter(|&k| !stopped[k] && share(k) < 1.0).min_by(|&a, &b| share(a).total_cmp(&share(b)));
+        if let Some(k) = first {
+            let bound = if to[k] > 0.0 { bounds[k][1] } else { bounds[k][0] };
+            step += &to * share(k);
+            (step[k], stopped[k]) = (bound, true);
+            continue;
+        }
+        step += to;
+        let slope = gradient + curvature * &step;
+        let inwards = (0..n).filter(|&k| stopped[k] && !outwards(k, slope[k], step[k]) && slope[k] != 0.0);
+        let Some(free) = inwards.max_by(|&a, &b| {
+            let gain = |k: usize| slope[k] * slope[k] / curvature[(k, k)];
+            gain(a).total_cmp(&gain(b))
+        }) else {
+            break;
+        };
+        stopped[free] = false;
+    }
+    Some(step)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Both coordinates want to leave at first; with the second at its bound the first moves inwards.
+    #[test]
+    fn a_coordinate_that_was_stopped_is_let_go_where_the_model_falls_inwards() {
+        let h = DMatrix::from_row_slice(2, 2, &[1.0, 0.9, 0.9, 1.0]);
+        let g = DVector::from_vec(vec![-0.3, 1.0]);
+        let both = [[0.0, f64::INFINITY], [0.0, f64::INFINITY]];
+        let s = least_in_box(&h, &g, &both).unwrap();
+        assert!((s[0] - 0.3).abs() < 1e-12 && s[1] == 0.0, "{s}");
+        let far = DVector::from_vec(vec![1.0, -3.0]);
+        let s = least_in_box(&h, &far, &[[-5.0, 5.0], [-5.0, 2.0]]).unwrap();
+        assert!((s[1] - 2.0).abs() < 1e-12 && (s[0] + 2.8).abs() < 1e-12, "{s}");
+    }
+
+    /// Against every combination of bounds: of those that are feasible and free at the rest, the least.
+    #[test]
+    fn the_least_in_a_box_is_the_least_of_all_its_faces() {
+        let mut seed = 7_u64;
+        let mut random = || {
+            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        };
+        for _ in 0..200 {
+            let a = DMatrix::from_fn(4, 4, |_, _| random());
+            let h = &a * a.transpose() + DMatrix::identity(4, 4) * 0.01;
+            let g = DVector::from_fn(4, |_, _| random());
+            let bounds: Vec<[f64; 2]> = (0..4).map(|_| [-(random() + 0.5).max(0.0), (random() + 0.3).max(0.0)]).collect();
+            let value = |s: &DVector<f64>| 0.5 * (&h * s).dot(s) + g.dot(s);
+            let found = least_in_box(&h, &g, &bounds).unwrap();
+            let mut least = f64::INFINITY;
+            for face in 0..3_usize.pow(4) {
+                let side = |k: usize| face / 3_usize.pow(k as u32) % 3;
+                let (mut m, mut b) = (h.clone(), -g.clone());
+                for k in (0..4).filter(|k| side(*k) < 2) {
+                    let at = bounds[k][side(k)];
+                    b -= m.column(k) * at;
+                    m.row_mut(k).fill(0.0);
+                    m.column_mut(k).fill(0.0);
+                    (m[(k, k)], b[k]) = (1.0, at);
+                }
+                let s = m.cholesky().unwrap().solve(&b);
+                if (0..4).all(|k| s[k] >= bounds[k][0] - 1e-12 && s[k] <= bounds[k][1] + 1e-12) {
+                    least = least.min(value(&s));
+                }
+            }
+            assert!((0..4).all(|k| found[k] >= bounds[k][0] - 1e-12 && found[k] <= bounds[k][1] + 1e-12));
+            assert!(value(&found) <= least + 1e-9, "{} instead of {least}", value(&found));
         }
     }
-    curvature.cholesky().map(|c| c.solve(&downhill))
 }
