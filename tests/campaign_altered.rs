@@ -174,3 +174,55 @@ fn stamps_jitter_by_almost_half_of_the_interval() {
         assert!(r.time.iter().zip(&w.time).enumerate().skip(1).all(|(k, (r, w))| (r - w - shift(k)).abs() < 1e-5));
     }
 }
+
+/// What is named first, beside what stands in its place.
+fn named(c: &Campaign) -> Vec<String> {
+    let found = kisspoint::gap::diagnosis::diagnose(c, &|_, _| {}).unwrap().json;
+    let first = &found["which"]["effects"][0];
+    let rivals = first["ambiguous_with"].as_array().into_iter().flatten();
+    std::iter::once(&first["id"]).chain(rivals).map(|id| id.as_str().unwrap_or("nothing").to_string()).collect()
+}
+
+/// The bundled car's kiss point moves as its clutch heats: a worse log says so, too.
+#[test]
+fn the_diagnosis_of_a_worse_log_is_the_same() {
+    let blank = |_: usize, rows: &mut Rows| rows.iter_mut().skip(1).step_by(2).for_each(|r| r[OMEGA_C].clear());
+    let slow =
+        |_: usize, rows: &mut Rows| rows.iter_mut().skip(1).step_by(2).for_each(|r| [OMEGA_F, OMEGA_C].iter().for_each(|c| r[*c].clear()));
+    let code = |number: usize, rows: &mut Rows| {
+        if number == 4 {
+            rows[120][OMEGA_C] = "983.025".into()
+        }
+    };
+    let dead = |_: usize, rows: &mut Rows| {
+        rows.iter_mut().filter(|r| number(&r[OMEGA_C]).abs() < 3.0).for_each(|r| r[OMEGA_C] = "0".into());
+    };
+    let lost = |number: usize, rows: &mut Rows| {
+        let mut k = 0;
+        rows.retain(|_| {
+            k += 1;
+            k == 1 || drawn(10_000 * number + k) > 0.005
+        });
+    };
+    let all: [(&str, &dyn Fn(usize, &mut Rows)); 5] = [
+        ("blank-diagnosed", &blank),
+        ("slow-diagnosed", &slow),
+        ("code-diagnosed", &code),
+        ("dead-diagnosed", &dead),
+        ("lost-diagnosed", &lost),
+    ];
+    for (name, change) in all {
+        assert_eq!(named(&altered(name, change)), ["kiss_point_thermal"], "{name}");
+    }
+}
+
+/// Nobody noted how warm the clutch was: 25 °C, give or take 50 K.
+#[test]
+fn the_diagnosis_without_start_temperatures_names_the_effect_first() {
+    let mut c = whole();
+    for r in &mut c.recordings {
+        (r.theta_c0, r.theta_b0) = (25.0, 25.0);
+        r.theta_0_sigma = [50.0; 2];
+    }
+    assert!(named(&c).contains(&"kiss_point_thermal".to_string()));
+}

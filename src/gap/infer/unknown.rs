@@ -10,7 +10,7 @@ use super::density::{Basis, Point, Problem, Residuals, weight};
 use super::fit::{Fit, Free, LOOK, fit};
 use super::linear::{Columns, Frame, Normal, normal};
 use super::pulsation;
-use super::search::{Hypothesis, log_prior, moments};
+use super::search::{DRAGGED, Hypothesis, log_prior, moments};
 use crate::effects::{Act, PARAMETERS, REGISTRY, Subsystem};
 use crate::gap::model::missing;
 use crate::gap::model::replay::Missing;
@@ -44,34 +44,54 @@ pub struct Unknown {
 const FITTED_NATS: f64 = 15.0;
 const FITTED: usize = 2;
 
-/// Logarithm of the prior odds of a missing law at some place.
+/// Logarithm of the prior odds of a missing law at some place, of one of its sizes.
 fn place_prior() -> f64 {
-    (PLACE_PRIOR / (1.0 - PLACE_PRIOR)).ln()
+    (PLACE_PRIOR / (1.0 - PLACE_PRIOR)).ln() - (SIZES.len() as f64).ln()
 }
+
+/// How large a missing law may be, in sizes of a fault worth the name: each as likely as another.
+const SIZES: [f64; 3] = [1.0, 2.0, 4.0];
 
 /// Missing laws beside a set of effects, every place, most probable first. They are fitted if the best of them promises more than `least`.
 pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
     let at = Mode::new(problem, &of.fit, &of.effects, None);
     let Some(at) = at else { return Vec::new() };
-    let mut found: Vec<Unknown> = Subsystem::ALL
+    let mut found: Vec<(Unknown, f64)> = Subsystem::ALL
         .into_iter()
         .map(|place| {
-            let basis = functions(problem, &of.fit.point, place);
+            let mut basis = functions(problem, &of.fit.point, place);
             let beside = at.forms(&of.effects, Some(place));
             let law = at.columns(&basis);
-            let gain = at.gain(&law.iter().zip(&beside).map(|(l, b)| joined(l, b)).collect::<Vec<_>>()).nats;
+            let of_size = |size: f64| {
+                let all: Vec<Changes> = law.iter().zip(&beside).map(|(l, b)| joined(&(l * size), b)).collect();
+                (size, at.gain(&all).nats)
+            };
+            let (size, gain) = SIZES.map(of_size).into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).expect("there are sizes");
+            basis.iter_mut().flatten().for_each(|f| f.scale(size));
             let log_posterior = of.fit.log_evidence + log_prior(of.effects.len()) + moments(&of.fit, &of.effects) + gain + place_prior();
-            Unknown { effects: of.effects.clone(), place, log_posterior, fit: None, basis }
+            (Unknown { effects: of.effects.clone(), place, log_posterior, fit: None, basis }, size)
         })
         .collect();
-    found.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
-    let best = found[0].log_posterior;
-    if best > least {
-        for u in found.iter_mut().take(FITTED).filter(|u| best - u.log_posterior < FITTED_NATS) {
-            *u = beside(problem, &of.effects, u.place, &u.basis, &of.fit.point);
+    found.sort_by(|a, b| b.0.log_posterior.total_cmp(&a.0.log_posterior));
+    let best = found[0].0.log_posterior;
+    // Tolerances that the gap bent are no good start for a law that explains it.
+    let shared = &of.fit.point.shared;
+    let bent = shared.iter().map(|z| z * z).sum::<f64>() > DRAGGED * shared.len() as f64;
+    let straight = Point { effects: of.fit.point.effects, ..problem.nominal() };
+    for (u, size) in found.iter_mut().take(FITTED).filter(|(u, _)| best > least && best - u.log_posterior < FITTED_NATS) {
+        let place = u.place;
+        *u = beside(problem, &of.effects, place, &u.basis, &of.fit.point);
+        if bent {
+            let mut basis = functions(problem, &straight, place);
+            basis.iter_mut().flatten().for_each(|f| f.scale(*size));
+            let other = beside(problem, &of.effects, place, &basis, &straight);
+            if other.log_posterior > u.log_posterior {
+                *u = other;
+            }
         }
-        found.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
     }
+    let mut found: Vec<Unknown> = found.into_iter().map(|(u, _)| u).collect();
+    found.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
     found
 }
 
@@ -171,6 +191,9 @@ impl<'a> Mode<'a> {
             (there.map(|&e| self.change(e)).sum::<f64>(), None, place)
         });
         let ripples = effects.iter().filter(|&&e| pulsates(e)).map(|&e| (self.change(e), Some(e), REGISTRY[e].effect.subsystem));
+        // Effects that work against each other change more than the whole gap; their forms are told from it alone.
+        let sum: f64 = effects.iter().map(|&e| self.change(e)).sum();
+        let share = if sum > 0.0 { (self.gap() / sum).min(1.0) } else { 1.0 };
         for (change, ripple, place) in smooth.chain(ripples).collect::<Vec<_>>() {
             if change == 0.0 {
                 continue;
@@ -180,7 +203,7 @@ impl<'a> Mode<'a> {
             let mut columns = self.columns(&basis);
             let whole: f64 = columns.iter().map(DMatrix::norm_squared).sum();
             // Never larger than a law that is missing altogether.
-            let scale = (FORM * (change / whole.max(f64::MIN_POSITIVE)).sqrt()).min(1.0);
+            let scale = (FORM * (share * change / whole.max(f64::MIN_POSITIVE)).sqrt()).min(1.0);
             columns.iter_mut().for_each(|c| *c *= scale);
             all = all.iter().zip(&columns).map(|(a, b)| joined(a, b)).collect();
         }
@@ -191,9 +214,19 @@ impl<'a> Mode<'a> {
     fn change(&self, effect: usize) -> f64 {
         let mut point = self.fit.point.clone();
         REGISTRY[effect].parameters.clone().for_each(|p| point.effects[p] = PARAMETERS[p].null);
+        self.off(&point, self.basis)
+    }
+
+    /// The same of everything that the mode has beyond the nominal car.
+    fn gap(&self) -> f64 {
+        self.off(&self.problem.nominal(), None)
+    }
+
+    /// Sum of squares of the difference in innovations between a point and the mode.
+    fn off(&self, point: &Point, basis: Option<&Basis>) -> f64 {
         let square = |r: usize| {
-            let without = self.problem.residuals(r, &point, self.basis);
-            without.iter().zip(&self.fit.residuals[r]).map(|(a, b)| (a - b).powi(2)).sum::<f64>()
+            let there = self.problem.residuals(r, point, basis);
+            there.iter().zip(&self.fit.residuals[r]).map(|(a, b)| (a - b).powi(2)).sum::<f64>()
         };
         // Summed in one order, whatever the threads do.
         (0..self.problem.tracks.len()).into_par_iter().map(square).collect::<Vec<f64>>().iter().sum()

@@ -9,7 +9,7 @@
 //! | engine | torque | speed, torque asked for, its change | 4 N·m |
 //! | actuator | position, times ∂T/∂x | position commanded now and before, its direction, time under pressure | 0.05 mm |
 //! | clutch force | torque, relative | position, its direction, time since contact, temperature | 8 % |
-//! | friction | torque, relative | slip, temperature, power, work done | 8 % |
+//! | friction | torque, relative | slip, temperature, power, work done, time slipped | 8 % |
 //! | thermal | temperature, times ∂T/∂θ | heat of the last second, seconds, minutes | 12 K |
 //! | driveline | torque | speed, its direction, acceleration, time since the start | 3 N·m |
 //! | sensors | speeds as sensed | speed, acceleration | 1 rad/s |
@@ -157,12 +157,13 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
         m.sensed[side] = (0..n).map(f).collect();
         m
     };
-    // Time and work since the faces met.
-    let (mut since, mut work, mut done) = (vec![0.0; n], vec![0.0; n], 0.0);
+    // Time since the faces met; work done and time slipped since the recording began.
+    let (mut since, mut work, mut slipped, mut done) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], 0.0);
     for k in 1..n {
         since[k] = if s.slipping[k] { since[k - 1] + s.dt } else { 0.0 };
         done += (s.torque[k] * s.slip[k]).max(0.0) * s.dt;
         work[k] = done;
+        slipped[k] = slipped[k - 1] + if s.slipping[k] { s.dt } else { 0.0 };
     }
     let power: Vec<f64> = (0..n).map(|k| (s.torque[k] * s.slip[k]).max(0.0)).collect();
     let share = |k: usize| (s.position[k] - s.travel[0]) / (s.travel[1] - s.travel[0]);
@@ -232,6 +233,9 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
             }
             for joules in [2e3, 1e4, 5e4] {
                 all.push(clutch(&|k| SIZE * s.torque[k] * (-work[k] / joules).exp()));
+            }
+            for seconds in [0.5, 3.0] {
+                all.push(clutch(&|k| SIZE * s.torque[k] * (-slipped[k] / seconds).exp()));
             }
         }
         Subsystem::Thermal => {

@@ -29,6 +29,10 @@ pub struct Missing {
 }
 
 impl Missing {
+    /// Makes the law that many times as large.
+    pub fn scale(&mut self, by: f64) {
+        self.torque.iter_mut().chain(&mut self.sensed).flatten().for_each(|x| *x *= by);
+    }
     fn torque(&self, side: usize, row: usize) -> f64 {
         self.torque[side].get(row).copied().unwrap_or(0.0)
     }
