@@ -106,10 +106,14 @@ pub fn posterior(problem: &Problem, search: &Search) -> Posterior {
         fit: u.fit,
         curvature: None,
     }));
-    all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
-    let most = all.iter().find(|e| e.fit.is_some()).map_or(0.0, |e| e.log_posterior);
-    // What was not fitted is only promised: it weighs no more than the best that was.
-    all.iter_mut().for_each(|e| e.probability = (e.log_posterior.min(most) - most).exp() * if e.fit.is_some() { 1.0 } else { 0.5 });
+    let fitted = all.iter().filter(|e| e.fit.is_some()).map(|e| e.log_posterior);
+    let most = fitted.fold(f64::NEG_INFINITY, f64::max);
+    // What was not fitted is only promised: it weighs no more than the best that was, and half as much if it would.
+    for e in &mut all {
+        e.log_posterior = e.log_posterior.min(most);
+        e.probability = (e.log_posterior - most).exp() * if e.fit.is_some() { 1.0 } else { 0.5 };
+    }
+    all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     let sum: f64 = all.iter().map(|e| e.probability).sum();
     all.iter_mut().for_each(|e| e.probability /= sum);
     Posterior { explanations: all, base_misfit: misfit(&search.base().fit.residuals) }

@@ -113,6 +113,10 @@ pub mod defaults {
     pub const TIMING_INTERVALS: f64 = 0.1;
     /// Timing of the command, in intervals of a logger that keeps its own time: when a command changed between two samples it cannot say.
     pub const LOOSE_TIMING_INTERVALS: f64 = 0.2;
+    /// Time constant of what smooths a torque report that is otherwise in time, s: as little known as its timing.
+    pub const REPORT_SMOOTHING_S: f64 = REPORT_TIMING_S;
+    /// The same of the command, in intervals of a logger that keeps its own time: between two samples a command may have gone any way.
+    pub const LOOSE_SMOOTHING_INTERVALS: f64 = 0.5;
 }
 
 /// Reads the tolerances of a vehicle document, in the order of their names, and adds the defaults for this logger.
@@ -147,7 +151,15 @@ pub fn read(vehicle: &Value, logger: Logger) -> Result<Tolerances, ToleranceErro
     };
     let timing = defaults::TIMING_INTERVALS * logger.interval_s;
     let command = if logger.loose { defaults::LOOSE_TIMING_INTERVALS * logger.interval_s } else { timing };
+    let smooth = |name: &str, sigma| Nuisance {
+        one_sided: true,
+        target: target(name).expect("it is one of ours"),
+        ..late(name, Signal::Command, sigma)
+    };
+    let smoothing = if logger.loose { defaults::LOOSE_SMOOTHING_INTERVALS * logger.interval_s } else { timing };
     let logger = [
+        smooth("engine.T_e_smoothing", defaults::REPORT_SMOOTHING_S.max(command)),
+        smooth("actuator.command_smoothing", smoothing),
         late("sensors.omega_f_latency", Signal::OmegaF, timing),
         late("sensors.omega_c_latency", Signal::OmegaC, timing),
         late("engine.T_e_timing", Signal::Report, defaults::REPORT_TIMING_S.max(command)),
@@ -204,6 +216,8 @@ fn target(name: &str) -> Option<Target> {
         "driveline.grade" => Some(Target::Effect(param::road_load::grade)),
         "sensors.omega_f_latency" => Some(Target::Effect(param::engine_speed_delay::delay)),
         "sensors.omega_c_latency" => Some(Target::Effect(param::clutch_speed_delay::delay)),
+        "engine.T_e_smoothing" => Some(Target::Effect(param::engine_torque_lag::time_constant)),
+        "actuator.command_smoothing" => Some(Target::Effect(param::actuator_lag::time_constant)),
         "engine.T_e_timing" => Some(Target::Late(Signal::Report)),
         "actuator.command_timing" => Some(Target::Late(Signal::Command)),
         // μ of eq. (4) is linear in these, so that one factor on all is a factor on μ.
@@ -265,6 +279,8 @@ impl Nuisance {
             "driveline.grade" => param::road_load::grade,
             "sensors.omega_f_latency" if self.declared => param::engine_speed_delay::delay,
             "sensors.omega_c_latency" if self.declared => param::clutch_speed_delay::delay,
+            "engine.T_e_smoothing" => param::engine_torque_lag::time_constant,
+            "actuator.command_smoothing" => param::actuator_lag::time_constant,
             "thermal.gamma_1" => param::clutch_cooling::body_factor,
             "thermal.gamma_2" => param::clutch_cooling::air_factor,
             _ => return None,
