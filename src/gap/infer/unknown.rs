@@ -56,12 +56,12 @@ const SIZES: [f64; 3] = [1.0, 2.0, 4.0];
 pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
     let at = Mode::new(problem, &of.fit, &of.effects, None);
     let Some(at) = at else { return Vec::new() };
-    let mut found: Vec<(Unknown, f64)> = Subsystem::ALL
-        .into_iter()
-        .map(|place| {
-            let mut basis = functions(problem, &of.fit.point, place);
-            let beside = at.forms(&of.effects, Some(place));
-            let law = at.columns(&basis);
+    let laws: Vec<Law> = Subsystem::ALL.into_iter().map(|place| at.law(place)).collect();
+    let mut found: Vec<(Unknown, f64)> = laws
+        .iter()
+        .map(|Law { place, basis, columns: law }| {
+            let (place, mut basis) = (*place, basis.clone());
+            let beside = at.forms(&of.effects, Some(place), &laws);
             let of_size = |size: f64| {
                 let all: Vec<Changes> = law.iter().zip(&beside).map(|(l, b)| joined(&(l * size), b)).collect();
                 (size, at.gain(&all).nats)
@@ -98,7 +98,7 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
 /// A missing law at a place beside a set, fitted from a point.
 pub fn beside(problem: &Problem, effects: &[usize], place: Subsystem, basis: &Basis, start: &Point) -> Unknown {
     let fitted = fit(problem, Free { effects, basis: Some(basis) }, start, LOOK + 2, None);
-    let form = Mode::new(problem, &fitted, effects, Some(basis)).map_or(0.0, |m| m.gain(&m.forms(effects, Some(place))).nats);
+    let form = Mode::new(problem, &fitted, effects, Some(basis)).map_or(0.0, |m| m.gain(&m.forms(effects, Some(place), &[])).nats);
     let log_posterior = fitted.log_evidence + form + log_prior(effects.len()) + moments(&fitted, effects) + place_prior();
     Unknown { effects: effects.to_vec(), place, log_posterior, fit: Some(fitted), basis: basis.clone() }
 }
@@ -106,7 +106,7 @@ pub fn beside(problem: &Problem, effects: &[usize], place: Subsystem, basis: &Ba
 /// What the unknown form of its effects adds to a set: nats of evidence, and the curvature along the shared coordinates that is left.
 pub fn form(problem: &Problem, fit: &Fit, effects: &[usize]) -> Option<Gain> {
     let mode = Mode::new(problem, fit, effects, None)?;
-    Some(mode.gain(&mode.forms(effects, None)))
+    Some(mode.gain(&mode.forms(effects, None, &[])))
 }
 
 /// What functions beside a mode gain.
@@ -147,6 +147,13 @@ struct Mode<'a> {
 /// Changes of one recording's innovations for one standard deviation of each function.
 type Changes = DMatrix<f64>;
 
+/// The functions of a place's law, and what they change at a mode.
+struct Law {
+    place: Subsystem,
+    basis: Basis,
+    columns: Vec<Changes>,
+}
+
 fn joined(a: &Changes, b: &Changes) -> Changes {
     DMatrix::from_fn(a.nrows(), a.ncols() + b.ncols(), |i, j| if j < a.ncols() { a[(i, j)] } else { b[(i, j - a.ncols())] })
 }
@@ -182,8 +189,14 @@ impl<'a> Mode<'a> {
         (0..self.problem.tracks.len()).into_par_iter().map(one).collect()
     }
 
-    /// What the forms of these effects change, by recording; not of those that lie where a law is missing as a whole.
-    fn forms(&self, effects: &[usize], but_at: Option<Subsystem>) -> Vec<Changes> {
+    fn law(&self, place: Subsystem) -> Law {
+        let basis = functions(self.problem, &self.fit.point, place);
+        let columns = self.columns(&basis);
+        Law { place, basis, columns }
+    }
+
+    /// What the forms of these effects change, by recording; not of those that lie where a law is missing as a whole. `known` laws are not replayed again.
+    fn forms(&self, effects: &[usize], but_at: Option<Subsystem>, known: &[Law]) -> Vec<Changes> {
         let mut all: Vec<Changes> = self.fit.residuals.iter().map(|r| DMatrix::zeros(r.len(), 0)).collect();
         let pulsates = |e: usize| matches!(REGISTRY[e].effect.act, Act::Pulsation(_));
         let smooth = Subsystem::ALL.into_iter().filter(|p| Some(*p) != but_at).map(|place| {
@@ -199,8 +212,11 @@ impl<'a> Mode<'a> {
                 continue;
             }
             let point = &self.fit.point;
-            let basis = ripple.map_or_else(|| functions(self.problem, point, place), |e| pulsation::form(self.problem, point, e));
-            let mut columns = self.columns(&basis);
+            let mut columns = match (ripple, known.iter().find(|l| l.place == place)) {
+                (Some(e), _) => self.columns(&pulsation::form(self.problem, point, e)),
+                (None, Some(law)) => law.columns.clone(),
+                (None, None) => self.law(place).columns,
+            };
             let whole: f64 = columns.iter().map(DMatrix::norm_squared).sum();
             // Never larger than a law that is missing altogether.
             let scale = (FORM * (share * change / whole.max(f64::MIN_POSITIVE)).sqrt()).min(1.0);
