@@ -6,7 +6,7 @@
 //! better.
 
 use super::coordinate::Coordinate;
-use super::density::{Point, Problem, cost, size};
+use super::density::{Point, Problem, STRAINS, cost, size};
 use super::fit::{Fit, Free, LOOK, fit};
 use super::linear::Columns;
 use super::pulsation;
@@ -55,8 +55,10 @@ pub fn moments(fit: &Fit, effects: &[usize]) -> f64 {
         ((fit.point.effects[k] - PARAMETERS[k].null).powi(2) + variance) / size(k).powi(2)
     };
     let one = |e: &usize| {
-        let amplitudes = REGISTRY[*e].effect.amplitudes;
-        (amplitudes.iter().map(|k| square(*k)).sum::<f64>() / amplitudes.len() as f64).ln()
+        // A parameter that only goes with another one is not what makes the effect.
+        let leads = |k: &&usize| STRAINS.iter().all(|s| s.follower != **k);
+        let squares: Vec<f64> = REGISTRY[*e].effect.amplitudes.iter().filter(leads).map(|k| square(*k)).collect();
+        (squares.iter().sum::<f64>() / squares.len() as f64).ln()
     };
     effects.iter().map(one).sum()
 }
