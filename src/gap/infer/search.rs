@@ -271,7 +271,7 @@ fn finish(problem: &Problem, found: &mut Search, mut looked: Vec<(Vec<usize>, Fi
     }
 }
 
-/// Fits every part of the best set from there; it looks for a better companion if it fits better than it did, or, where one member was dropped, if the
+/// Drops every member of the best set in turn; what is left is fitted from there and looks for a better companion, if it fits better than it did or if the
 /// best set strains its tolerances, which says that it is not the right one.
 pub fn exchange(problem: &Problem, found: &mut Search) {
     for _ in 0..EXCHANGES {
@@ -284,9 +284,10 @@ pub fn exchange(problem: &Problem, found: &mut Search) {
         if best.effects.len() < 2 && !strained {
             return;
         }
-        for rest in parts(&best.effects) {
+        for &dropped in &best.effects {
+            let rest: Vec<usize> = best.effects.iter().copied().filter(|e| *e != dropped).collect();
             let mut start = best.fit.point.clone();
-            for p in best.effects.iter().filter(|e| !rest.contains(e)).flat_map(|&e| REGISTRY[e].parameters.clone()) {
+            for p in REGISTRY[dropped].parameters.clone() {
                 start.effects[p] = PARAMETERS[p].null;
             }
             let before = found.of(&rest).map(|h| h.fit.cost);
@@ -297,7 +298,7 @@ pub fn exchange(problem: &Problem, found: &mut Search) {
             let whole = better || near && before.is_none();
             let fitted = if whole { fit(problem, free(), &looked.point, STAY, looked.known()) } else { looked };
             found.add(Hypothesis::new(rest.clone(), fitted));
-            if better || strained && rest.len() + 1 == best.effects.len() {
+            if better || strained {
                 extend(problem, found, &rest);
             }
         }
@@ -330,15 +331,6 @@ pub fn exchange(problem: &Problem, found: &mut Search) {
             return;
         }
     }
-}
-
-/// Parts of a set, larger ones first: all but itself, and nothing only of a single effect.
-fn parts(set: &[usize]) -> Vec<Vec<usize>> {
-    let of_mask = |mask: u32| (0..set.len()).filter(|k| mask & (1 << k) != 0).map(|k| set[k]).collect::<Vec<_>>();
-    let least = u32::from(set.len() > 1);
-    let mut all: Vec<Vec<usize>> = (least..(1 << set.len()) - 1).map(of_mask).collect();
-    all.sort_by_key(|part| std::cmp::Reverse(part.len()));
-    all
 }
 
 /// Rounds of exchange.
