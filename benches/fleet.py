@@ -5,6 +5,8 @@
 Draws copies of the bundled campaign with other bytes, diagnoses them with each number of workers and a cache of its own, and then once more from the cache.
 Prints one JSON line per run. $KISSPOINT names the command. Figures: docs/fleet.md.
 
+With --stand-in the command copies an answer that is there: then all that is measured is the engine, and a thousand campaigns take seconds.
+
 - `overhead`: time of the tasks that is not the command's, relative to the command's
 - `speed_up`: campaigns per second relative to the first number of workers
 - `rss_MB`: memory of the client after a tenth, half, and all of the campaigns
@@ -14,6 +16,7 @@ import argparse
 import json
 import os
 import shutil
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -41,6 +44,18 @@ def copies(folder, count):
                 (car / file.name).symlink_to(file)
         (car / "vehicle.json").write_text(json.dumps({"_": str(k), **document}))
     return [str(folder / f"car_{k:06}") for k in range(count)]
+
+
+def stand_in(folder):
+    """A command that does no work: its answer is that of the bundled campaign."""
+    answer, script = folder / "answer", folder / "stand_in"
+    command = os.environ["KISSPOINT"]
+    if not answer.exists():
+        subprocess.run([command, "diagnose", EXAMPLE, "--out", answer, "--no-fmu"], check=True, stdout=subprocess.DEVNULL)
+    # kisspoint diagnose CAMPAIGN --out DIR …
+    script.write_text(f'#!/bin/sh\n[ "$1" = diagnose ] || exec "{command}" "$@"\nexec cp -r "{answer}" "$4"\n')
+    script.chmod(0o755)
+    return script
 
 
 def rss_mb():
@@ -85,9 +100,12 @@ def main():
     parser.add_argument("--campaigns", type=int, default=1000)
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--folder", type=Path, default=Path("/tmp/kisspoint-fleet-bench"))
+    parser.add_argument("--stand-in", action="store_true", help="a command that copies an answer in place of the diagnosis: what the engine alone can do")
     parser.add_argument("--passes", type=int, default=10, help="how often all are asked for again, from the cache")
     asked = parser.parse_args()
     cars = copies(asked.folder / "cars", asked.campaigns)
+    if asked.stand_in:
+        os.environ["KISSPOINT"] = str(stand_in(asked.folder))
     first = None
     for workers in asked.workers:
         cache = asked.folder / f"cache_{workers}"

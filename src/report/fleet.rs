@@ -241,7 +241,7 @@ fn effects(rows: &[Value], population: &Value) -> String {
         .collect();
     let heads = if known.is_empty() { ["", ""] } else { ["Share of such cars (95 %)", "Size among them"] };
     out + &format!(
-        "<h3>Which</h3><div class=\"scroll\"><table class=\"bars which\"><thead><tr><th scope=\"col\">Effect</th><th scope=\"col\" class=\"unseen\">Share</th><th scope=\"col\" class=\"num\">Cars</th><th scope=\"col\" class=\"num\">{}</th><th scope=\"col\">{}</th></tr></thead><tbody>{lines}</tbody></table></div>\n\
+        "<h3>Which</h3><div class=\"scroll\"><table class=\"bars which\"><thead><tr><th scope=\"col\">Effect</th><th scope=\"col\"><span class=\"unseen\">Bar</span></th><th scope=\"col\" class=\"num\">Cars</th><th scope=\"col\" class=\"num\">{}</th><th scope=\"col\">{}</th></tr></thead><tbody>{lines}</tbody></table></div>\n\
          <p class=\"hint live\">A click shows these cars in the list below.</p>\n",
         heads[0], heads[1]
     )

@@ -121,7 +121,7 @@ def rare(hits, tries, chance=0.95):
 def test_means_slopes_and_spreads_lie_in_their_intervals_and_outliers_are_found():
     """Four populations of 200 members and five numbers: 20 means, 20 slopes, 20 spreads, about 80 numbers that are off, and every member's own."""
     held = {"means": [], "slopes": [], "spreads": [], "values": []}
-    probability, true = [], []
+    probability, true, clear = [], [], []
     for seed in range(4):
         drawn, mean, slope, spread, away, x = members(np.random.default_rng(100 + seed))
         found = _hierarchy.fit(drawn)
@@ -131,12 +131,16 @@ def test_means_slopes_and_spreads_lie_in_their_intervals_and_outliers_are_found(
         held["values"] += list((np.abs(found.values - x) < 1.96 * found.values_sd).ravel())
         probability.append(found.offs.ravel())
         true.append(away.ravel())
+        # By how much it stands out: what its own recordings say of it, and what the others spread, together are one.
+        own = np.sqrt(np.einsum("njj->nj", np.linalg.inv(drawn.precision + 1e-6 * np.eye(5))))
+        clear.append((away & (np.abs(x - drawn.covariates @ np.stack([mean, slope])) > 6 * np.hypot(own, spread))).ravel())
     for what, hits in held.items():
         assert rare(sum(hits), len(hits)) > 1e-3, f"{what}: {sum(hits)} of {len(hits)}"
     p, t = np.concatenate(probability), np.concatenate(true)
     # Claimed probabilities are what they are worth: Brier's score lies where it would lie if they were true.
     assert abs(((p - t) ** 2).sum() - (p * (1 - p)).sum()) < 4 * np.sqrt(((1 - 2 * p) ** 2 * p * (1 - p)).sum())
-    assert t[p > 0.9].mean() > 0.9 and p[t].sum() > 0.5 * t.sum()
+    stands_out = np.concatenate(clear)
+    assert t[p > 0.9].mean() > 0.9 and stands_out.sum() > 15 and p[stands_out].min() > 0.5
 
 
 def test_the_gradient_is_that_of_the_objective():
@@ -176,7 +180,7 @@ def test_shares_of_effects_are_learned_and_rivals_share():
     found, each = _hierarchy.shares(evidence, _population.PRIOR_ODDS)
     for effect, share in truth.items():
         mean, low, high = found[effect]
-        assert low < share < high and high - low < 0.2 and abs(sum(h[effect] for h in has) / 200 - mean) < 0.02
+        assert low < share < high and high - low < 0.2 and low < sum(h[effect] for h in has) / 200 < high
     p = np.array([one.get("friction_fade", 0.0) for one in each])
     t = np.array([h["friction_fade"] for h in has])
     assert abs(((p - t) ** 2).sum() - (p * (1 - p)).sum()) < 4 * np.sqrt(((1 - 2 * p) ** 2 * p * (1 - p)).sum()) + 0.5

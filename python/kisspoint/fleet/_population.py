@@ -18,6 +18,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from .. import _command
 from . import _hierarchy
@@ -33,7 +34,7 @@ LEAST = 3
 PRIOR_ODDS = 0.01 / 0.99
 """Of an effect, in each car's answer (docs/diagnosis.md)."""
 FAMILY_WISE = 0.05
-"""Probability of any false alarm among the numbers that are told to be off (Holm)."""
+"""Probability of any false alarm among the numbers that are told to be off, and as much among what is told to move (Holm)."""
 OFF = 0.5
 """Probability from which a car counts as an outlier."""
 SLOPE_LEAST = 8
@@ -64,6 +65,8 @@ class Group:
     """Of each number: one standard deviation, whether of the logarithm, and its kind."""
     parts: dict[str, dict[str, float]] = field(default_factory=dict)
     """Of each number: its tolerances with their share of a move."""
+    stood_for: set[str] = field(default_factory=set)
+    """Effects that do what a number does: they are told of as that number."""
     effects: dict[str, list[tuple[int, Array, Array]]] = field(default_factory=dict)
     """By effect: which member, and what it says of the parameters that are no number of the vehicle file, in their sizes."""
     parameters: dict[str, list[tuple[str, str, float, float]]] = field(default_factory=dict)
@@ -96,6 +99,8 @@ def read(unknowns: list[Row], mode: Array, H: Array, P: Array, group: Group) -> 
         if u["kind"] == "effect" or u["one_sided"]:
             continue
         by_parameter.setdefault(u["same_as"] or u["name"], []).append(k)
+        if u["same_as"]:
+            group.stood_for.add(u["same_as"].split(".")[1])
     taken = set()
     for parameter, members in by_parameter.items():
         name = " × ".join(unknowns[k]["name"] for k in members)
@@ -278,10 +283,10 @@ def _one(digest: str, group: Group) -> tuple[dict[str, Any], list[Row]]:
     c = np.column_stack([np.ones(n), *(one.values for one in drift)])
     fitted = _hierarchy.fit(_hierarchy.Members(h, D, c))
     numbers = [_number(j, name, group, fitted, D[:, j, j], drift) for j, name in enumerate(names)]
-    _mark_off(numbers)
+    _mark(numbers)
     shares, likely = _hierarchy.shares(group.evidence, PRIOR_ODDS)
     rows = list(_estimates(digest, names, group, fitted, h, D))
-    effects = []
+    effects: list[dict[str, Any]] = []
     for effect, (share, low, high) in sorted(shares.items(), key=lambda item: -item[1][0]):
         who = [i for i, one in enumerate(likely) if one.get(effect, 0.0) > OFF]
         entry: dict[str, Any] = {"effect": effect, "share": share, "low": low, "high": high, "cars": len(who), "parameters": []}
@@ -289,6 +294,7 @@ def _one(digest: str, group: Group) -> tuple[dict[str, Any], list[Row]]:
             entry["parameters"], more = _sizes(digest, effect, group, drift)
             rows += more
         effects.append(entry)
+    _holm([drift for one in effects for parameter in one["parameters"] for drift in parameter["drift"]], "slope", "significant")
     population = {
         "vehicle": digest,
         "cars": n,
@@ -314,7 +320,7 @@ def _slopes(j: int, fitted: _hierarchy.Population, factor: float, drift: list[Co
     for k, one in enumerate(drift, start=1):
         per = {"mileage_km": 1000.0, "date": 365.25}[one.name] / one.scale
         slope, sd = fitted.means[j, k] * per * factor, fitted.means_sd[j, k] * per * factor
-        out.append({"with": one.name, "per": one.unit, "slope": slope, "low": slope - 1.96 * sd, "high": slope + 1.96 * sd, "significant": bool(abs(slope) > 1.96 * sd)})
+        out.append({"with": one.name, "per": one.unit, "slope": float(slope), "slope_sd": float(sd), "low": float(slope - 1.96 * sd), "high": float(slope + 1.96 * sd)})
     return out
 
 
@@ -334,16 +340,20 @@ def _number(j: int, name: str, group: Group, fitted: _hierarchy.Population, know
     }
 
 
-def _mark_off(numbers: list[dict[str, Any]]) -> None:
-    """Holm's procedure over the numbers' means."""
-    from scipy.stats import norm
-
-    order = sorted(numbers, key=lambda one: -abs(one["mean"] / one["mean_sd"]))
+def _holm(rows: list[dict[str, Any]], what: str, mark: str) -> None:
+    """Marks the rows in which a value is none by chance, by Holm's procedure over all of them."""
+    rows = sorted(rows, key=lambda one: -abs(one[what] / one[f"{what}_sd"]))
     on = True
-    for rank, one in enumerate(order):
-        p = 2 * norm.sf(abs(one["mean"] / one["mean_sd"]))
-        on = on and p < FAMILY_WISE / (len(order) - rank)
-        one["off"] = bool(on)
+    for rank, one in enumerate(rows):
+        on = on and 2 * norm.sf(abs(one[what] / one[f"{what}_sd"])) < FAMILY_WISE / (len(rows) - rank)
+        one[mark] = bool(on)
+
+
+def _mark(numbers: list[dict[str, Any]]) -> None:
+    """Which numbers are off for all, which move, and whether tolerances are what cars differ by."""
+    _holm(numbers, "mean", "off")
+    _holm([drift for one in numbers for drift in one["drift"]], "slope", "significant")
+    for one in numbers:
         spread = one["spread"]
         one["tolerance"] = "too_wide" if spread["high"] < 1 else "too_narrow" if spread["low"] > 1 else "as_declared"
 
@@ -413,7 +423,7 @@ def _outliers(
             for j, name in enumerate(names)
             if fitted.offs[i, j] > OFF
         ]
-        effects = [{"effect": effect, "probability": p} for effect, p in likely[i].items() if p > OFF and shares[effect][0] < OFF]
+        effects = [{"effect": effect, "probability": p} for effect, p in likely[i].items() if p > OFF and shares[effect][0] < OFF and effect not in group.stood_for]
         if numbers or effects:
             out.append({"campaign": member["campaign"], "name": member["name"], "report": member["report"], "numbers": numbers, "effects": effects})
     return out
