@@ -69,8 +69,12 @@ fn called(folder: &Path) -> String {
 fn between(answers: &[Value; 2], called: [String; 2]) -> Value {
     let mut tests: Vec<(f64, Value)> = Vec::new();
     let of = |k: usize, id: &str| answers[k]["which"]["effects"].as_array().into_iter().flatten().find(|e| e["id"] == id).cloned();
-    let ids: BTreeSet<String> =
-        answers.iter().flat_map(|a| a["which"]["effects"].as_array().into_iter().flatten()).filter_map(|e| e["id"].as_str()).map(String::from).collect();
+    let ids: BTreeSet<String> = answers
+        .iter()
+        .flat_map(|a| a["which"]["effects"].as_array().into_iter().flatten())
+        .filter_map(|e| e["id"].as_str())
+        .map(String::from)
+        .collect();
     let mut effects = Vec::new();
     for id in &ids {
         let both = [of(0, id), of(1, id)];
@@ -127,7 +131,11 @@ fn between(answers: &[Value; 2], called: [String; 2]) -> Value {
 
 /// Whether an effect is named as a rival of one of an answer's.
 fn stands_in(answer: &Value, id: &str) -> bool {
-    answer["which"]["effects"].as_array().into_iter().flatten().any(|e| e["ambiguous_with"].as_array().is_some_and(|all| all.iter().any(|r| r == id)))
+    answer["which"]["effects"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .any(|e| e["ambiguous_with"].as_array().is_some_and(|all| all.iter().any(|r| r == id)))
 }
 
 /// Estimate and standard deviation of a value with its interval.
@@ -155,14 +163,23 @@ fn numbers(answer: &Value) -> Vec<(String, [f64; 3], bool, bool)> {
     let joint = &answer["joint"];
     let unknowns = joint["unknowns"].as_array().cloned().unwrap_or_default();
     let entry = |i: usize, j: usize| joint["precision"][i.max(j)][i.min(j)].as_f64().unwrap_or(f64::NAN);
-    let Some(covariance) = DMatrix::from_fn(unknowns.len(), unknowns.len(), entry).cholesky().map(|c| c.inverse()) else { return Vec::new() };
+    let Some(covariance) = DMatrix::from_fn(unknowns.len(), unknowns.len(), entry).cholesky().map(|c| c.inverse()) else {
+        return Vec::new();
+    };
     let named = |variable: &Value| unknowns.iter().any(|u| u["name"] == *variable);
     let one = |(k, u): (usize, &Value)| {
         let v = covariance[(k, k)];
         let alone = 1.0 / (1.0 / v - 1.0).max(f64::MIN_POSITIVE);
         let z = u["value"].as_f64()? / v * alone;
         let told = u["kind"] == "tolerance" && u["one_sided"] == false;
-        told.then(|| (u["name"].as_str().unwrap_or_default().to_owned(), [z, alone, u["sigma"].as_f64().unwrap_or(f64::NAN)], u["relative"] == true, named(&u["same_as"]["parameter"])))
+        told.then(|| {
+            (
+                u["name"].as_str().unwrap_or_default().to_owned(),
+                [z, alone, u["sigma"].as_f64().unwrap_or(f64::NAN)],
+                u["relative"] == true,
+                named(&u["same_as"]["parameter"]),
+            )
+        })
     };
     unknowns.iter().enumerate().filter_map(one).collect()
 }
@@ -180,7 +197,15 @@ fn as_text(found: &Value, out: Option<&Path>) -> String {
     for c in found["changes"].as_array().into_iter().flatten().filter(|c| c["significant"] == true) {
         let get = |key: &str| number(c[key].as_f64().unwrap_or(f64::NAN), 3);
         let (what, in_unit) = compare::what(c);
-        lines.push(format!("  {what}: from {} to {} {}, by {} (95 %: {} to {})", get("a"), get("b"), unit(&in_unit), get("by"), get("low"), get("high")));
+        lines.push(format!(
+            "  {what}: from {} to {} {}, by {} (95 %: {} to {})",
+            get("a"),
+            get("b"),
+            unit(&in_unit),
+            get("by"),
+            get("low"),
+            get("high")
+        ));
     }
     let other = found["other_numbers_in_vehicle_file"].as_array().map_or(0, Vec::len);
     if other > 0 {

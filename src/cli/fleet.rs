@@ -8,10 +8,7 @@ use std::process::{Command, ExitCode};
 
 /// Options of `kisspoint fleet`.
 #[derive(clap::Args, Debug)]
-#[command(
-    disable_help_flag = true,
-    after_help = "Examples:\n  kisspoint fleet 'measurements/*' --out out\n  kisspoint fleet --help"
-)]
+#[command(disable_help_flag = true, after_help = "Examples:\n  kisspoint fleet 'measurements/*' --out out\n  kisspoint fleet --help")]
 pub struct Args {
     /// Campaigns and options; `kisspoint fleet --help` lists them
     #[arg(value_name = "CAMPAIGN", trailing_var_arg = true, allow_hyphen_values = true)]

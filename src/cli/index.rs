@@ -68,7 +68,8 @@ pub fn write(out: &Path, title: &str, rows: &[Value], population: &Value) -> Res
 /// A file that cannot be read, or is no JSON.
 pub fn read(file: &Path) -> Result<Value, CommandError> {
     let text = std::fs::read_to_string(file).map_err(at(file))?;
-    serde_json::from_str(&text).map_err(|e| CommandError::Refused(format!("{}: is no JSON: {e}; give a file that kisspoint wrote", file.display())))
+    serde_json::from_str(&text)
+        .map_err(|e| CommandError::Refused(format!("{}: is no JSON: {e}; give a file that kisspoint wrote", file.display())))
 }
 
 fn lines(file: &Path) -> Result<Vec<Value>, CommandError> {

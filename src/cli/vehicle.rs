@@ -57,10 +57,12 @@ enum Action {
         json: bool,
     },
     /// Move numbers by standard deviations of their tolerance, and scale the tolerances: what a fleet of such cars has taught
-    #[command(after_help = "FILE of --by is JSON: {\"actuator.x_cnt\": {\"sigmas\": 1.4, \"tolerance_factor\": 0.6}, …}, names as in `tolerance`; \
+    #[command(
+        after_help = "FILE of --by is JSON: {\"actuator.x_cnt\": {\"sigmas\": 1.4, \"tolerance_factor\": 0.6}, …}, names as in `tolerance`; \
         `kisspoint fleet` writes such a file.\n\nExamples:\n  \
         kisspoint vehicle correct vehicle.json --by corrections.json --out corrected.json\n  \
-        kisspoint vehicle correct vehicle.json --by corrections.json --json")]
+        kisspoint vehicle correct vehicle.json --by corrections.json --json"
+    )]
     Correct {
         /// The vehicle file; it stays as it is
         file: PathBuf,
@@ -123,9 +125,8 @@ fn correct(path: &Path, by: &Path) -> Result<(Value, BTreeMap<String, f64>), Com
     let VehicleFile { mut document, vehicle, .. } = read_vehicle(path)?;
     let refused = |what: String| CommandError::Refused(format!("{}: {what}", by.display()));
     let text = std::fs::read_to_string(by).map_err(at(by))?;
-    let corrections: BTreeMap<String, Correction> = serde_json::from_str(&text).map_err(|e| {
-        refused(format!("{e}; expected are names of tolerances, each with \"sigmas\", \"tolerance_factor\" or both"))
-    })?;
+    let corrections: BTreeMap<String, Correction> = serde_json::from_str(&text)
+        .map_err(|e| refused(format!("{e}; expected are names of tolerances, each with \"sigmas\", \"tolerance_factor\" or both")))?;
     let known = tolerance::read(&document, Logger::UNIFORM).map_err(|e| refused(e.to_string()))?;
     let mut not_in_file = BTreeMap::new();
     let mut car = Car::nominal(&vehicle);
@@ -133,7 +134,9 @@ fn correct(path: &Path, by: &Path) -> Result<(Value, BTreeMap<String, f64>), Com
         let one = known.shared.iter().find(|n| n.declared && n.name == *name);
         let one = one.ok_or_else(|| refused(format!("\"{name}\" is no tolerance of {}; remove it or declare it there", path.display())))?;
         if !(sigmas.is_finite() && *tolerance_factor > 0.0 && tolerance_factor.is_finite()) {
-            return Err(refused(format!("\"{name}\" has sigmas {sigmas} and tolerance_factor {tolerance_factor}; both are finite, the latter positive")));
+            return Err(refused(format!(
+                "\"{name}\" has sigmas {sigmas} and tolerance_factor {tolerance_factor}; both are finite, the latter positive"
+            )));
         }
         let before = car.vehicle;
         car.apply(std::slice::from_ref(one), &[*sigmas]);
@@ -152,8 +155,7 @@ fn correct(path: &Path, by: &Path) -> Result<(Value, BTreeMap<String, f64>), Com
     for (group, content) in new.as_object().into_iter().flatten() {
         for (key, value) in content.as_object().into_iter().flatten().filter(|(key, value)| old[group][key.as_str()] != **value) {
             let rounded = |v: &Value| json!(Real(v.as_f64().unwrap_or(f64::NAN)));
-            document[group][key.as_str()] =
-                value.as_array().map_or_else(|| rounded(value), |list| list.iter().map(rounded).collect());
+            document[group][key.as_str()] = value.as_array().map_or_else(|| rounded(value), |list| list.iter().map(rounded).collect());
         }
     }
     Ok((document, not_in_file))

@@ -11,7 +11,12 @@ use serde_json::Value;
 /// What has changed, in a sentence.
 pub fn headline(found: &Value) -> String {
     let of = |change: &str| -> Vec<String> {
-        list(found, "effects").iter().filter(|e| text(e, "change") == Some(change)).filter_map(|e| text(e, "id")).map(names::effect).collect()
+        list(found, "effects")
+            .iter()
+            .filter(|e| text(e, "change") == Some(change))
+            .filter_map(|e| text(e, "id"))
+            .map(names::effect)
+            .collect()
     };
     let moved: Vec<String> = list(found, "changes").iter().filter(|c| flag(c, "significant")).map(|c| what(c).0).collect();
     let is = |all: &[String], one: &str, many: &str| format!("{} {}", enumeration(all), if all.len() == 1 { one } else { many });
@@ -47,10 +52,17 @@ pub fn html(found: &Value, links: &[String; 2]) -> String {
     let warning = if other.is_empty() {
         String::new()
     } else {
-        format!("<ul class=\"doubts\"><li class=\"grave\">The two vehicle files differ in {} numbers: what lies within their tolerances is not compared.</li></ul>", other.len())
+        format!(
+            "<ul class=\"doubts\"><li class=\"grave\">The two vehicle files differ in {} numbers: what lies within their tolerances is not compared.</li></ul>",
+            other.len()
+        )
     };
     let table = |head: &str, rows: &str, none: &str| {
-        if rows.is_empty() { format!("<p class=\"absent\">{none}</p>") } else { format!("<div class=\"scroll\"><table class=\"plain\"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>") }
+        if rows.is_empty() {
+            format!("<p class=\"absent\">{none}</p>")
+        } else {
+            format!("<div class=\"scroll\"><table class=\"plain\"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>")
+        }
     };
     format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
@@ -62,8 +74,16 @@ pub fn html(found: &Value, links: &[String; 2]) -> String {
         title = escape(&title),
         headline = escape(&headline(found)),
         error = percent(real(found, "family_wise_error").unwrap_or(f64::NAN)),
-        effects = table("<th scope=\"col\">Effect</th><th scope=\"col\">Change</th><th scope=\"col\">First</th><th scope=\"col\">Second</th>", &effects, "Neither answer names an effect."),
-        changes = table("<th scope=\"col\">What</th><th scope=\"col\" class=\"num\">First</th><th scope=\"col\" class=\"num\">Second</th><th scope=\"col\" class=\"num\">Change (95 %)</th><th scope=\"col\">Unit</th>", &changes, "There is nothing that both answers inform."),
+        effects = table(
+            "<th scope=\"col\">Effect</th><th scope=\"col\">Change</th><th scope=\"col\">First</th><th scope=\"col\">Second</th>",
+            &effects,
+            "Neither answer names an effect."
+        ),
+        changes = table(
+            "<th scope=\"col\">What</th><th scope=\"col\" class=\"num\">First</th><th scope=\"col\" class=\"num\">Second</th><th scope=\"col\" class=\"num\">Change (95 %)</th><th scope=\"col\">Unit</th>",
+            &changes,
+            "There is nothing that both answers inform."
+        ),
     )
 }
 
@@ -91,7 +111,14 @@ fn effect(e: &Value) -> String {
     let sizes = |side: &Value| -> String {
         let one = |(name, p): (&String, &Value)| {
             let get = |key: &str| real(p, key).map_or("?".to_owned(), |v| number(v, 3));
-            format!("<code>{}</code> {} {}<small>{} to {}</small>", escape(name), get("value"), unit(text(p, "unit").unwrap_or_default()), get("low"), get("high"))
+            format!(
+                "<code>{}</code> {} {}<small>{} to {}</small>",
+                escape(name),
+                get("value"),
+                unit(text(p, "unit").unwrap_or_default()),
+                get("low"),
+                get("high")
+            )
         };
         side["parameters"].as_object().map_or("–".to_owned(), |all| all.iter().map(one).collect())
     };

@@ -20,7 +20,8 @@ const SCRIPT: &str = include_str!("fleet.js");
 /// The row of a car that was diagnosed.
 pub fn row(name: &str, report: &str, diagnosis: &Value) -> Value {
     let (place, far) = (&diagnosis["where"], &diagnosis["how_far"]);
-    let effects: Vec<Value> = list(&diagnosis["which"], "effects").iter().map(|e| json!({"id": e["id"], "ambiguous_with": e["ambiguous_with"]})).collect();
+    let effects: Vec<Value> =
+        list(&diagnosis["which"], "effects").iter().map(|e| json!({"id": e["id"], "ambiguous_with": e["ambiguous_with"]})).collect();
     json!({
         "name": name, "report": report, "error": null, "verdict": diagnosis["verdict"], "confidence": diagnosis["confidence"],
         "where": text(place, "primary").or_else(|| text(place, "unexplained_at")), "effects": effects,
@@ -40,7 +41,9 @@ pub fn html(title: &str, rows: &[Value], population: &Value) -> String {
     let links: String = sections.iter().map(|(id, title, _)| format!("<li><a href=\"#{id}\">{title}</a></li>")).collect();
     let body: String = sections
         .iter()
-        .map(|(id, title, content)| format!("<section id=\"{id}\" aria-labelledby=\"{id}-title\"><h2 id=\"{id}-title\">{title}</h2>\n{content}</section>\n"))
+        .map(|(id, title, content)| {
+            format!("<section id=\"{id}\" aria-labelledby=\"{id}-title\"><h2 id=\"{id}-title\">{title}</h2>\n{content}</section>\n")
+        })
         .collect();
     format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
@@ -69,7 +72,12 @@ fn plural(count: usize, word: &str) -> String {
 fn header(title: &str, rows: &[Value], population: &Value) -> String {
     let all = diagnosed(rows);
     let gaps = rows.iter().filter(|r| r["error"].is_null() && text(r, "verdict") != Some("no_gap")).count();
-    let off: Vec<String> = list(population, "numbers").iter().filter(|n| flag(n, "off") && text(n, "kind") == Some("tolerance")).filter_map(|n| text(n, "number")).map(String::from).collect();
+    let off: Vec<String> = list(population, "numbers")
+        .iter()
+        .filter(|n| flag(n, "off") && text(n, "kind") == Some("tolerance"))
+        .filter_map(|n| text(n, "number"))
+        .map(String::from)
+        .collect();
     let mut sentence = match (all, gaps) {
         (0, _) => "No car could be diagnosed.".to_owned(),
         (_, 0) => format!("{}: the model follows every one of them within its tolerances.", plural(all, "car")),
@@ -84,19 +92,45 @@ fn header(title: &str, rows: &[Value], population: &Value) -> String {
     let worst = places(rows).into_iter().next();
     let outliers = list(population, "outliers").len();
     let mut tiles = vec![
-        ("Cars", plural(rows.len(), "campaign"), if failed > 0 { format!("{} could not be diagnosed; their rows say why", plural(failed, "campaign")) } else { "all were diagnosed".to_owned() }),
-        ("Where most often", worst.as_ref().map_or("nowhere".to_owned(), |w| names::subsystem_title(&w.0)), worst.map_or(String::new(), |w| plural(w.1, "car"))),
-        ("Which most often", top.as_ref().map_or("no effect".to_owned(), |t| names::effect_title(&t.0)), top.map_or(String::new(), |t| plural(t.1, "car"))),
+        (
+            "Cars",
+            plural(rows.len(), "campaign"),
+            if failed > 0 {
+                format!("{} could not be diagnosed; their rows say why", plural(failed, "campaign"))
+            } else {
+                "all were diagnosed".to_owned()
+            },
+        ),
+        (
+            "Where most often",
+            worst.as_ref().map_or("nowhere".to_owned(), |w| names::subsystem_title(&w.0)),
+            worst.map_or(String::new(), |w| plural(w.1, "car")),
+        ),
+        (
+            "Which most often",
+            top.as_ref().map_or("no effect".to_owned(), |t| names::effect_title(&t.0)),
+            top.map_or(String::new(), |t| plural(t.1, "car")),
+        ),
     ];
     if !list(population, "numbers").is_empty() {
-        tiles.push(("Vehicle file", if off.is_empty() { "holds".to_owned() } else { enumeration(&off) }, if off.is_empty() { "no number is off for all" } else { "off for all cars" }.to_owned()));
+        tiles.push((
+            "Vehicle file",
+            if off.is_empty() { "holds".to_owned() } else { enumeration(&off) },
+            if off.is_empty() { "no number is off for all" } else { "off for all cars" }.to_owned(),
+        ));
         tiles.push(("Outliers", plural(outliers, "car"), "do not belong to the rest, by a number or an effect".to_owned()));
     }
     let tiles: String = tiles
         .iter()
-        .map(|(what, value, more)| format!("<div><dt>{what}</dt><dd><strong>{}</strong><span>{}</span></dd></div>", escape(value), escape(more)))
+        .map(|(what, value, more)| {
+            format!("<div><dt>{what}</dt><dd><strong>{}</strong><span>{}</span></dd></div>", escape(value), escape(more))
+        })
         .collect();
-    format!("<header><p class=\"eyebrow\">Kisspoint fleet: {}</p>\n<h1>{}</h1>\n<dl class=\"tiles\">{tiles}</dl></header>\n", escape(title), escape(&sentence))
+    format!(
+        "<header><p class=\"eyebrow\">Kisspoint fleet: {}</p>\n<h1>{}</h1>\n<dl class=\"tiles\">{tiles}</dl></header>\n",
+        escape(title),
+        escape(&sentence)
+    )
 }
 
 fn count_word(n: usize) -> String {
@@ -127,7 +161,11 @@ fn numbers(population: &Value) -> String {
     let body: String = list(population, "numbers").iter().map(one_number).collect();
     let populations = list(population, "populations");
     let others = if populations.len() > 1 {
-        format!("<p class=\"absent\">There are {} vehicle files; this is the one of most cars ({}). fleet.json holds the others.</p>", populations.len(), real(&populations[0], "cars").unwrap_or(0.0))
+        format!(
+            "<p class=\"absent\">There are {} vehicle files; this is the one of most cars ({}). fleet.json holds the others.</p>",
+            populations.len(),
+            real(&populations[0], "cars").unwrap_or(0.0)
+        )
     } else {
         String::new()
     };
@@ -155,7 +193,11 @@ fn one_number(n: &Value) -> String {
     let (mean, low, high, sigma) = (get("mean"), get("low"), get("high"), get("sigma"));
     let spread = |key: &str| real(&n["spread"], key).unwrap_or(f64::NAN);
     let by = |z: f64| {
-        if flag(n, "relative") { format!("{} %", signed_number(100.0 * sigma * z)) } else { format!("{} {}", signed_number(sigma * z), unit_of(name)) }
+        if flag(n, "relative") {
+            format!("{} %", signed_number(100.0 * sigma * z))
+        } else {
+            format!("{} {}", signed_number(sigma * z), unit_of(name))
+        }
     };
     let mut says = Vec::new();
     let informed = get("informed") > 0.5;
@@ -214,7 +256,9 @@ fn effects(rows: &[Value], population: &Value) -> String {
             .iter()
             .map(|(id, count)| format!("<tr><th scope=\"row\"><button type=\"button\" class=\"pick\" data-where=\"{0}\">{1}</button></th><td class=\"wide\">{2}</td><td class=\"num\">{count}</td></tr>", escape(id), escape(&names::subsystem_title(id)), bar(*count)))
             .collect();
-        out += &format!("<h3>Where</h3><table class=\"bars\"><caption class=\"unseen\">Cars by subsystem</caption><tbody>{lines}</tbody></table>\n");
+        out += &format!(
+            "<h3>Where</h3><table class=\"bars\"><caption class=\"unseen\">Cars by subsystem</caption><tbody>{lines}</tbody></table>\n"
+        );
     }
     let counted = counted(rows);
     if counted.is_empty() {
@@ -260,7 +304,11 @@ fn size(p: &Value) -> String {
         number(real(&p["spread"], "value").unwrap_or(f64::NAN), 2)
     );
     for d in list(p, "drift").iter().filter(|d| flag(d, "significant")) {
-        told += &format!(" <span class=\"pill warn\">moves {} {unit} per {}</span>", signed_number(real(d, "slope").unwrap_or(f64::NAN)), text(d, "per").unwrap_or_default());
+        told += &format!(
+            " <span class=\"pill warn\">moves {} {unit} per {}</span>",
+            signed_number(real(d, "slope").unwrap_or(f64::NAN)),
+            text(d, "per").unwrap_or_default()
+        );
     }
     told
 }
@@ -291,7 +339,12 @@ fn data(rows: &[Value], population: &Value) -> String {
         }
     }
     let value = |name: &str, k: usize| column(&|r: &Value| rounded(r["values"][name][k].as_f64()));
-    let values: Map<String, Value> = numbers.iter().map(|n| (n.clone(), json!({"value": value(n, 0), "sd": value(n, 1), "unit": rows.iter().find_map(|r| r["values"][n][2].as_str())}))).collect();
+    let values: Map<String, Value> = numbers
+        .iter()
+        .map(|n| {
+            (n.clone(), json!({"value": value(n, 0), "sd": value(n, 1), "unit": rows.iter().find_map(|r| r["values"][n][2].as_str())}))
+        })
+        .collect();
     let plain: Map<String, Value> = names::EFFECTS.iter().map(|(id, name)| ((*id).to_owned(), capitalised(name).into())).collect();
     let places: Map<String, Value> = names::SUBSYSTEMS.iter().map(|(id, name)| ((*id).to_owned(), capitalised(name).into())).collect();
     let effects = column(&|r: &Value| list(r, "effects").iter().filter_map(|e| text(e, "id")).collect::<Vec<_>>().into());
@@ -312,7 +365,9 @@ mod tests {
 
     #[test]
     fn markup_of_a_name_reaches_neither_page_nor_script() {
-        let rows = [json!({"name": "</script><b>", "report": "cars/a/report.html", "error": null, "verdict": "explained", "where": "friction", "effects": [{"id": "judder", "ambiguous_with": []}]})];
+        let rows = [
+            json!({"name": "</script><b>", "report": "cars/a/report.html", "error": null, "verdict": "explained", "where": "friction", "effects": [{"id": "judder", "ambiguous_with": []}]}),
+        ];
         let page = html("</title><i>", &rows, &Value::Null);
         assert!(!page.contains("</script><b>") && !page.contains("</title><i>"));
         assert!(page.contains("1 of 1 cars has a gap") && page.contains("data-effect=\"judder\""));

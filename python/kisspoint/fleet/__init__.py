@@ -98,7 +98,7 @@ def stream(
         out=_absolute(answers, options),
         cache=_absolute(cache, options),
         channel_map=Path(channel_map).read_bytes() if channel_map else None,
-        map_ending=Path(channel_map).suffix if channel_map else "",
+        map_ending=Path(channel_map).suffix if channel_map else ".toml",
         strict=strict,
         fmu=fmu,
         retries=retries,

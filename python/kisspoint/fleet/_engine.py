@@ -89,7 +89,7 @@ def run(
         if own:
             own.shutdown(wait=True, cancel_futures=True)
         elif cluster is not None:
-            submitter.shutdown(wait=False, cancel_futures=True)
+            submitter.shutdown(wait=False)
 
 
 def _cores() -> int:

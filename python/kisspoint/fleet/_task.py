@@ -3,6 +3,8 @@
 import functools
 import io
 import json
+import os
+import signal
 import subprocess
 import tempfile
 import threading
@@ -65,13 +67,15 @@ class Children:
         with self._lock:
             if self.stopped.is_set():
                 raise InterruptedError("cancelled")
-            child = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+            # A group of its own: Ctrl-C is for this process to act on, and what the command starts ends with it.
+            group = 0 if os.name == "posix" else None
+            child = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, process_group=group)
             self._running.add(child)
         try:
             _, said = child.communicate(timeout=timeout_s)
             return child.returncode, said.decode("utf-8", "replace")
         finally:
-            child.kill()
+            _end(child)
             child.wait()
             with self._lock:
                 self._running.discard(child)
@@ -81,7 +85,16 @@ class Children:
         self.stopped.set()
         with self._lock:
             for child in self._running:
-                child.kill()
+                _end(child)
+
+
+def _end(child: "subprocess.Popen[bytes]") -> None:
+    if child.poll() is not None:
+        return
+    if os.name == "posix":
+        os.killpg(child.pid, signal.SIGKILL)
+    else:
+        child.kill()
 
 
 class Passing(RuntimeError):
