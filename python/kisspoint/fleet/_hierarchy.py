@@ -239,7 +239,7 @@ def fit(members: Members, robust: bool = True) -> Population:
     log_spread = theta[k : k + model.J]
     interval = np.exp(log_spread[:, None] + np.array([-1.96, 1.96]) * sd[k : k + model.J, None])
     values, values_sd, offs = _members(model, theta)
-    return Population(B, sd[:k].reshape(B.shape), spread, interval, float(expit(logit)), width, covariance, values, values_sd, offs)
+    return Population(B, sd[:k].reshape(B.shape), spread, np.asarray(interval, np.float64), float(expit(logit)), width, covariance, values, values_sd, offs)
 
 
 def _hessian(model: _Model, theta: Array) -> Array:
@@ -321,7 +321,7 @@ def shares(evidence: list[dict[tuple[str, ...], float]], prior_odds: float) -> t
         posterior = posterior + a * grid + (b - 1) * np.log1p(-pi)
         mass = np.exp(posterior - logsumexp(posterior))
         below = np.cumsum(mass)
-        low, high = (float(pi[min(np.searchsorted(below, q), len(pi) - 1)]) for q in (0.025, 0.975))
+        low, high = (float(pi[min(int(np.searchsorted(below, q)), len(pi) - 1)]) for q in (0.025, 0.975))
         result[name] = (float(mass @ pi), low, high)
     return result, [{name: float(probabilities[i, k]) for name, k in place.items() if probabilities[i, k] > 1e-3} for i in range(n)]
 
