@@ -152,7 +152,7 @@ def test_a_run_that_is_killed_is_completed_by_the_next(cars, tmp_path):
     words = [sys.executable, "-m", "kisspoint.fleet", f"{cars}/*", "--out", str(out), "--workers", "1"]
     for wanted in (0, 1):
         child = subprocess.Popen(words, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
-        until = time.monotonic() + 60
+        until = time.monotonic() + 300
         while time.monotonic() < until and (runs(tmp_path) <= wanted or len(list(out.rglob("*.zip"))) < wanted):
             time.sleep(0.02)
         os.killpg(child.pid, signal.SIGKILL)
@@ -208,7 +208,7 @@ def test_what_may_pass_is_tried_again_and_what_is_wrong_is_not(cars, tmp_path, m
 
 def test_a_run_that_is_cancelled_ends_its_commands(cars, tmp_path, monkeypatch):
     monkeypatch.setenv("KISSPOINT", str(slow_command(tmp_path, 30)))
-    rows = fleet.stream([cars / "car_4", cars / "car_1", cars / "car_2"], workers=2)
+    rows = fleet.stream([tmp_path / "none", cars / "car_1", cars / "car_2"], workers=2)
     assert next(rows)["error"]
     began = time.monotonic()
     rows.close()
@@ -219,11 +219,11 @@ def test_an_interruption_says_how_to_go_on(cars, tmp_path):
     env = {**os.environ, "KISSPOINT": str(slow_command(tmp_path, 30)), "PYTHONPATH": str(ROOT / "python")}
     words = [sys.executable, "-m", "kisspoint.fleet", f"{cars}/*", "--out", str(tmp_path / "out")]
     child = subprocess.Popen(words, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    until = time.monotonic() + 60
+    until = time.monotonic() + 300
     while not runs(tmp_path) and time.monotonic() < until:
         time.sleep(0.05)
     child.send_signal(signal.SIGINT)
-    _, said = child.communicate(timeout=30)
+    _, said = child.communicate(timeout=300)
     assert child.returncode == 130 and "the same command goes on from there" in said
 
 
@@ -242,13 +242,13 @@ def test_a_scheduler_in_another_process_does_as_well(cars, tmp_path, first):
     try:
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": env}
         started.append(subprocess.Popen([*dask, "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(scheduler_file)], **quiet))
-        until = time.monotonic() + 60
+        until = time.monotonic() + 300
         while not scheduler_file.exists() and time.monotonic() < until:
             time.sleep(0.1)
         worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(scheduler_file), "--nthreads", "1", "--no-dashboard", "--no-nanny"]
         started.append(subprocess.Popen([*worker, "--local-directory", str(tmp_path)], **quiet))
         words = [f"{cars}/*", "--out", str(tmp_path / "out"), "--scheduler", str(scheduler_file), "--cache", str(first[1] / ".kisspoint-cache")]
-        done = subprocess.run([sys.executable, "-m", "kisspoint.fleet", *words], env=env, capture_output=True, text=True, timeout=120)
+        done = subprocess.run([sys.executable, "-m", "kisspoint.fleet", *words], env=env, capture_output=True, text=True, timeout=300)
         assert done.returncode == 0 and "4 campaigns, 2 from the cache, 2 without an answer" in done.stdout, done.stderr
     finally:
         for child in started:
