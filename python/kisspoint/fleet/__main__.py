@@ -105,11 +105,12 @@ def _number(asked: Iterable[str]) -> int:
 
 def _cluster(address: str) -> Any:
     try:
-        from distributed import Client
+        import distributed
     except ModuleNotFoundError:
         raise KisspointError("--scheduler needs Dask: pip install 'kisspoint[fleet,dask]'") from None
+    client: Any = distributed.Client
     try:
-        return Client(scheduler_file=address, timeout=30) if Path(address).is_file() else Client(address, timeout=30)
+        return client(scheduler_file=address, timeout=30) if Path(address).is_file() else client(address, timeout=30)
     except (OSError, TimeoutError, ValueError) as error:
         raise KisspointError(f"no scheduler answers at {address}: {error}; start one with `dask scheduler`, and workers with `dask worker {address}`") from None
 

@@ -33,7 +33,7 @@ class Progress:
 def slots(executor: Any) -> int:
     """Tasks that the engine runs at a time."""
     if hasattr(executor, "nthreads"):
-        return max(1, sum(executor.nthreads().values()))
+        return max(1, int(sum(executor.nthreads().values())))
     return int(getattr(executor, "_max_workers", None) or os.cpu_count() or 1)
 
 

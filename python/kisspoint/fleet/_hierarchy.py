@@ -232,7 +232,7 @@ def fit(members: Members, robust: bool = True) -> Population:
         theta = found.x
     if robust:
         model.choose(theta)
-    covariance = np.linalg.inv(_positive(_hessian(model, theta)))
+    covariance = np.asarray(np.linalg.inv(_positive(_hessian(model, theta))), np.float64)
     sd = np.sqrt(np.diag(covariance))
     k = model.J * model.C
     B, spread, logit, width = model.split(theta)

@@ -228,7 +228,8 @@ def covariates(members: list[Row]) -> list[Covariate]:
 def infer(file: Place) -> tuple[dict[str, Any], pa.Table, dict[str, tuple[dict[str, Any], dict[str, Any] | None]]]:
     """fleet.json; shrunk estimates of every car and number; and of each vehicle file its corrections with the corrected document."""
     found, counts = groups(file)
-    populations, estimates, vehicles = [], [], {}
+    populations: list[dict[str, Any]] = []
+    estimates, vehicles = [], {}
     for digest, group in sorted(found.items(), key=lambda item: -len(item[1].members)):
         if len(group.members) < LEAST:
             populations.append({"vehicle": digest, "cars": len(group.members), "note": f"fewer than {LEAST} cars are no population"})
