@@ -31,5 +31,12 @@ def run(*arguments: object) -> str:
 
 
 def main() -> int:
-    """Hands the command line over to the command."""
+    """Hands the command line over to the command; that of a fleet is this package's own work."""
+    if sys.argv[1:2] == ["fleet"]:
+        try:
+            from .fleet.__main__ import main as fleet
+        except ModuleNotFoundError as error:
+            print(f"kisspoint: {error}", file=sys.stderr)
+            return 1
+        return fleet(sys.argv[2:])
     return subprocess.run([str(path()), *sys.argv[1:]]).returncode

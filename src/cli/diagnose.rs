@@ -2,6 +2,7 @@
 
 use super::error::CommandError;
 use super::files::{writable, write_all};
+use super::index::escaped;
 use super::output::{alarm, print};
 use super::progress::Progress;
 use super::summary::summary;
@@ -11,7 +12,7 @@ use crate::fmu::{self, FmuError, library, ssv};
 use crate::gap::answer::plant_parameters;
 use crate::gap::diagnosis::{Diagnosis, diagnose};
 use crate::gap::map::{HIGH_TORQUE_NM, HOT_DEGC};
-use crate::report;
+use crate::report::{self, fleet};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -25,7 +26,7 @@ pub struct Args {
     /// Folders with vehicle.json, recordings.json and the recordings
     #[arg(value_name = "CAMPAIGN", required = true)]
     campaigns: Vec<PathBuf>,
-    /// Folder for the answer, required unless --json is given; of several campaigns, each has a folder of its name in it
+    /// Folder for the answer, required unless --json is given; of several campaigns, each has a folder of its name in it, and index.html leads to them
     #[arg(long, value_name = "DIR", required_unless_present = "json")]
     out: Option<PathBuf>,
     /// Print one line for each campaign to standard output, with `campaign` and `diagnosis` (the content of diagnosis.json) or `error`
@@ -40,6 +41,9 @@ pub struct Args {
     /// Write curves.json beside the answer, too: car, before and after of every recording and channel
     #[arg(long, requires = "out")]
     curves: bool,
+    /// Leave DrivelinePlant.fmu out; no shared library is needed then, and plant.ssv holds the numbers that make it
+    #[arg(long, conflicts_with_all = ["evidence", "library"])]
+    no_fmu: bool,
     /// Refuse the campaign if any recording has a defect
     #[arg(long)]
     strict: bool,
@@ -58,7 +62,7 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<(), CommandError> {
     // Found before the work begins: nobody wants to hear of a missing library or of a folder that cannot be written to after it.
     args.out.as_deref().map(writable).transpose()?;
-    let libraries = if args.out.is_some() { library::find(&args.library)? } else { Vec::new() };
+    let libraries = if args.out.is_some() && !args.no_fmu { library::find(&args.library)? } else { Vec::new() };
     let channel_map = args.channel_map.as_deref().map(ChannelMap::from_file).transpose()?;
     let options = ReadOptions { channel_map, strict: args.strict };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads.into()).build()?;
@@ -93,11 +97,18 @@ fn several(args: &Args, answer: impl Fn(&Path, Option<&Path>, &str) -> Result<Di
         }
     }
     let mut failed = 0;
+    let mut rows = Vec::new();
     for (k, path) in args.campaigns.iter().enumerate() {
         let label = format!("{} ({} of {all}): ", name(path).display(), k + 1);
         let out = args.out.as_ref().map(|out| out.join(name(path)));
         let shown = path.display().to_string();
-        match answer(path, out.as_deref(), &label) {
+        let called = name(path).display().to_string();
+        let found = answer(path, out.as_deref(), &label);
+        rows.push(match &found {
+            Ok(diagnosis) => fleet::row(&called, &format!("{}/report.html", escaped(&called)), &diagnosis.json),
+            Err(error) => json!({"name": called, "error": error.to_string(), "effects": []}),
+        });
+        match found {
             Ok(diagnosis) if args.json => print(&line(path, &json!({ "diagnosis": diagnosis.json })))?,
             Ok(diagnosis) => print(&format!("{shown}\n{}", summary(&diagnosis, out.as_deref())))?,
             Err(error @ (CommandError::Campaign(_) | CommandError::Diagnosis { .. })) => {
@@ -109,6 +120,10 @@ fn several(args: &Args, answer: impl Fn(&Path, Option<&Path>, &str) -> Result<Di
             }
             Err(error) => return Err(error),
         }
+    }
+    if let Some(out) = &args.out {
+        let title = std::fs::canonicalize(out).ok().and_then(|p| p.file_name().map(|n| n.to_string_lossy().into_owned()));
+        super::index::write(&out.join("index.html"), &title.unwrap_or_default(), &rows, &serde_json::Value::Null)?;
     }
     if failed == 0 { Ok(()) } else { Err(CommandError::Some { failed, all }) }
 }
@@ -211,7 +226,6 @@ fn files(
         laws: &super::laws::laws(diagnosis, &traces),
     });
     let plant = fmu::MODELS.iter().find(|m| m.description.name == "DrivelinePlant").expect("the plant is one of the models");
-    let archive = fmu::archive(plant, libraries, &diagnosis.vehicle, &diagnosis.effects)?;
     let named = plant_parameters(&diagnosis.vehicle, &diagnosis.effects);
     let set: Vec<ssv::Parameter> = plant
         .description
@@ -219,10 +233,14 @@ fn files(
         .iter()
         .filter_map(|v| named.get(v.name).map(|&value| ssv::Parameter { name: v.name, value, unit: v.unit }))
         .collect();
-    Ok(vec![
+    let mut files = vec![
         ("diagnosis.json", format!("{:#}\n", diagnosis.json).into_bytes()),
         ("report.html", report.into_bytes()),
         ("plant.ssv", ssv::write("retuned", &set).into_bytes()),
-        ("DrivelinePlant.fmu", archive),
-    ])
+    ];
+    // There are libraries whenever an FMU is asked for.
+    if !libraries.is_empty() {
+        files.push(("DrivelinePlant.fmu", fmu::archive(plant, libraries, &diagnosis.vehicle, &diagnosis.effects)?));
+    }
+    Ok(files)
 }

@@ -4,11 +4,14 @@
 //! and what to do. Here are only the choice between them, the help that they share, and the exit codes.
 
 pub mod blind;
+pub mod compare;
 pub mod diagnose;
 pub mod error;
 mod evidence;
 pub mod files;
+pub mod fleet;
 pub mod fmu;
+pub mod index;
 pub mod inspect;
 pub mod launch;
 pub mod launch_drawn;
@@ -31,6 +34,8 @@ const EXAMPLES: &str = "Examples:
   kisspoint diagnose measurements/car_17 --out out    where, which and how far the simulation is off
   kisspoint replay measurements/car_17                the gap per recording and channel
   kisspoint blind --cars 20 --seed 1                  how well the diagnosis does on cars it does not know
+  kisspoint fleet 'measurements/*' --out out          many cars: what is wrong with all of them, what with one
+  kisspoint compare out/before out/after              what a repair has changed
   kisspoint vehicle new --out vehicle.json            a vehicle file to fill in
   kisspoint vehicle check vehicle.json                what is implausible in it
   kisspoint inspect drive.mf4 --draft-map map.toml    what a measurement holds, and a channel map for it
@@ -63,6 +68,12 @@ enum Command {
     Replay(replay::Args),
     /// Check the diagnosis on freshly drawn cars whose effects it does not know
     Blind(blind::Args),
+    /// Diagnose many campaigns and say what they have in common (runs the Python package)
+    Fleet(fleet::Args),
+    /// Compare two answers of one car: before and after a repair, or two software levels
+    Compare(compare::Args),
+    /// Write one page for many answers, with links to their reports
+    Index(index::Args),
     /// Draft a vehicle file, or say what is implausible in one
     Vehicle(vehicle::Args),
     /// Show what a measurement file holds, and draft a channel map
@@ -88,6 +99,9 @@ pub fn run() -> ExitCode {
         Command::Diagnose(args) => finish("diagnose", diagnose::run(&args)),
         Command::Replay(args) => finish("replay", replay::run(&args)),
         Command::Blind(args) => finish("blind", blind::run(&args)),
+        Command::Fleet(args) => fleet::run(&args),
+        Command::Compare(args) => finish("compare", compare::run(&args)),
+        Command::Index(args) => finish("index", index::run(&args)),
         Command::Vehicle(args) => finish("vehicle", vehicle::run(&args)),
         Command::Inspect(args) => finish("inspect", inspect::run(&args)),
         Command::Survey(args) => finish("survey", survey::run(&args)),

@@ -1,12 +1,15 @@
-//! `kisspoint vehicle`: drafts a vehicle file, and explains what is implausible in one.
+//! `kisspoint vehicle`: drafts a vehicle file, explains what is implausible in one, and applies what a fleet has taught of it.
 
-use super::error::CommandError;
+use super::error::{CommandError, at};
 use super::files::{VehicleFile, read_vehicle, write_new};
 use super::output::{print, print_json};
 use super::plausible::{self, Finding};
 use crate::control::Settings;
+use crate::gap::answer::Real;
+use crate::gap::model::tolerance::{self, Car, Logger};
 use crate::vehicle::{NUMBERS, Number, Vehicle};
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -14,7 +17,8 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  \
     kisspoint vehicle new --out vehicle.json\n  \
-    kisspoint vehicle check vehicle.json")]
+    kisspoint vehicle check vehicle.json\n  \
+    kisspoint vehicle correct vehicle.json --by corrections.json --out corrected.json")]
 pub struct Args {
     #[command(subcommand)]
     action: Action,
@@ -52,6 +56,29 @@ enum Action {
         #[arg(long)]
         json: bool,
     },
+    /// Move numbers by standard deviations of their tolerance, and scale the tolerances: what a fleet of such cars has taught
+    #[command(
+        after_help = "FILE of --by is JSON: {\"actuator.x_cnt\": {\"sigmas\": 1.4, \"tolerance_factor\": 0.6}, …}, names as in `tolerance`; \
+        `kisspoint fleet` writes such a file.\n\nExamples:\n  \
+        kisspoint vehicle correct vehicle.json --by corrections.json --out corrected.json\n  \
+        kisspoint vehicle correct vehicle.json --by corrections.json --json"
+    )]
+    Correct {
+        /// The vehicle file; it stays as it is
+        file: PathBuf,
+        /// Corrections by name: `sigmas`, `tolerance_factor`, or both
+        #[arg(long, value_name = "FILE")]
+        by: PathBuf,
+        /// File to write; without it the corrected file is printed
+        #[arg(long, value_name = "FILE")]
+        out: Option<PathBuf>,
+        /// Overwrite the file if it exists
+        #[arg(long, requires = "out")]
+        force: bool,
+        /// Print what was changed as JSON: `vehicle`, and `not_in_file`, corrections of numbers that no vehicle file holds
+        #[arg(long, conflicts_with = "out")]
+        json: bool,
+    },
 }
 
 /// Runs the subcommand.
@@ -75,7 +102,79 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
             let gains = observer.as_ref().map_or((settings.l_1, settings.l_2), |g| (g[0], g[1]));
             check(file, gains, *json)
         }
+        Action::Correct { file, by, out, force, json } => {
+            let (document, not_in_file) = correct(file, by)?;
+            if *json {
+                return print_json(&json!({"vehicle": document, "not_in_file": not_in_file}));
+            }
+            for (name, sigmas) in &not_in_file {
+                let what = "which no vehicle file holds: correct it where the torque report is mapped (scale, offset of the channel map)";
+                eprintln!("{name}: off by {sigmas} standard deviations, {what}");
+            }
+            let text = format!("{document:#}\n");
+            match out {
+                Some(path) => write_new(path, &text, *force),
+                None => print(&text),
+            }
+        }
     }
+}
+
+/// The document with its corrections, and those (in standard deviations) that have no number in it.
+fn correct(path: &Path, by: &Path) -> Result<(Value, BTreeMap<String, f64>), CommandError> {
+    let VehicleFile { mut document, vehicle, .. } = read_vehicle(path)?;
+    let refused = |what: String| CommandError::Refused(format!("{}: {what}", by.display()));
+    let text = std::fs::read_to_string(by).map_err(at(by))?;
+    let corrections: BTreeMap<String, Correction> = serde_json::from_str(&text)
+        .map_err(|e| refused(format!("{e}; expected are names of tolerances, each with \"sigmas\", \"tolerance_factor\" or both")))?;
+    let known = tolerance::read(&document, Logger::UNIFORM).map_err(|e| refused(e.to_string()))?;
+    let mut not_in_file = BTreeMap::new();
+    let mut car = Car::nominal(&vehicle);
+    for (name, Correction { sigmas, tolerance_factor }) in &corrections {
+        let one = known.shared.iter().find(|n| n.declared && n.name == *name);
+        let one = one.ok_or_else(|| refused(format!("\"{name}\" is no tolerance of {}; remove it or declare it there", path.display())))?;
+        if !(sigmas.is_finite() && *tolerance_factor > 0.0 && tolerance_factor.is_finite()) {
+            return Err(refused(format!(
+                "\"{name}\" has sigmas {sigmas} and tolerance_factor {tolerance_factor}; both are finite, the latter positive"
+            )));
+        }
+        let before = car.vehicle;
+        car.apply(std::slice::from_ref(one), &[*sigmas]);
+        if car.vehicle == before && *sigmas != 0.0 {
+            not_in_file.insert(name.clone(), *sigmas);
+        }
+        for size in document["tolerance"][name.as_str()].as_object_mut().into_iter().flat_map(|o| o.iter_mut()) {
+            if let (true, Some(value)) = (matches!(size.0.as_str(), "abs" | "rel"), size.1.as_f64()) {
+                *size.1 = json!(Real(value * tolerance_factor));
+            }
+        }
+    }
+    car.vehicle.check().map_err(|source| CommandError::Vehicle { path: path.to_owned(), source })?;
+    // Only what moved is written: everything else stays as its author wrote it.
+    let (old, new) = (vehicle.to_value(), car.vehicle.to_value());
+    for (group, content) in new.as_object().into_iter().flatten() {
+        for (key, value) in content.as_object().into_iter().flatten().filter(|(key, value)| old[group][key.as_str()] != **value) {
+            let rounded = |v: &Value| json!(Real(v.as_f64().unwrap_or(f64::NAN)));
+            document[group][key.as_str()] = value.as_array().map_or_else(|| rounded(value), |list| list.iter().map(rounded).collect());
+        }
+    }
+    Ok((document, not_in_file))
+}
+
+/// How a number is corrected.
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Correction {
+    /// By how many standard deviations of its tolerance the number moves.
+    #[serde(default)]
+    sigmas: f64,
+    /// Factor on the tolerance.
+    #[serde(default = "one")]
+    tolerance_factor: f64,
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 fn check(path: &Path, gains: (f64, f64), as_json: bool) -> Result<(), CommandError> {
@@ -179,7 +278,6 @@ fn belongs(flat: &str, group: &str, key: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gap::model::tolerance::{self, Logger};
 
     #[test]
     fn the_draft_is_the_papers_vehicle_and_explains_every_number() {
@@ -190,6 +288,25 @@ mod tests {
         for number in &NUMBERS {
             assert!(draft().contains(number.meaning), "{} is not explained", number.name);
         }
+    }
+
+    #[test]
+    fn a_correction_moves_what_the_diagnosis_moves_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, by) = (folder.path().join("vehicle.json"), folder.path().join("by.json"));
+        std::fs::write(&file, draft()).unwrap();
+        std::fs::write(&by, r#"{"driveline.J_f": {"sigmas": -2}, "actuator.x_cnt": {"sigmas": 3, "tolerance_factor": 0.5}, "engine.T_e_bias": {"sigmas": 1}}"#).unwrap();
+        let (document, not_in_file) = correct(&file, &by).unwrap();
+        let (was, is) = (Vehicle::paper(), Vehicle::from_value(&document).unwrap());
+        assert!((is.driveline.J_f / (was.driveline.J_f * (-0.02f64).exp()) - 1.0).abs() < 1e-5);
+        assert!((is.actuator.x_cnt_0 - was.actuator.x_cnt_0 - 0.045).abs() < 1e-5);
+        assert_eq!(document["tolerance"]["actuator.x_cnt"]["abs"], 0.0075);
+        assert_eq!(document["tolerance"]["driveline.J_f"], bare()["tolerance"]["driveline.J_f"]);
+        assert_eq!((not_in_file.len(), not_in_file["engine.T_e_bias"]), (1, 1.0));
+        assert_eq!((is.thermal, is.friction), (was.thermal, was.friction));
+        assert!(document.to_string().contains("Keys that begin with _ are comments"));
+        std::fs::write(&by, r#"{"driveline.J_x": {"sigmas": 1}}"#).unwrap();
+        assert!(correct(&file, &by).unwrap_err().to_string().contains("\"driveline.J_x\" is no tolerance"));
     }
 
     #[test]

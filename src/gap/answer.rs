@@ -45,6 +45,52 @@ pub struct Answer {
     pub how_far: HowFar,
     /// The retuned car.
     pub plant: Plant,
+    /// The normal posterior of what all recordings share.
+    pub joint: Option<Joint>,
+}
+
+/// The normal posterior of the unknowns that all recordings share, with the prior that is in it: the posterior without the prior is what the
+/// recordings alone say, which is what may be pooled with other cars.
+#[derive(Clone, Debug, Serialize)]
+pub struct Joint {
+    /// The unknowns, in the order of the matrices.
+    pub unknowns: Vec<Unknown>,
+    /// Inverse of their posterior covariance, in products of their units: rows of the lower triangle.
+    pub precision: Vec<Vec<Real>>,
+    /// Inverse of their prior covariance: row, column, value of what is not zero in the lower triangle.
+    pub prior_precision: Vec<(usize, usize, Real)>,
+}
+
+/// One of them.
+#[derive(Clone, Debug, Serialize)]
+pub struct Unknown {
+    /// Name of a tolerance, or FMU variable of an effect's parameter.
+    pub name: String,
+    /// `tolerance` of the vehicle file, `logger` (a default that no file declares), or `effect`.
+    pub kind: &'static str,
+    /// Posterior mode: of an effect's parameter in its unit, else in standard deviations `sigma`.
+    pub value: Real,
+    /// Prior centre, in the same unit.
+    pub centre: Real,
+    /// Unit of an effect's parameter.
+    pub unit: Option<&'static str>,
+    /// One standard deviation of the number: in its unit, or of its logarithm where `relative`.
+    pub sigma: Option<Real>,
+    /// Whether `sigma` is that of the logarithm.
+    pub relative: bool,
+    /// Whether it cannot be negative.
+    pub one_sided: bool,
+    /// The effect's parameter that does to the car what this number does, and by how much for one standard deviation.
+    pub same_as: Option<SameAs>,
+}
+
+/// An effect's parameter that does to the car what a number of the vehicle file does.
+#[derive(Clone, Debug, Serialize)]
+pub struct SameAs {
+    /// FMU variable.
+    pub parameter: &'static str,
+    /// Change of it that does the same as one standard deviation of the number.
+    pub per_sigma: Real,
 }
 
 /// A recording that was not used.

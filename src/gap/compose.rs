@@ -71,6 +71,7 @@ pub fn answer(f: &Findings) -> Answer {
             parameters: plant_parameters(f.retuned.0, f.retuned.1),
             nominal_parameters: plant_parameters(&f.problem.vehicle, &effects::null()),
         },
+        joint: super::joint::joint(f.problem, f.conclusion),
     }
 }
 

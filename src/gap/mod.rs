@@ -8,13 +8,14 @@
 //! 3. [`infer`]: one joint density of recordings and unknowns; its mode and evidence; the search over sets of effects; the posterior over these and over
 //!    missing laws
 //! 4. [`verdict`]: what the posterior says; [`map`]: where the balances do not close; [`measure`]: how far off free replays are, before and after
-//! 5. [`compose`]: the [`answer`], in its words; [`diagnosis`] runs all of it
+//! 5. [`compose`]: the [`answer`], in its words; [`joint`]: the posterior itself, for those who pool cars; [`diagnosis`] runs all of it
 
 pub mod answer;
 pub mod compose;
 pub mod diagnosis;
 pub mod held_out;
 pub mod infer;
+pub mod joint;
 pub mod map;
 pub mod measure;
 pub mod model;

@@ -16,8 +16,10 @@
 
 pub mod causes;
 pub mod chart;
+pub mod compare;
 pub mod curves;
 pub mod doubts;
+pub mod fleet;
 pub mod json;
 pub mod laws;
 pub mod names;

@@ -1,0 +1,337 @@
+"""A normal population of which every member is known by a normal likelihood of its own, with some members that do not belong to it.
+
+Member i has J numbers x_i, in standard deviations of what was believed of them. Of its recordings there is a likelihood
+
+    L_i(x) ∝ exp(h_iᵀ x − ½ xᵀ D_i x),                                                                   (1)
+
+which may say nothing in some directions. The population says
+
+    x_ij ~ N(b_jᵀ c_i, τ_j²), or N(b_jᵀ c_i, τ_j² + ω²) with probability π,                              (2)
+
+c_i being 1 and what the member's mean may depend on (mileage, date). With m = B c and V the variances of one choice of outliers, the evidence of the member is
+
+    ln Z = hᵀm − ½ mᵀDm + ½ rᵀV^½ K⁻¹ V^½ r − ½ ln det K,    r = h − Dm,    K = 1 + V^½ D V^½,           (3)
+
+and its numbers are N(m + V^½ K⁻¹ V^½ r, V^½ K⁻¹ V^½). B, τ, π, ω are those of the greatest posterior (empirical Bayes), their intervals Laplace's: the curvature of the
+logarithm of the posterior there, by differences of its exact gradient. Weak priors keep what the members do not say anything of within reason.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize
+from scipy.special import expit, log_expit, logsumexp
+
+Array = NDArray[np.float64]
+
+MEAN_SD = 30.0
+"""Prior of means and slopes: effects of the library reach some tens of tolerances."""
+LOG_SPREAD_SD = 1.5
+"""Prior of ln τ around 0, which is what the tolerances say: 95 % of spreads lie between a twentieth and twentyfold of them."""
+OFF_PRIOR = 0.01
+OFF_SD = 1.5
+"""Prior of π: ln (odds) of the diagnosis's own prior of an effect, known to a factor of 4.5."""
+LOG_WIDTH = np.log(10.0)
+LOG_WIDTH_SD = 0.7
+"""Prior of ln ω: a number that is off is so by some ten tolerances."""
+CANDIDATE = 3.0
+"""Nats by which "off" may be behind "not off" for a number to be weighed anew at every step; the rest keep the ratio that they had at the start."""
+MOST = 3
+"""Numbers of one member that may be off: as many effects as a diagnosis names."""
+
+
+@dataclass
+class Members:
+    """Likelihoods of N members, J numbers, and C covariates, of which the first is 1."""
+
+    information: Array
+    """h, N × J."""
+    precision: Array
+    """D, N × J × J, positive semidefinite."""
+    covariates: Array
+    """N × C."""
+
+
+@dataclass
+class Population:
+    """What was inferred; all in the members' units."""
+
+    means: Array
+    """B, J × C."""
+    means_sd: Array
+    spreads: Array
+    """τ, J."""
+    spreads_interval: Array
+    """95 % interval of τ, J × 2."""
+    off: float
+    """π."""
+    width: float
+    """ω."""
+    covariance: Array
+    """Of (B row by row, ln τ, logit π, ln ω)."""
+    values: Array
+    """Shrunk numbers of every member, N × J."""
+    values_sd: Array
+    offs: Array
+    """Probability that a number of a member does not belong, N × J."""
+
+
+class _Model:
+    def __init__(self, members: Members, robust: bool) -> None:
+        self.h, self.D, self.c = members.information, members.precision, members.covariates
+        self.N, self.J = self.h.shape
+        self.C = self.c.shape[1]
+        self.robust = robust
+        # Which number of which member may be off, choice by choice; at first none.
+        self.member = np.arange(self.N)
+        self.choice = np.zeros((self.N, self.J), bool)
+        self.candidate = np.zeros((self.N, self.J), bool)
+        self.ratio = np.full((self.N, self.J), -np.inf)
+
+    def start(self) -> Array:
+        """Means and spreads of members that are known best, without regard to the rest."""
+        diagonal = np.einsum("njj->nj", self.D)
+        mean = np.zeros((self.J, self.C))
+        log_spread = np.zeros(self.J)
+        precise = np.linalg.solve(self.D + np.eye(self.J) * 0.01, self.h[..., None])[..., 0]
+        for j in range(self.J):
+            known = precise[diagonal[:, j] > 0.1, j]
+            if len(known) >= 3:
+                mean[j, 0] = np.median(known)
+                log_spread[j] = np.log(max(1.4826 * np.median(np.abs(known - mean[j, 0])), 0.1))
+        return np.concatenate([mean.ravel(), np.clip(log_spread, -2, 2), [np.log(OFF_PRIOR / (1 - OFF_PRIOR)), LOG_WIDTH]])
+
+    def split(self, theta: Array) -> tuple[Array, Array, float, float]:
+        k = self.J * self.C
+        return theta[:k].reshape(self.J, self.C), np.exp(theta[k : k + self.J]), float(theta[-2]), float(np.exp(theta[-1]))
+
+    def evaluate(self, theta: Array, member: Any, choice: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array]:
+        """Logarithm of (3), posterior mean and covariance, and mean of the population, of each choice."""
+        B, spread, _, width = self.split(theta)
+        h, D = self.h[member], self.D[member]
+        m = self.c[member] @ B.T
+        root = np.sqrt(spread**2 + choice * width**2)
+        r = h - np.einsum("nij,nj->ni", D, m)
+        K = np.eye(self.J) + root[:, :, None] * D * root[:, None, :]
+        L = np.linalg.cholesky(K)
+        inverse = np.linalg.inv(K)
+        y = np.einsum("nij,nj->ni", inverse, root * r)
+        log = (
+            np.einsum("nj,nj->n", h, m)
+            - 0.5 * np.einsum("nj,nj->n", m, h - r)
+            + 0.5 * np.einsum("nj,nj->n", root * r, y)
+            - np.log(np.einsum("njj->nj", L)).sum(axis=1)
+        )
+        return log, m + root * y, root[:, :, None] * inverse * root[:, None, :], m
+
+    def choose(self, theta: Array) -> None:
+        """Lists the choices of outliers that are worth weighing, at these parameters."""
+        everybody = np.arange(self.N)
+        none = np.zeros((self.N, self.J), bool)
+        log, *_ = self.evaluate(theta, everybody, none)
+        for j in range(self.J):
+            single = none.copy()
+            single[:, j] = True
+            self.ratio[:, j] = self.evaluate(theta, everybody, single)[0] - log
+        self.candidate = self.ratio > theta[-2] * -1 - CANDIDATE
+        # Of these, the likeliest few one after the other: the best, the best beside it, and so on.
+        chosen, here = [none], none.copy()
+        log_here = log
+        for _ in range(MOST):
+            best, gain = np.full(self.N, -1), np.full(self.N, -np.inf)
+            for j in range(self.J):
+                who = np.flatnonzero(self.candidate[:, j] & ~here[:, j])
+                if len(who) == 0:
+                    continue
+                tried = here[who].copy()
+                tried[:, j] = True
+                value = self.evaluate(theta, who, tried)[0] - log_here[who]
+                better = value > gain[who]
+                best[who[better]], gain[who[better]] = j, value[better]
+            found = best >= 0
+            if not found.any():
+                break
+            here = here.copy()
+            here[np.flatnonzero(found), best[found]] = True
+            log_here = np.where(found, log_here + np.where(found, gain, 0.0), log_here)
+            chosen.append(here)
+        members, choices = [everybody], [none]
+        for j in range(self.J):
+            who = np.flatnonzero(self.candidate[:, j])
+            single = np.zeros((len(who), self.J), bool)
+            single[:, j] = True
+            members.append(who)
+            choices.append(single)
+        for many in chosen[2:]:
+            who = np.flatnonzero(many.sum(axis=1) >= 2)
+            members.append(who)
+            choices.append(many[who])
+        pairs = np.unique(np.column_stack([np.concatenate(members), np.concatenate(choices).astype(int)]), axis=0)
+        self.member, self.choice = pairs[:, 0], pairs[:, 1:].astype(bool)
+
+    def weights(self, theta: Array, log: Array) -> tuple[Array, Array]:
+        """Logarithm of the members' evidence, and the share of each choice in it."""
+        logit = theta[-2]
+        candidates = self.candidate[self.member].sum(axis=1)
+        picked = self.choice.sum(axis=1)
+        prior = picked * log_expit(logit) + (candidates - picked) * log_expit(-logit)
+        total = log + prior
+        most = np.full(self.N, -np.inf)
+        np.maximum.at(most, self.member, total)
+        share = np.exp(total - most[self.member])
+        whole = np.bincount(self.member, share, self.N)
+        # A number that is no candidate is off or not at the odds that it had at the start.
+        rest = np.where(self.candidate, 0.0, np.logaddexp(log_expit(-logit), log_expit(logit) + self.ratio)) if self.robust else np.zeros((self.N, self.J))
+        return most + np.log(whole) + rest.sum(axis=1), share / whole[self.member]
+
+    def objective(self, theta: Array) -> tuple[float, Array]:
+        """Minus the logarithm of the posterior of the parameters, and its gradient."""
+        _, spread, logit, width = self.split(theta)
+        log, x, cov, m = self.evaluate(theta, self.member, self.choice)
+        evidence, weight = self.weights(theta, log)
+        D = self.D[self.member]
+        slope = self.h[self.member] - np.einsum("nij,nj->ni", D, x)
+        # Derivative of (3) by a variance: half of the squared slope less the precision of what is observed.
+        gram = np.einsum("njj->nj", D) - np.einsum("nij,nik,nkj->nj", D, cov, D)
+        by_variance = 0.5 * (slope**2 - gram) * weight[:, None]
+        by_mean = np.einsum("nj,nc->jc", slope * weight[:, None], self.c[self.member])
+        by_spread = by_variance.sum(axis=0) * 2 * spread**2
+        by_width = (by_variance * self.choice).sum() * 2 * width**2
+        p = expit(logit)
+        picked, candidates = self.choice.sum(axis=1), self.candidate[self.member].sum(axis=1)
+        by_logit = (weight * (picked - candidates * p)).sum()
+        if self.robust:
+            ratio = np.exp(np.clip(self.ratio, -700, 700))
+            by_logit += np.where(self.candidate, 0.0, p * (1 - p) * (ratio - 1) / (1 - p + p * ratio)).sum()
+        k = self.J * self.C
+        prior_value, prior = self.prior(theta)
+        gradient = np.concatenate([by_mean.ravel(), by_spread, [by_logit, by_width]])
+        assert len(gradient) == k + self.J + 2
+        return -(evidence.sum() + prior_value), -(gradient + prior)
+
+    def prior(self, theta: Array) -> tuple[float, Array]:
+        k = self.J * self.C
+        centre = np.zeros_like(theta)
+        sd = np.concatenate([np.full(k, MEAN_SD), np.full(self.J, LOG_SPREAD_SD), [OFF_SD, LOG_WIDTH_SD]])
+        centre[-2], centre[-1] = np.log(OFF_PRIOR / (1 - OFF_PRIOR)), LOG_WIDTH
+        z = (theta - centre) / sd
+        return -0.5 * float(z @ z), -z / sd
+
+
+def fit(members: Members, robust: bool = True) -> Population:
+    """The population of these members. Without `robust` all belong to it."""
+    model = _Model(members, robust)
+    theta = model.start()
+    bounds = [(None, None)] * (model.J * model.C) + [(-6.0, 5.0)] * model.J + [(-9.0, 0.0), (0.7, 4.5)]
+    for _ in range(3 if robust else 1):
+        if robust:
+            model.choose(theta)
+        found = optimize.minimize(model.objective, theta, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 300, "ftol": 1e-11, "gtol": 1e-6})
+        theta = found.x
+    if robust:
+        model.choose(theta)
+    covariance = np.asarray(np.linalg.inv(_positive(_hessian(model, theta))), np.float64)
+    sd = np.sqrt(np.diag(covariance))
+    k = model.J * model.C
+    B, spread, logit, width = model.split(theta)
+    log_spread = theta[k : k + model.J]
+    interval = np.exp(log_spread[:, None] + np.array([-1.96, 1.96]) * sd[k : k + model.J, None])
+    values, values_sd, offs = _members(model, theta)
+    return Population(B, sd[:k].reshape(B.shape), spread, np.asarray(interval, np.float64), float(expit(logit)), width, covariance, values, values_sd, offs)
+
+
+def _hessian(model: _Model, theta: Array) -> Array:
+    step = 1e-4
+    rows = []
+    for k in range(len(theta)):
+        move = np.zeros_like(theta)
+        move[k] = step
+        rows.append((model.objective(theta + move)[1] - model.objective(theta - move)[1]) / (2 * step))
+    hessian = np.array(rows)
+    return 0.5 * (hessian + hessian.T)
+
+
+def _positive(matrix: Array) -> Array:
+    """Directions without curvature keep that of a prior, so that an inverse exists."""
+    values, vectors = np.linalg.eigh(matrix)
+    return np.asarray((vectors * np.maximum(values, MEAN_SD**-2)) @ vectors.T)
+
+
+def _members(model: _Model, theta: Array) -> tuple[Array, Array, Array]:
+    log, x, cov, _ = model.evaluate(theta, model.member, model.choice)
+    _, weight = model.weights(theta, log)
+    values, second, offs = (np.zeros((model.N, model.J)) for _ in range(3))
+    np.add.at(values, model.member, weight[:, None] * x)
+    np.add.at(second, model.member, weight[:, None] * (x**2 + np.einsum("njj->nj", cov)))
+    np.add.at(offs, model.member, weight[:, None] * model.choice)
+    if model.robust:
+        logit = theta[-2]
+        offs = np.where(model.candidate, offs, expit(logit + model.ratio))
+    return values, np.sqrt(np.maximum(second - values**2, 0.0)), offs
+
+
+def shares(evidence: list[dict[tuple[str, ...], float]], prior_odds: float) -> tuple[dict[str, tuple[float, float, float]], list[dict[str, float]]]:
+    """Shares of members that have a property (mean, 2.5 %, 97.5 %), and each member's probability of it in the light of all.
+
+    A member's probabilities of sets of properties were found with prior odds of `prior_odds` for each; these are exchanged for the population's own. Prior of a share:
+    Beta with mean `prior_odds` and the weight of `PRIOR_MEMBERS` members. The interval of a share holds the others at their best.
+    """
+    names = sorted({name for one in evidence for chosen in one for name in chosen})
+    place = {name: k for k, name in enumerate(names)}
+    if not names:
+        return {}, [{} for _ in evidence]
+    member = np.concatenate([np.full(len(one), i) for i, one in enumerate(evidence)]).astype(int)
+    sets = [chosen for one in evidence for chosen in one]
+    log = np.log(np.maximum([p for one in evidence for p in one.values()], 1e-300))
+    holds = np.zeros((len(sets), len(names)))
+    for s, chosen in enumerate(sets):
+        holds[s, [place[name] for name in chosen]] = 1.0
+    n = len(evidence)
+    mean = prior_odds / (1 + prior_odds)
+    a, b = PRIOR_MEMBERS * mean, PRIOR_MEMBERS * (1 - mean)
+    share = np.full(len(names), mean)
+
+    def weigh(share: Array) -> Array:
+        total = log + holds @ (np.log(share / (1 - share)) - np.log(prior_odds))
+        most = np.full(n, -np.inf)
+        np.maximum.at(most, member, total)
+        part = np.exp(total - most[member])
+        return np.asarray(part / np.bincount(member, part, n)[member])
+
+    for _ in range(500):
+        counts = weigh(share) @ holds
+        new = (counts + a) / (n + PRIOR_MEMBERS)
+        moved = np.abs(np.log(new / share)).max()
+        share = new
+        if moved < 1e-6:
+            break
+    weight = weigh(share)
+    probabilities = np.zeros((n, len(names)))
+    np.add.at(probabilities, member, weight[:, None] * holds)
+    result = {}
+    for name, k in place.items():
+        p = np.clip(probabilities[:, k], 1e-300, 1 - 1e-16)
+        odds = np.log(p) - np.log1p(-p) - np.log(share[k] / (1 - share[k]))
+        # On a grid of ln (share), which is where a share of nearly nothing has its mass, too.
+        grid = np.linspace(np.log(1e-8), np.log(1 - 1e-6), 2000)
+        pi = np.exp(grid)
+        posterior = np.logaddexp(np.log1p(-pi)[:, None], grid[:, None] + odds[None, :]).sum(axis=1) if n <= 2000 else _in_parts(grid, pi, odds)
+        posterior = posterior + a * grid + (b - 1) * np.log1p(-pi)
+        mass = np.exp(posterior - logsumexp(posterior))
+        below = np.cumsum(mass)
+        low, high = (float(pi[min(int(np.searchsorted(below, q)), len(pi) - 1)]) for q in (0.025, 0.975))
+        result[name] = (float(mass @ pi), low, high)
+    return result, [{name: float(probabilities[i, k]) for name, k in place.items() if probabilities[i, k] > 1e-3} for i in range(n)]
+
+
+PRIOR_MEMBERS = 10.0
+"""Weight of the prior of a share, in members."""
+
+
+def _in_parts(grid: Array, pi: Array, odds: Array) -> Array:
+    total = np.zeros(len(grid))
+    for part in np.array_split(odds, max(1, len(odds) // 2000)):
+        total += np.logaddexp(np.log1p(-pi)[:, None], grid[:, None] + part[None, :]).sum(axis=1)
+    return total

@@ -1,0 +1,464 @@
+"""What the cars of a fleet have in common: the numbers of their vehicle file, the effects, and how both move with mileage and date.
+
+Each car's answer holds a normal posterior of the numbers and of the parameters of the effects that were named, and the prior in it. The prior is divided out, and what is
+left – what the car's recordings say – is pooled by `_hierarchy`. Numbers and effects' parameters that do the same to a car are added up first: a kiss point that is off
+in every car may be named as an effect in some of them and taken for tolerance in others.
+"""
+
+import datetime
+import json
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from .. import _command
+from . import _hierarchy
+from ._store import Place
+from ._table import Row
+
+Array = NDArray[np.float64]
+
+POOLED = 20_000
+"""Cars of one vehicle file that teach its population; of more, every so many-th is taken, and the rest are left without shrunk estimates."""
+LEAST = 3
+"""Cars without which there is no population."""
+PRIOR_ODDS = 0.01 / 0.99
+"""Of an effect, in each car's answer (docs/diagnosis.md)."""
+FAMILY_WISE = 0.05
+"""Probability of any false alarm among the numbers that are told to be off, and as much among what is told to move (Holm)."""
+OFF = 0.5
+"""Probability from which a car counts as an outlier."""
+SLOPE_LEAST = 8
+"""Cars with a mileage or date without which nothing is said of drift."""
+
+_COLUMNS = ["campaign", "name", "mileage_km", "date", "error", "explanations", "unknowns", "precision", "prior_precision", "vehicle", "vehicle_file", "report"]
+
+
+@dataclass
+class Told:
+    """What one car says, as the hierarchy takes it."""
+
+    names: list[str]
+    """Numbers, by the name of a tolerance, or of several joined by " × " that act alike."""
+    h: Array
+    D: Array
+
+
+@dataclass
+class Group:
+    """Cars of one vehicle file."""
+
+    file: str
+    members: list[Row] = field(default_factory=list)
+    """campaign, name, mileage_km, date, report."""
+    told: list[Told] = field(default_factory=list)
+    sigma: dict[str, tuple[float, bool, str]] = field(default_factory=dict)
+    """Of each number: one standard deviation, whether of the logarithm, and its kind."""
+    parts: dict[str, dict[str, float]] = field(default_factory=dict)
+    """Of each number: its tolerances with their share of a move."""
+    stood_for: set[str] = field(default_factory=set)
+    """Effects that do what a number does: they are told of as that number."""
+    effects: dict[str, list[tuple[int, Array, Array]]] = field(default_factory=dict)
+    """By effect: which member, and what it says of the parameters that are no number of the vehicle file, in their sizes."""
+    parameters: dict[str, list[tuple[str, str, float, float]]] = field(default_factory=dict)
+    """By effect: variable, unit, prior centre and size of each of these."""
+    evidence: list[dict[tuple[str, ...], float]] = field(default_factory=list)
+
+
+def matrices(row: Row) -> tuple[Array, Array, Array]:
+    """Mode, posterior precision and prior precision of a row's unknowns."""
+    unknowns = row["unknowns"]
+    n = len(unknowns)
+    H, P = np.zeros((n, n)), np.zeros((n, n))
+    H[np.tril_indices(n)] = row["precision"]
+    for entry in row["prior_precision"]:
+        P[entry["row"], entry["column"]] = entry["value"]
+    fill = [m + np.tril(m, -1).T for m in (H, P)]
+    return np.array([u["value"] for u in unknowns]), fill[0], fill[1]
+
+
+def read(unknowns: list[Row], mode: Array, H: Array, P: Array, group: Group) -> tuple[Told, dict[str, tuple[Array, Array]]]:
+    """The likelihood of the numbers, and of what is left of each effect.
+
+    Posterior and prior are taken to the sums u of what does the same; the likelihood is their quotient. That holds for any sums, whatever else is free:
+    the posterior of u is its prior times the probability of the recordings given u.
+    """
+    by_parameter: dict[str, list[int]] = {}
+    rows: list[tuple[str, dict[int, float], float]] = []
+    effect_of = {u["name"]: k for k, u in enumerate(unknowns) if u["kind"] == "effect"}
+    for k, u in enumerate(unknowns):
+        if u["kind"] == "effect" or u["one_sided"]:
+            continue
+        by_parameter.setdefault(u["same_as"] or u["name"], []).append(k)
+        if u["same_as"]:
+            group.stood_for.add(u["same_as"].split(".")[1])
+    taken = set()
+    for parameter, members in by_parameter.items():
+        name = " × ".join(unknowns[k]["name"] for k in members)
+        sigmas = np.array([unknowns[k]["sigma"] for k in members])
+        relative = all(unknowns[k]["relative"] for k in members)
+        # Where one number is moved alone, its own standard deviation is the unit.
+        rates = sigmas if relative or unknowns[members[0]]["per_sigma"] is None else np.array([unknowns[k]["per_sigma"] for k in members])
+        whole = float(np.linalg.norm(rates))
+        weights = {k: float(rate / whole) for k, rate in zip(members, rates, strict=True)}
+        value = sum(weight * mode[k] for k, weight in weights.items())
+        e = effect_of.get(parameter)
+        if e is not None:
+            taken.add(e)
+            factor = relative and unknowns[e]["centre"] == 1.0
+            if factor:
+                # A factor moves by its logarithm, as the tolerance does.
+                value += np.log(mode[e]) / whole
+                weights[e] = 1.0 / (mode[e] * whole)
+            else:
+                per = float(np.linalg.norm([unknowns[k]["per_sigma"] for k in members]))
+                value += (mode[e] - unknowns[e]["centre"]) / per
+                weights[e] = 1.0 / per
+        rows.append((name, weights, value))
+        kind = "tolerance" if any(unknowns[k]["kind"] == "tolerance" for k in members) else "logger"
+        unit = float(np.linalg.norm(sigmas))
+        group.sigma.setdefault(name, (unit, relative, kind))
+        group.parts.setdefault(name, {unknowns[k]["name"]: float(s / unit) for k, s in zip(members, sigmas, strict=True)})
+    told = _quotient([row[1] for row in rows], np.array([row[2] for row in rows]), np.zeros(len(rows)), H, P)
+    effects: dict[str, list[int]] = {}
+    for name, k in effect_of.items():
+        if k not in taken:
+            effects.setdefault(name.split(".")[1], []).append(k)
+    left = {}
+    for effect, places in effects.items():
+        sizes = [float(P[k, k] ** -0.5) for k in places]
+        group.parameters.setdefault(effect, [(unknowns[k]["name"], unknowns[k]["unit"] or "", unknowns[k]["centre"], s) for k, s in zip(places, sizes, strict=True)])
+        centres = np.array([unknowns[k]["centre"] for k in places])
+        left[effect] = _quotient([{k: 1 / s} for k, s in zip(places, sizes, strict=True)], (mode[places] - centres) / sizes, np.zeros(len(places)), H, P)
+    return Told([row[0] for row in rows], *told), left
+
+
+def _quotient(weights: list[dict[int, float]], value: Array, centre: Array, H: Array, P: Array) -> tuple[Array, Array]:
+    """h and D of posterior / prior of sums of unknowns."""
+    T = np.zeros((len(weights), len(H)))
+    for i, one in enumerate(weights):
+        T[i, list(one)] = list(one.values())
+    posterior = np.linalg.inv(T @ np.linalg.solve(H, T.T))
+    prior = np.linalg.inv(T @ np.linalg.solve(P, T.T))
+    D = posterior - prior
+    values, vectors = np.linalg.eigh(0.5 * (D + D.T))
+    # What is below rounding says nothing.
+    kept = np.maximum(values, 0.0) * (values > 1e-6 * np.abs(values).max(initial=0.0))
+    h = posterior @ value - prior @ centre
+    basis = vectors[:, kept > 0]
+    return basis @ (basis.T @ h), np.asarray((vectors * kept) @ vectors.T)
+
+
+def groups(file: Place) -> tuple[dict[str, Group], dict[str, int]]:
+    """Rows of a fleet by vehicle file, and how many there are of which kind."""
+    parquet = pq.ParquetFile(file.path, filesystem=file.fs)
+    counts = {"campaigns": 0, "errors": 0, "without_posterior": 0}
+    each = max(1, -(-parquet.metadata.num_rows // POOLED))
+    found: dict[str, Group] = {}
+    for batch in parquet.iter_batches(batch_size=512, columns=_COLUMNS):
+        for row in batch.to_pylist():
+            counts["campaigns"] += 1
+            if row["error"] is not None:
+                counts["errors"] += 1
+                continue
+            if not row["unknowns"]:
+                counts["without_posterior"] += 1
+                continue
+            if counts["campaigns"] % each:
+                continue
+            group = found.setdefault(row["vehicle"], Group(row["vehicle_file"]))
+            _add(group, row)
+    return found, counts
+
+
+def _add(group: Group, row: Row) -> None:
+    mode, H, P = matrices(row)
+    told, effects = read(row["unknowns"], mode, H, P, group)
+    k = len(group.members)
+    group.members.append({key: row[key] for key in ("campaign", "name", "mileage_km", "date", "report")})
+    group.told.append(told)
+    for effect, (h, D) in effects.items():
+        group.effects.setdefault(effect, []).append((k, h, D))
+    sets: dict[tuple[str, ...], float] = {}
+    for one in row["explanations"]:
+        law = [f"a law missing in {one['missing_law']}"] if one["missing_law"] else []
+        chosen = tuple(sorted(one["effects"]) + law)
+        sets[chosen] = sets.get(chosen, 0.0) + (one["probability"] or 0.0)
+    group.evidence.append(sets)
+
+
+@dataclass
+class Covariate:
+    """What a mean may depend on."""
+
+    name: str
+    unit: str
+    centre: float
+    scale: float
+    values: Array
+    """Standardised; 0 where it is not known."""
+
+
+def covariates(members: list[Row]) -> list[Covariate]:
+    """Mileage and date where enough cars say them."""
+    found = []
+    days = [None if m["date"] is None else float(m["date"].toordinal()) for m in members]
+    for name, unit, raw in (("mileage_km", "1000 km", [m["mileage_km"] for m in members]), ("date", "year", days)):
+        known = np.array([v is not None for v in raw])
+        values = np.array([np.nan if v is None else float(v) for v in raw])
+        if known.sum() < SLOPE_LEAST or np.std(values[known]) == 0:
+            continue
+        centre, scale = float(values[known].mean()), float(values[known].std())
+        found.append(Covariate(name, unit, centre, scale, np.where(known, (values - centre) / scale, 0.0)))
+    # Two that go together tell nothing apart.
+    if len(found) == 2 and abs(np.corrcoef(found[0].values, found[1].values)[0, 1]) > 0.95:
+        found.pop()
+    return found
+
+
+def infer(file: Place) -> tuple[dict[str, Any], pa.Table, dict[str, tuple[dict[str, Any], dict[str, Any] | None]]]:
+    """fleet.json; shrunk estimates of every car and number; and of each vehicle file its corrections with the corrected document."""
+    found, counts = groups(file)
+    populations: list[dict[str, Any]] = []
+    estimates, vehicles = [], {}
+    for digest, group in sorted(found.items(), key=lambda item: -len(item[1].members)):
+        if len(group.members) < LEAST:
+            populations.append({"vehicle": digest, "cars": len(group.members), "note": f"fewer than {LEAST} cars are no population"})
+            continue
+        population, rows = _one(digest, group)
+        populations.append(population)
+        estimates.append(pa.Table.from_pylist(rows, ESTIMATES))
+        corrections = _corrections(population, group)
+        vehicles[digest] = (corrections, _corrected(group.file, corrections))
+    first: dict[str, Any] = next((p for p in populations if "numbers" in p), {"numbers": [], "effects": [], "outliers": []})
+    summary = {
+        "schema": "kisspoint-fleet/1",
+        **counts,
+        "pooled": sum(p["cars"] for p in populations),
+        **{key: first[key] for key in ("numbers", "effects", "outliers")},
+        "populations": populations,
+    }
+    return summary, pa.concat_tables(estimates) if estimates else ESTIMATES.empty_table(), vehicles
+
+
+ESTIMATES = pa.schema(
+    {
+        "campaign": pa.string(),
+        "name": pa.string(),
+        "vehicle": pa.string(),
+        "number": pa.string(),  # or an effect's parameter
+        "value": pa.float64(),  # departure from the vehicle file, in `unit`
+        "sd": pa.float64(),
+        "alone": pa.float64(),  # what the car's own recordings say, without the others; null where they say next to nothing
+        "unit": pa.string(),
+        "off": pa.float64(),  # probability that it does not belong to the population
+    }
+)
+"""Columns of cars.parquet."""
+
+
+def _unit(name: str, group: Group) -> tuple[float, str]:
+    """Factor to a unit that people read, and that unit."""
+    sigma, relative, _ = group.sigma[name]
+    return (100.0 * sigma, "%") if relative else (sigma, "")
+
+
+def _one(digest: str, group: Group) -> tuple[dict[str, Any], list[Row]]:
+    names = list(dict.fromkeys(name for told in group.told for name in told.names))
+    n, J = len(group.members), len(names)
+    h, D = np.zeros((n, J)), np.zeros((n, J, J))
+    for i, told in enumerate(group.told):
+        at = [names.index(name) for name in told.names]
+        h[i, at] = told.h
+        D[np.ix_([i], at, at)] = told.D
+    drift = covariates(group.members)
+    c = np.column_stack([np.ones(n), *(one.values for one in drift)])
+    fitted = _hierarchy.fit(_hierarchy.Members(h, D, c))
+    numbers = [_number(j, name, group, fitted, D[:, j, j], drift) for j, name in enumerate(names)]
+    _mark(numbers)
+    shares, likely = _hierarchy.shares(group.evidence, PRIOR_ODDS)
+    rows = list(_estimates(digest, names, group, fitted, h, D))
+    effects: list[dict[str, Any]] = []
+    for effect, (share, low, high) in sorted(shares.items(), key=lambda item: -item[1][0]):
+        who = [i for i, one in enumerate(likely) if one.get(effect, 0.0) > OFF]
+        entry: dict[str, Any] = {"effect": effect, "share": share, "low": low, "high": high, "cars": len(who), "parameters": []}
+        if len(group.effects.get(effect, [])) >= LEAST:
+            entry["parameters"], more = _sizes(digest, effect, group, drift)
+            rows += more
+        effects.append(entry)
+    _holm([drift for one in effects for parameter in one["parameters"] for drift in parameter["drift"]], "slope", "significant")
+    population = {
+        "vehicle": digest,
+        "cars": n,
+        "covariates": [{"name": one.name, "unit": one.unit, "centre": _shown(one), "cars": int((one.values != 0).sum())} for one in drift],
+        "numbers": sorted(numbers, key=lambda one: -abs(one["mean"] / one["mean_sd"])),
+        "effects": [one for one in effects if one["high"] > 0.02 or one["cars"]],
+        "off": {"probability": fitted.off, "width": fitted.width},
+        "outliers": _outliers(names, group, fitted, likely, shares),
+    }
+    return population, rows
+
+
+def _shown(one: Covariate) -> float | str:
+    return datetime.date.fromordinal(round(one.centre)).isoformat() if one.name == "date" else one.centre
+
+
+def _interval(mean: float, sd: float) -> dict[str, float]:
+    return {"mean": mean, "mean_sd": sd, "low": mean - 1.96 * sd, "high": mean + 1.96 * sd}
+
+
+def _slopes(j: int, fitted: _hierarchy.Population, factor: float, drift: list[Covariate]) -> list[dict[str, Any]]:
+    out = []
+    for k, one in enumerate(drift, start=1):
+        per = {"mileage_km": 1000.0, "date": 365.25}[one.name] / one.scale
+        slope, sd = fitted.means[j, k] * per * factor, fitted.means_sd[j, k] * per * factor
+        out.append({"with": one.name, "per": one.unit, "slope": float(slope), "slope_sd": float(sd), "low": float(slope - 1.96 * sd), "high": float(slope + 1.96 * sd)})
+    return out
+
+
+def _number(j: int, name: str, group: Group, fitted: _hierarchy.Population, known: Array, drift: list[Covariate]) -> dict[str, Any]:
+    sigma, relative, kind = group.sigma[name]
+    return {
+        "number": name,
+        "kind": kind,
+        "sigma": sigma,
+        "relative": relative,
+        "unit": "standard deviations of the tolerance",
+        **_interval(float(fitted.means[j, 0]), float(fitted.means_sd[j, 0])),
+        "spread": {"value": float(fitted.spreads[j]), "low": float(fitted.spreads_interval[j, 0]), "high": float(fitted.spreads_interval[j, 1])},
+        "informed": float((known > 1.0).mean()),
+        "drift": _slopes(j, fitted, 1.0, drift),
+        "parts": group.parts[name],
+    }
+
+
+def _holm(rows: list[dict[str, Any]], what: str, mark: str) -> None:
+    """Marks the rows in which a value is none by chance, by Holm's procedure over all of them."""
+    rows = sorted(rows, key=lambda one: -abs(one[what] / one[f"{what}_sd"]))
+    on = True
+    for rank, one in enumerate(rows):
+        on = on and 2 * norm.sf(abs(one[what] / one[f"{what}_sd"])) < FAMILY_WISE / (len(rows) - rank)
+        one[mark] = bool(on)
+
+
+def _mark(numbers: list[dict[str, Any]]) -> None:
+    """Which numbers are off for all, which move, and whether tolerances are what cars differ by."""
+    _holm(numbers, "mean", "off")
+    _holm([drift for one in numbers for drift in one["drift"]], "slope", "significant")
+    for one in numbers:
+        spread = one["spread"]
+        one["tolerance"] = "too_wide" if spread["high"] < 1 else "too_narrow" if spread["low"] > 1 else "as_declared"
+
+
+def _sizes(digest: str, effect: str, group: Group, drift: list[Covariate]) -> tuple[list[dict[str, Any]], list[Row]]:
+    """How the size of an effect is distributed among the cars that have it."""
+    which = [i for i, *_ in group.effects[effect]]
+    J = len(group.parameters[effect])
+    same = [(h, D) for _, h, D in group.effects[effect] if len(h) == J]
+    h, D = np.array([one[0] for one in same]), np.array([one[1] for one in same])
+    known = [one for one in drift if (one.values[which] != 0).sum() >= SLOPE_LEAST]
+    c = np.column_stack([np.ones(len(which)), *(one.values[which] for one in known)])
+    fitted = _hierarchy.fit(_hierarchy.Members(h, D, c))
+    out, rows = [], []
+    for j, (variable, unit, centre, size) in enumerate(group.parameters[effect]):
+        mean = _interval(centre + size * float(fitted.means[j, 0]), size * float(fitted.means_sd[j, 0]))
+        low, high = size * fitted.spreads_interval[j]
+        spread = {"value": size * float(fitted.spreads[j]), "low": float(low), "high": float(high)}
+        out.append({"parameter": variable, "unit": unit, **mean, "spread": spread, "drift": _slopes(j, fitted, size, known)})
+        for at, i in enumerate(which):
+            own = float(h[at, j] / D[at, j, j]) * size + centre if D[at, j, j] > 0 and J == 1 else None
+            rows.append(
+                {
+                    **_member(group.members[i], digest),
+                    "number": variable,
+                    "value": centre + size * float(fitted.values[at, j]),
+                    "sd": size * float(fitted.values_sd[at, j]),
+                    "alone": own,
+                    "unit": unit,
+                    "off": float(fitted.offs[at, j]),
+                }
+            )
+    return out, rows
+
+
+def _member(member: Row, digest: str) -> Row:
+    return {"campaign": member["campaign"], "name": member["name"], "vehicle": digest}
+
+
+def _estimates(digest: str, names: list[str], group: Group, fitted: _hierarchy.Population, h: Array, D: Array) -> Iterator[Row]:
+    # A car alone, where its recordings say something of a number whatever the others are.
+    weak = np.eye(len(names)) * 1e-3
+    alone = np.linalg.solve(D + weak, h[..., None])[..., 0]
+    alone_sd = np.sqrt(np.einsum("njj->nj", np.linalg.inv(D + weak)))
+    for i, member in enumerate(group.members):
+        for j, name in enumerate(names):
+            factor, unit = _unit(name, group)
+            yield {
+                **_member(member, digest),
+                "number": name,
+                "value": factor * float(fitted.values[i, j]),
+                "sd": factor * float(fitted.values_sd[i, j]),
+                "alone": factor * float(alone[i, j]) if alone_sd[i, j] < 10 else None,
+                "unit": unit,
+                "off": float(fitted.offs[i, j]),
+            }
+
+
+def _outliers(
+    names: list[str], group: Group, fitted: _hierarchy.Population, likely: list[dict[str, float]], shares: dict[str, tuple[float, float, float]]
+) -> list[dict[str, Any]]:
+    """Cars with a number that does not belong, or with an effect that most others lack."""
+    out = []
+    for i, member in enumerate(group.members):
+        numbers = [
+            {"number": name, "probability": float(fitted.offs[i, j]), "by": float(fitted.values[i, j] - fitted.means[j, 0])}
+            for j, name in enumerate(names)
+            if fitted.offs[i, j] > OFF
+        ]
+        effects = [{"effect": effect, "probability": p} for effect, p in likely[i].items() if p > OFF and shares[effect][0] < OFF and effect not in group.stood_for]
+        if numbers or effects:
+            out.append({"campaign": member["campaign"], "name": member["name"], "report": member["report"], "numbers": numbers, "effects": effects})
+    return out
+
+
+def _corrections(population: dict[str, Any], group: Group) -> dict[str, Any]:
+    """Moves and factors as `kisspoint vehicle correct` takes them: of numbers that are off for all, and of tolerances that the fleet does not bear out."""
+    out: dict[str, Any] = {}
+    for one in population["numbers"]:
+        if one["kind"] != "tolerance":
+            continue
+        entry = {}
+        if one["off"]:
+            entry["sigmas"] = one["mean"]
+        if one["tolerance"] != "as_declared":
+            # What a new car of this population departs by: the spread, and what is not known of the mean.
+            entry["tolerance_factor"] = float(np.hypot(one["spread"]["value"], one["mean_sd"]))
+        for part, share in one["parts"].items():
+            if entry:
+                out[part] = {key: value * share if key == "sigmas" else value for key, value in entry.items()}
+    return out
+
+
+def _corrected(file: str, corrections: dict[str, Any]) -> dict[str, Any] | None:
+    """The vehicle file with its corrections, by the command, which knows what each tolerance moves."""
+    if not corrections:
+        return None
+    with tempfile.TemporaryDirectory(prefix="kisspoint-fleet-") as work:
+        vehicle, by = Path(work) / "vehicle.json", Path(work) / "corrections.json"
+        vehicle.write_text(file, encoding="utf-8")
+        by.write_text(json.dumps(corrections), encoding="utf-8")
+        words = [str(_command.path()), "vehicle", "correct", str(vehicle), "--by", str(by), "--json"]
+        done = subprocess.run(words, capture_output=True, encoding="utf-8")
+        if done.returncode != 0:
+            return {"error": done.stderr.strip().replace(str(vehicle), "vehicle.json").splitlines()[0]}
+        found: dict[str, Any] = json.loads(done.stdout)
+        return found

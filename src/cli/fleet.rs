@@ -1,0 +1,43 @@
+//! `kisspoint fleet`: hands over to the Python package, which knows stores, engines and the population.
+
+use super::error::CommandError;
+use super::output::alarm;
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::process::{Command, ExitCode};
+
+/// Options of `kisspoint fleet`.
+#[derive(clap::Args, Debug)]
+#[command(disable_help_flag = true, after_help = "Examples:\n  kisspoint fleet 'measurements/*' --out out\n  kisspoint fleet --help")]
+pub struct Args {
+    /// Campaigns and options; `kisspoint fleet --help` lists them
+    #[arg(value_name = "CAMPAIGN", trailing_var_arg = true, allow_hyphen_values = true)]
+    arguments: Vec<OsString>,
+}
+
+/// Runs the subcommand: `python3 -m kisspoint.fleet`, with this very command for the diagnoses.
+pub fn run(args: &Args) -> ExitCode {
+    let python = std::env::var_os("KISSPOINT_PYTHON").map_or_else(|| PathBuf::from("python3"), PathBuf::from);
+    let mut command = Command::new(&python);
+    command.args(["-m", "kisspoint.fleet"]).args(&args.arguments);
+    if let Ok(own) = std::env::current_exe() {
+        command.env("KISSPOINT", own);
+    }
+    let there = Command::new(&python).args(["-c", "import kisspoint.fleet.__main__"]).output();
+    let refused = match there {
+        Ok(done) if done.status.success() => match command.status() {
+            Ok(status) => return status.code().and_then(|code| u8::try_from(code).ok()).map_or(ExitCode::FAILURE, ExitCode::from),
+            Err(e) => format!("{} cannot be run: {e}", python.display()),
+        },
+        Ok(done) => format!(
+            "{}: {}",
+            python.display(),
+            String::from_utf8_lossy(&done.stderr).lines().last().unwrap_or("it does not find the package kisspoint")
+        ),
+        Err(e) => format!("{} cannot be run: {e}", python.display()),
+    };
+    alarm(&CommandError::Refused(format!(
+        "{refused}\nfleets are the work of the Python package: pip install 'kisspoint[fleet]', or name its Python in KISSPOINT_PYTHON"
+    )));
+    ExitCode::FAILURE
+}
