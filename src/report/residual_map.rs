@@ -36,7 +36,7 @@ pub fn section(input: &Input) -> String {
     let place = &input.diagnosis["where"];
     let entries = list(place, "equations");
     if entries.is_empty() {
-        return lead(input.diagnosis) + &absent("The gap per equation, phase and region was not handed over.");
+        return lead(input.diagnosis) + &absent("The gap per equation, phase and region is missing.");
     }
     let hidden = text(place, "primary").is_some() && !entries.iter().any(|e| flag(e, "significant"));
     let hidden = if hidden { HIDDEN } else { "" };
