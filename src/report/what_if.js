@@ -64,6 +64,13 @@ function show(curves) {
   render();
 }
 
+/// Three significant digits, of whatever power of ten.
+function sized(value) {
+  if (!value || (Math.abs(value) >= 1e-3 && Math.abs(value) < 1e6)) return rounded(value);
+  const [digits, power] = value.toExponential(2).split("e");
+  return minus(digits) + "·10" + [...power].map((c) => "⁰¹²³⁴⁵⁶⁷⁸⁹"[c] ?? (c === "-" ? "⁻" : "")).join("");
+}
+
 /// The sliders of the effect chosen.
 function offerSizes() {
   const room = document.getElementById("what-if-sizes");
@@ -78,7 +85,7 @@ function offerSizes() {
     slider.dataset.size = n;
     const read = add(label, "output");
     const tell = () => {
-      read.textContent = `${rounded(now[n])}${size.unit ? " " + size.unit : ""}${now[n] === size.found ? " (as found)" : ""}`;
+      read.textContent = `${sized(now[n])}${size.unit ? " " + size.unit : ""}${now[n] === size.found ? " (as found)" : ""}`;
       slider.setAttribute("aria-valuetext", read.textContent);
     };
     slider.addEventListener("input", () => {

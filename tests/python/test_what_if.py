@@ -116,7 +116,7 @@ def by_the_fmu(fmu, name, parameters):
     return found
 
 
-@pytest.mark.parametrize("share", [0.1, 0.8])
+@pytest.mark.parametrize("share", [0.1, 0.95])
 @pytest.mark.parametrize("shown", ["r01", "held out"])
 def test_the_plant_in_the_page_is_the_fmu(answer, driver, shown, share):
     if shown == "held out":
