@@ -2,7 +2,7 @@
 
     packaging/docs.sh               the picture, and all else that the documentation shows of the program
 
-The words of the verdict go into the file, so that a test can say when the picture is out of date.
+The words of the verdict go into the file as text, so that a picture that is out of date can be told.
 """
 
 import base64

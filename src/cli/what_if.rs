@@ -1,17 +1,15 @@
 //! What the report's "what if" replays: the plant as a module and what drove each recording, or replays made beforehand.
 
 use super::laws::source;
-use crate::campaign::Recording;
-use crate::campaign::Campaign;
+use crate::campaign::{Campaign, Recording};
 use crate::effects::param::clutch_speed_gain;
 use crate::effects::{Entry, PARAMETERS, Parameters, REGISTRY, find};
 use crate::fmu;
 use crate::gap::diagnosis::Diagnosis;
 use crate::gap::measure::Overlay;
-use crate::gap::model::replay;
 use crate::gap::model::tolerance::{Car, Tolerances, defaults};
 use crate::gap::model::track::{Channel, Track};
-use crate::gap::model::prepare;
+use crate::gap::model::{prepare, replay};
 use crate::plant::Start;
 use crate::report::what_if::{Drive, Effect, Plant, Player, Replays, Size, WhatIf};
 
@@ -58,7 +56,15 @@ fn effect(entry: &'static Entry, named: bool, found: &Parameters) -> Effect {
         let value = found[k];
         let reach = (2.0 * entry.scale(k)).max(1.5 * (value - p.null).abs());
         let range = [(p.null - reach).max(p.min), (p.null + reach).min(p.max)];
-        Size { reference: p.value_reference, name: p.name, unit: p.unit, null: p.null, found: value, range, step: (range[1] - range[0]) / STOPS }
+        Size {
+            reference: p.value_reference,
+            name: p.name,
+            unit: p.unit,
+            null: p.null,
+            found: value,
+            range,
+            step: (range[1] - range[0]) / STOPS,
+        }
     };
     Effect { id: entry.id, named, sizes: first.into_iter().chain(then).map(size).collect() }
 }

@@ -117,7 +117,9 @@ pub fn control(input: &Input) -> String {
         Player::Plant(_) => {
             "The plant itself runs in this page, as the FMU does, and replays the recording that is shown below with the sizes that you choose."
         }
-        Player::Replays(_) => "Replays that were made beforehand with the plant, at the sizes at which the slider stops; nothing is interpolated.",
+        Player::Replays(_) => {
+            "Replays that were made beforehand with the plant, at the sizes at which the slider stops; nothing is interpolated."
+        }
     };
     format!(
         "<details class=\"what-if\" id=\"what-if\"><summary>What if an effect were larger or smaller?</summary>\n<p class=\"hint\">{how} It starts where the car does and at the \
@@ -157,8 +159,11 @@ pub fn embedded(input: &Input) -> String {
             let mut left = ROOM;
             let mut replays: Vec<Value> = vec![json!({}); input.overlays.len()];
             for k in order {
-                let of: serde_json::Map<String, Value> =
-                    all.iter().filter(|r| r.overlay == k).map(|r| (r.effect.to_owned(), r.curves.iter().map(|o| curves(o, limit)).collect())).collect();
+                let of: serde_json::Map<String, Value> = all
+                    .iter()
+                    .filter(|r| r.overlay == k)
+                    .map(|r| (r.effect.to_owned(), r.curves.iter().map(|o| curves(o, limit)).collect()))
+                    .collect();
                 let of = Value::Object(of);
                 let size = of.to_string().len();
                 if size <= left {

@@ -1,4 +1,4 @@
-"""What the documentation quotes is what the program gives: the integrator's first curve, the counts of README.md, the picture of the report.
+"""What the documentation quotes is what the program gives: the integrator's first curve, the counts of README.md.
 
     python tests/python/test_quoted.py     writes the integrator's numbers into docs/importers.md; packaging/docs.sh makes the rest
 """
@@ -38,16 +38,6 @@ def test_the_counts_of_the_readme_are_those_of_the_validation():
     validation = (ROOT / "docs/validation.md").read_text(encoding="utf-8")
     counts = re.findall(r"[\d.]+ of \d+", said)
     assert len(counts) >= 4 and not [count for count in counts if not re.search(rf"\b{re.escape(count)}\b", validation)]
-
-
-def test_the_picture_shows_the_report_as_it_is_now(kisspoint, tmp_path):
-    """The picture holds the text of the verdict that it shows."""
-    from PIL import Image
-
-    kisspoint("diagnose", ROOT / "tests/data/campaigns/example", "--out", tmp_path)
-    text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    head = re.search(r'<header id="verdict">(.*?)</header>', text, re.S)[1]
-    assert Image.open(ROOT / "docs/pictures/report.png").text.get("verdict") == words(head), "packaging/docs.sh takes it anew"
 
 
 def words(head):
