@@ -17,6 +17,7 @@ fn main() {
     println!("cargo::rerun-if-changed=build.rs");
     println!("cargo::rerun-if-changed=src/fmi2/guid.rs");
     println!("cargo::rustc-env=KISSPOINT_PLACES={}", places(&root, &out).join("|"));
+    println!("cargo::rustc-env=KISSPOINT_SOURCES={:032x}", sources(Path::new(&root)));
     for model in ["DrivelinePlant", "ClutchController"] {
         let path = Path::new(&root).join("modelDescription").join(model).with_extension("xml");
         println!("cargo::rerun-if-changed={}", path.display());
@@ -33,6 +34,21 @@ fn main() {
             fs::write(Path::new(&out).join("settings.rs"), settings_table(&variables)).expect("OUT_DIR can be written");
         }
     }
+}
+
+/// What the plant is made of, by which a module for browsers is known to be of this version: a hash of all its sources.
+fn sources(root: &Path) -> u128 {
+    let mut all = Vec::new();
+    for part in ["modelDescription", "src/effects", "src/faults.rs", "src/fmi2", "src/physics", "src/plant", "src/vehicle.rs"] {
+        let path = root.join(part);
+        println!("cargo::rerun-if-changed={}", path.display());
+        let entries = fs::read_dir(&path).map(|entries| entries.map(|e| e.expect("a folder of sources can be read").path()).collect());
+        all.extend(entries.unwrap_or_else(|_| vec![path]));
+    }
+    all.sort();
+    let texts = all.iter().flat_map(|path| fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display())));
+    // Line ends are left out, for a checkout may change them.
+    guid::hash(texts.filter(|b| !matches!(b, b'\r' | b'\n')))
 }
 
 /// Folders of this machine whose names the compiler writes into what it builds: the longest first, for one may lie in another.

@@ -14,6 +14,7 @@ fn main() -> std::io::Result<()> {
         regions: "",
         traces: &[],
         laws: &[],
+        what_if: None,
     };
     let html = kisspoint::report::html(&input);
     std::fs::write(&target, &html)?;

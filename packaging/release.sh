@@ -3,8 +3,10 @@
 #
 #   packaging/release.sh            writes target/dist/: kisspoint-*.whl (manylinux2014 x86-64, win_amd64), kisspoint-<platform>.tar.gz,
 #                                   kisspoint-fmu-sources.tar.gz, SHA256SUMS
+#   packaging/release.sh --untried  the same without trying it, e.g. to hold the sums of two machines against each other
 #
-# Every wheel and the archives for x86-64 hold the libraries of all platforms, so that `kisspoint fmu` packs them all. Needs what packaging/cross.sh
+# Every wheel and the archives for x86-64 hold the libraries of all platforms, so that `kisspoint fmu` packs them all, and the module with which a report
+# replays the plant in the browser. Needs what packaging/cross.sh
 # and packaging/sources.sh need, and root, wine64 and qemu-user to try the results. The same commit and compilers give the same bytes.
 # Each result is tried in a clean environment: without compiler, checkout or variables.
 set -euo pipefail
@@ -22,6 +24,7 @@ export KISSPOINT_PLACES=
 export RUSTFLAGS="--remap-path-prefix=$ROOT=. --remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=cargo --remap-path-prefix=$(rustc --print sysroot)=rust"
 packaging/cross.sh linux64 aarch64-linux win64
 packaging/sources.sh
+install -D -m 644 target/fmu-sources/kisspoint.wasm "$LIBRARIES/wasm32/kisspoint.wasm"
 
 # The command for both systems that it runs on, against the same old glibc and the same DLLs as the libraries.
 CARGO=(--release --bin kisspoint --config profile.release.debug=0 --config 'profile.release.strip="symbols"')
@@ -62,6 +65,7 @@ for platform in linux64 aarch64-linux win64; do
     packed "kisspoint-$platform"
 done
 cp -R "$ROOT/target/fmu-sources" "$WORK/archive/kisspoint-fmu-sources"
+rm "$WORK/archive/kisspoint-fmu-sources/kisspoint.wasm"
 cp -R packaging/licenses "$WORK/archive/kisspoint-fmu-sources/"
 packed kisspoint-fmu-sources
 for file in "$LIBRARIES"/*/* "${COMMAND[@]}"; do
@@ -71,6 +75,7 @@ for file in "$LIBRARIES"/*/* "${COMMAND[@]}"; do
 done
 (cd "$DIST" && sha256sum -- * >SHA256SUMS)
 ls -l "$DIST"
+[ "${1:-}" = --untried ] && exit
 
 # The libraries: every platform's, on a coupled launch.
 bash tests/cross/run.sh
@@ -97,6 +102,8 @@ assert abs(time["deviation_percent"]) < 1, time
 held = sorted(n for n in zipfile.ZipFile(f"{folder}/{name}-fmus/DrivelinePlant.fmu").namelist() if n.startswith("binaries/"))
 answer = json.load(open(f"{folder}/{name}-answer/diagnosis.json"))
 assert len(held) == 3 and answer["verdict"] == "explained", (held, answer["verdict"])
+report = open(f"{folder}/{name}-answer/report.html", encoding="utf-8").read()
+assert '"module":"' in report and len(report) < 2.5e6, "the plant is not in the report"
 print(f"{name}: launch within {abs(time['deviation_percent']):.2f} %, {', '.join(held)}, diagnosis {answer['verdict']}")
 PYTHON
 }

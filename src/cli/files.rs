@@ -65,6 +65,8 @@ pub fn write_new(path: &Path, text: &str, force: bool) -> Result<(), CommandErro
 
 /// Writes files into a folder as one answer: all are written beside their places first, under names of their own, and put into them when the
 /// last one is complete. A full disk or an interruption before that leaves what was there; of two runs into one folder the later one remains whole.
+/// Each file is whole at any moment. A kill amid the moves leaves files of both answers, and beside them those that were not moved: no system moves
+/// several files at once into a folder that holds others.
 ///
 /// # Errors
 /// A folder or a file that cannot be written.

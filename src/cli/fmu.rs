@@ -21,7 +21,7 @@ pub struct Args {
     /// Directory that the FMUs are written into
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Start values are this vehicle's, not the paper's
+    /// Take the start values from this vehicle file instead of the paper's
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
     /// Shared library that goes in, one per platform; else $KISSPOINT_LIBRARY, or the one beside this program

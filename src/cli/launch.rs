@@ -24,7 +24,7 @@ pub struct Args {
     /// Print the table as JSON
     #[arg(long)]
     json: bool,
-    /// Write Figures 1 to 7 of the paper and the hot launches, or those of the Monte-Carlo, as SVG into this directory
+    /// Write Figures 1 to 7 of the paper and the hot launches, or those of the Monte Carlo study, as SVG into this directory
     #[arg(long, value_name = "DIR")]
     plots: Option<PathBuf>,
     /// Faults of the plant: a JSON list of parameter, time_s, ramp_s and value
@@ -33,7 +33,7 @@ pub struct Args {
     /// Launch another vehicle than the paper's
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
-    /// Launch N drawn cars under the governed controller, the paper's and a plain PI instead, and print what share does well
+    /// Launch N drawn cars under the governed controller, the paper's and a plain PI instead, and print the share of launches that go well
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     monte_carlo: Option<u32>,
     /// Seed of the drawn cars

@@ -31,7 +31,7 @@ struct Sample {
 }
 
 /// The recording of an overlay, and the row at which it begins.
-fn source<'a>(campaign: &'a Campaign, o: &Overlay) -> Option<(&'a Recording, usize)> {
+pub fn source<'a>(campaign: &'a Campaign, o: &Overlay) -> Option<(&'a Recording, usize)> {
     if let Some(r) = campaign.recordings.iter().find(|r| r.name == o.recording) {
         return Some((r, 0));
     }

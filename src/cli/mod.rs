@@ -23,6 +23,7 @@ pub mod replay;
 pub mod summary;
 pub mod survey;
 pub mod vehicle;
+mod what_if;
 
 use clap::{CommandFactory, Parser, Subcommand};
 use error::CommandError;

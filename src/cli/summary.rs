@@ -34,7 +34,7 @@ pub fn summary(diagnosis: &Diagnosis, out: Option<&Path>) -> String {
         let group: Vec<String> =
             list(&effect["ambiguous_with"]).iter().map(|v| format!("{} ({})", names::effect(&text(v)), text(v))).collect();
         if !group.is_empty() {
-            rest.push(format!("    not told apart from: {}", group.join(", ")));
+            rest.push(format!("    cannot be told apart from: {}", group.join(", ")));
         }
     }
     rest.extend(verdict::confidence(json).map(|said| format!("  {said}")));

@@ -28,7 +28,7 @@ pub struct Args {
     /// Rolling radius of the tyre, m; else it follows from ratios and final drive
     #[arg(long, value_name = "M", requires = "ratios")]
     tyre_radius: Option<f64>,
-    /// Channel of the engine's speed, where its name does not tell
+    /// Channel of the engine speed, if its name does not say so
     #[arg(long, value_name = "NAME")]
     engine: Option<String>,
     /// Channel of a speed behind the clutch: gearbox input, output shaft, wheel or road

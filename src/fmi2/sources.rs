@@ -1,15 +1,25 @@
-//! What the C sources of an FMU need beside the functions of FMI 2.0 (`packaging/sources`): memory for arguments, and a logger.
+//! What the C sources of an FMU (`packaging/sources`) and the plant in a report (`src/report/plant.js`) need beside the functions of FMI 2.0: memory for
+//! arguments, a logger, and a word of what the module is made of.
 //!
-//! In the sources the library lies behind a memory of its own. The C side copies arguments in and results out, and hands messages on.
+//! There the library lies behind a memory of its own. The other side copies arguments in and results out, and hands messages on.
 
 use std::alloc::{Layout, alloc, dealloc};
 use std::ffi::{c_char, c_int, c_void};
 
 const ALIGNMENT: usize = 8;
 
+/// Stands among the constants of the module, so that one of another version is seen for what it is.
+static SOURCES: &str = concat!("kisspoint-sources:", env!("KISSPOINT_SOURCES"));
+
+/// Address of the words that name the sources.
+#[unsafe(no_mangle)]
+pub extern "C" fn kisspoint_sources() -> *const u8 {
+    SOURCES.as_ptr()
+}
+
 #[link(wasm_import_module = "env")]
 unsafe extern "C" {
-    /// The C side's logger.
+    /// The other side's logger.
     fn kisspoint_log(environment: *mut c_void, name: *const c_char, status: c_int, category: *const c_char, message: *const c_char);
 }
 

@@ -18,7 +18,7 @@ pub fn complete_with(model: &Model, vehicle: &Vehicle, effects: &Parameters, fau
 }
 
 /// The GUID of an FMU with these start values.
-fn guid(model: &Model, vehicle: &Vehicle, effects: &Parameters, faults: &Faults) -> String {
+pub fn guid(model: &Model, vehicle: &Vehicle, effects: &Parameters, faults: &Faults) -> String {
     let description = model.description;
     let mut starts: Vec<f64> = description.variables.iter().map(|v| v.start).collect();
     put_vehicle(description, vehicle, effects, &mut starts);

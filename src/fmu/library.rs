@@ -48,6 +48,16 @@ impl Library {
     }
 }
 
+/// The library as a WebAssembly module, with which a report replays the plant in a browser: `libraries/wasm32/kisspoint.wasm` beside the executable, or where
+/// `packaging/sources.sh` has put it. None if there is none, or one of other sources: it would be another plant.
+pub fn module() -> Option<Vec<u8>> {
+    let exe = env::current_exe().ok()?;
+    let places = ["libraries/wasm32/kisspoint.wasm", "../fmu-sources/kisspoint.wasm"];
+    let found = places.iter().find_map(|place| fs::read(exe.parent()?.join(place)).ok())?;
+    let sources = concat!("kisspoint-sources:", env!("KISSPOINT_SOURCES")).as_bytes();
+    found.windows(sources.len()).any(|window| window == sources).then_some(found)
+}
+
 /// Overwrites the names of the folders that it was built in with slashes, which keeps every length: an FMU tells nothing of the machine that made it.
 fn without_places(mut bytes: Vec<u8>) -> Vec<u8> {
     for place in env!("KISSPOINT_PLACES").split('|').filter(|place| place.len() > 1) {

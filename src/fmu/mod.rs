@@ -149,6 +149,12 @@ fn document(vehicle: &Vehicle, effects: &Parameters, faults: &Faults) -> serde_j
     document
 }
 
+/// What an instance of a model is started with, as an importer gives it: GUID, and the text of `resources/vehicle.json`.
+pub fn start(model: &Model, vehicle: &Vehicle, effects: &Parameters) -> (String, String) {
+    let none = Faults::default();
+    (description::guid(model, vehicle, effects, &none), document(vehicle, effects, &none).to_string())
+}
+
 /// The bytes of an FMU.
 ///
 /// # Errors

@@ -92,10 +92,10 @@ fn ambiguity(e: &Value) -> String {
     }
     let others: Vec<String> = texts(e, "ambiguous_with").iter().map(|id| format!("<b>{}</b>", escape(&names::effect(id)))).collect();
     if others.is_empty() {
-        return "<p class=\"ambiguity\">No other effect of the library is within reach of it in these recordings.</p>".to_owned();
+        return "<p class=\"ambiguity\">In these recordings no other effect of the library comes close to it.</p>".to_owned();
     }
     let split =
-        text(e, "separated_by").map_or_else(String::new, |how| format!(" To split the group: {}.", escape(how.trim_end_matches('.'))));
+        text(e, "separated_by").map_or_else(String::new, |how| format!(" To tell them apart: {}.", escape(how.trim_end_matches('.'))));
     format!(
         "<p class=\"ambiguity\"><span class=\"pill warn\"><span aria-hidden=\"true\">≈</span> Ambiguous</span> These recordings cannot tell it from {}.{split} The numbers above hold if it is the right one.</p>",
         alternatives(&others)
@@ -133,7 +133,7 @@ const MANY: usize = 3;
 fn ranked(diagnosis: &Value) -> String {
     let candidates = list(&diagnosis["which"], "ranked");
     if candidates.is_empty() {
-        return absent("The ranking of all candidates was not handed over.");
+        return absent("The ranking of all candidates is missing.");
     }
     let law = text(&diagnosis["where"], "unexplained_at");
     // Whatever stands out has a row; the many that do not share a paragraph.

@@ -14,7 +14,7 @@ const STILL_POINTS: usize = 12_000;
 /// The section.
 pub fn section(input: &Input) -> String {
     if input.overlays.is_empty() {
-        return absent("No curves were handed over.");
+        return absent("The curves are missing.");
     }
     let limit = series::limit(input.overlays, STILL_POINTS, 240);
     let stills: String = input.overlays.iter().map(|o| still(o, input, limit)).collect();
@@ -23,7 +23,7 @@ pub fn section(input: &Input) -> String {
     let retuned = series::retuned(input.diagnosis);
     let (said, class, legend, frame) = if retuned {
         (
-            "<b>Before</b> is the nominal model, <b>after</b> the retuned one; below each plot stands car minus model, each on a scale of its own.",
+            "<b>Before</b> is the nominal model, <b>after</b> the retuned one; below each plot stands car minus model, each on its own scale.",
             "",
             LEGEND,
             FRAME.to_owned(),
@@ -35,9 +35,10 @@ pub fn section(input: &Input) -> String {
     };
     format!(
         "<p>A free replay: the model starts where the car does and is then driven by the recorded inputs alone. {said} Held-out recordings took no part in choosing or fitting.</p>\n\
-         <div class=\"live\" id=\"viewer\">\n<div class=\"cards\" role=\"group\" aria-label=\"Recording\">{cards}</div>\n{frame}</div>\n\
+         <div class=\"live\" id=\"viewer\">\n<div class=\"cards\" role=\"group\" aria-label=\"Recording\">{cards}</div>\n{what_if}{frame}</div>\n\
          <div class=\"stills{class}\">{legend}{stills}</div>\n{}",
-        aligned(input, retuned)
+        aligned(input, retuned),
+        what_if = super::what_if::control(input),
     )
 }
 
@@ -58,6 +59,7 @@ const FRAME: &str = r#"<div class="tools">
 <button type="button" data-curve="real" aria-pressed="true"><svg class="key" aria-hidden="true"><path class="c-real" d="M0 7h26"/></svg>car</button>
 <button type="button" data-curve="before" aria-pressed="true"><svg class="key" aria-hidden="true"><path class="c-before" d="M0 7h26"/></svg>before</button>
 <button type="button" data-curve="after" aria-pressed="true"><svg class="key" aria-hidden="true"><path class="c-after" d="M0 7h26"/></svg>after</button>
+<button type="button" data-curve="whatif" aria-pressed="true" hidden><svg class="key" aria-hidden="true"><path class="c-whatif" d="M0 7h26"/></svg>what if</button>
 </div>
 <button type="button" id="rpm" aria-pressed="false">speeds in rpm</button>
 <p class="states" id="states" hidden><span class="s0">open</span> <span class="s1">slipping</span> <span class="s2">locked</span></p>

@@ -58,13 +58,13 @@ fn rivals(effect: &Value) -> Option<String> {
     if rivals.is_empty() {
         return None;
     }
-    let how = text(effect, "separated_by").map_or_else(String::new, |how| format!(" To tell: {}.", escape(how.trim_end_matches('.'))));
+    let how = text(effect, "separated_by").map_or_else(String::new, |how| format!(" To tell them apart: {}.", escape(how.trim_end_matches('.'))));
     Some(format!("These recordings cannot tell <b>{own}</b> from {}.{how}", alternatives(&rivals)))
 }
 
 fn elsewhere(d: &Value) -> Option<String> {
     let others = texts(&d["where"], "ambiguous_with");
-    (!others.is_empty()).then(|| format!("The gap, or what remains of it, may as well lie in {}.", or_places(&others)))
+    (!others.is_empty()).then(|| format!("The gap, or what remains of it, may just as well lie in {}.", or_places(&others)))
 }
 
 /// Few recordings, or many curves of few recordings.
@@ -78,10 +78,10 @@ fn thin(input: &Input) -> Option<String> {
     }
     let many = |n: usize, what: &str| if n == 1 { format!("one {what}") } else { format!("{n} {what}s") };
     Some(if curves > recordings {
-        format!("All {curves} curves are engagements of {}: what these have in common is not tested.", many(recordings, "recording"))
+        format!("All {curves} curves are engagements of {}: what they have in common is not tested.", many(recordings, "recording"))
     } else {
         format!(
-            "Thin data: {}. With fewer than {FEW} a verdict rests on little, and what was held out is like what was fitted.",
+            "Thin data: {}. With fewer than {FEW} a verdict rests on little, and what was held out resembles what was fitted.",
             many(recordings, "recording")
         )
     })
@@ -107,7 +107,7 @@ fn remains(input: &Input) -> Option<String> {
 
 fn stays(r: &Residual) -> String {
     format!(
-        "In the free replay of {} the {} stays outside ±2σ of its sensor noise for {} s on end, by up to {} {}; {} of its samples lie outside, where \
+        "In the free replay of {} the {} stays outside ±2σ of its sensor noise for {} s at a stretch, by up to {} {}; {} of its samples lie outside, where \
          noise alone puts 5\u{202f}%. <a href=\"#residuals\">Tests of the residuals</a>",
         escape(&r.recording),
         escape(&channel(r.column).to_lowercase()),

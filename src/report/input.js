@@ -115,6 +115,7 @@ function start() {
     act(event);
     speak();
   });
+  startWhatIf();
   let width = 0;
   new ResizeObserver(() => { if (stage.clientWidth !== width) { width = stage.clientWidth; if (width) render(); } }).observe(stage);
   window.addEventListener("hashchange", follow);

@@ -8,6 +8,7 @@
 //! - [`json`]: reading diagnosis.json leniently, since a part that is missing must be said and not guessed
 //! - [`chart`]: scales, ticks and paths of the still figures
 //! - [`series`]: curves as small integers, thinned where they are long
+//! - [`what_if`]: what the viewer needs to replay a recording with other sizes of an effect
 //! - [`names`]: what effects and subsystems are called in a sentence
 //! - one file per section: [`verdict`] with [`doubts`], [`residual_map`], [`curves`], [`causes`] with [`laws`], [`shrinkage`] with [`residuals`],
 //!   [`open_questions`], [`provenance`]
@@ -31,6 +32,7 @@ pub mod series;
 pub mod shrinkage;
 pub mod text;
 pub mod verdict;
+pub mod what_if;
 
 use serde_json::Value;
 
@@ -50,12 +52,14 @@ pub struct Input<'a> {
     pub traces: &'a [series::Trace],
     /// Laws of the clutch, nominal and identified; may be empty.
     pub laws: &'a [laws::Law],
+    /// What replays the overlays with other sizes of effects.
+    pub what_if: Option<&'a what_if::WhatIf>,
 }
 
 impl<'a> Input<'a> {
     /// A report of an answer alone.
     pub fn empty(diagnosis: &'a Value) -> Self {
-        Self { name: "", diagnosis, overlays: &[], provenance: &[], regions: "", traces: &[], laws: &[] }
+        Self { name: "", diagnosis, overlays: &[], provenance: &[], regions: "", traces: &[], laws: &[], what_if: None }
     }
 }
 
@@ -64,11 +68,13 @@ pub use crate::gap::measure::{Overlay, OverlayChannel};
 const STYLE: &str = include_str!("report.css");
 const PLOT: &str = include_str!("plot.js");
 const VIEWER: &str = include_str!("viewer.js");
+const PLANT: &str = include_str!("plant.js");
+const WHAT_IF: &str = include_str!("what_if.js");
 const INPUT: &str = include_str!("input.js");
 const EXPORT: &str = include_str!("export.js");
 
-/// Nothing may be loaded from anywhere, and the browser is told so.
-const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:";
+/// Nothing may be loaded from anywhere, and the browser is told so. The plant in the page is code that is compiled there.
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline' 'wasm-unsafe-eval'; img-src data:";
 
 /// The sections below the verdict: anchor, title, content.
 type Section = (&'static str, &'static str, String);
@@ -99,12 +105,15 @@ pub fn html(input: &Input) -> String {
          <title>Kisspoint: {title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
          <a class=\"skip\" href=\"#main\">Skip to the result</a>\n\
          <main id=\"main\" tabindex=\"-1\">\n{verdict}<nav aria-label=\"Contents\"><ol>{links}</ol></nav>\n{body}</main>\n\
-         <script type=\"application/json\" id=\"series\">{data}</script>\n<script>\n(() => {{\n\"use strict\";\n{PLOT}{EXPORT}{VIEWER}{INPUT}}})();\n</script>\n</body>\n</html>\n",
+         <script type=\"application/json\" id=\"series\">{data}</script>\n\
+         <script type=\"application/json\" id=\"what-if-data\">{what_if}</script>\n\
+         <script>\n(() => {{\n\"use strict\";\n{PLOT}{EXPORT}{VIEWER}{PLANT}{WHAT_IF}{INPUT}}})();\n</script>\n</body>\n</html>\n",
         title = text::escape(
             &[input.name, &verdict::headline(input.diagnosis)].iter().filter(|t| !t.is_empty()).copied().collect::<Vec<_>>().join(": ")
         ),
         verdict = verdict::section(input),
         data = series::embedded(input),
+        what_if = what_if::embedded(input),
     )
 }
 

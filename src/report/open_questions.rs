@@ -15,7 +15,7 @@ pub fn section(diagnosis: &Value) -> String {
     if which["not_assessable"].is_array() {
         out += &not_assessable(list(which, "not_assessable"));
     } else {
-        out += &absent("Which effects the data can’t show was not handed over.");
+        out += &absent("Which effects the data cannot show is not stated.");
     }
     let left: Vec<String> = list(diagnosis, "left_out")
         .iter()

@@ -2,7 +2,7 @@
 const DATA = JSON.parse(document.getElementById("series").textContent);
 const CURVES = DATA.retuned ? ["real", "before", "after"] : ["real", "before"];
 const MODELS = CURVES.slice(1);
-const NAMES = { real: "car", before: DATA.retuned ? "before" : "model", after: "after" };
+const NAMES = { real: "car", before: DATA.retuned ? "before" : "model", after: "after", whatif: "what if" };
 
 /// Integers from bytes in base 64: steps in sevens of bits, doubled with the sign last, one added; NaN for zero.
 function unpack(text) {
@@ -31,7 +31,7 @@ function decode(channel, dt) {
   const gap = (name) => unpack(channel[name]).map((k) => k * channel.q);
   const gaps = { before: gap("before"), after: gap("after") };
   const model = (name) => real.map((r, i) => r - gaps[name][i]);
-  return { column: channel.column, label: channel.label, unit: channel.unit, noise: channel.noise, samples: channel.samples, thinned: Boolean(index),
+  return { column: channel.column, label: channel.label, unit: channel.unit, noise: channel.noise, samples: channel.samples, thinned: Boolean(index), index,
     curves: CURVES, rms: { before: channel.rms[0] ?? NaN, after: channel.rms[1] ?? NaN },
     times, gaps, values: { real, before: model("before"), after: model("after") } };
 }

@@ -14,7 +14,7 @@ pub fn section(input: &Input) -> String {
     let facts: String =
         input.provenance.iter().map(|(name, value)| format!("<div><dt>{}</dt><dd>{}</dd></div>", escape(name), escape(value))).collect();
     let facts = if facts.is_empty() {
-        absent("Versions, settings and the fingerprint of the data were not handed over.")
+        absent("Versions, settings and the fingerprint of the data are missing.")
     } else {
         format!("<dl class=\"facts\">{facts}</dl>\n")
     };
@@ -25,7 +25,7 @@ pub fn section(input: &Input) -> String {
 fn retuned(diagnosis: &Value) -> String {
     let plant = &diagnosis["plant"];
     let (Some(now), Some(nominal)) = (plant["parameters"].as_object(), plant["nominal_parameters"].as_object()) else {
-        return absent("The parameters of the retuned plant were not handed over.");
+        return absent("The parameters of the retuned plant are missing.");
     };
     let chosen: Vec<String> =
         list(&diagnosis["which"], "effects").iter().filter_map(|e| text(e, "id")).map(|id| format!("effect.{id}.")).collect();

@@ -36,7 +36,7 @@ pub fn section(input: &Input) -> String {
     let place = &input.diagnosis["where"];
     let entries = list(place, "equations");
     if entries.is_empty() {
-        return lead(input.diagnosis) + &absent("The gap per equation, phase and region was not handed over.");
+        return lead(input.diagnosis) + &absent("The gap per equation, phase and region is missing.");
     }
     let hidden = text(place, "primary").is_some() && !entries.iter().any(|e| flag(e, "significant"));
     let hidden = if hidden { HIDDEN } else { "" };
@@ -141,7 +141,9 @@ fn cell(entries: &[&Value], equation: &str, region: &str) -> String {
     let rms = real(entry, "rms")
         .map_or_else(String::new, |r| format!("<small>{} {}</small>", number(r, 2), escape(&unit(text(entry, "unit").unwrap_or("")))));
     let samples = real(entry, "samples").map_or_else(String::new, |n| format!(" title=\"{} samples\"", number(n, 7)));
-    format!("<td class=\"h{}{mark}\"{samples}><b>{}</b>{said}{rms}</td>", shade(sigma), number(sigma, 2))
+    // Digits of what is nothing say nothing.
+    let shown = if sigma.abs() < LEAST { format!("&lt;&#8201;{LEAST}") } else { number(sigma, 2) };
+    format!("<td class=\"h{}{mark}\"{samples}><b>{shown}</b>{said}{rms}</td>", shade(sigma))
 }
 
 fn shade(sigma: f64) -> usize {
@@ -156,6 +158,9 @@ fn scale(error: Option<f64>) -> String {
         "<p class=\"scale\">{bins}<span>standard deviations</span><span class=\"bin hit\">frame</span><span>{rate}</span><span class=\"bin\">·</span><span>no samples</span></p>\n"
     )
 }
+
+/// Standard deviations below which a cell has no number of its own.
+const LEAST: f64 = 0.1;
 
 /// What the columns and rows are, and what a cell does not say.
 fn how_to_read(entries: &[Value], regions: &str) -> String {

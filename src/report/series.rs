@@ -36,8 +36,7 @@ pub struct Trace {
 
 /// All curves as JSON that is safe inside a script element.
 pub fn embedded(input: &Input) -> String {
-    let samples: usize = input.overlays.iter().flat_map(|o| &o.channels).map(OverlayChannel::len).sum();
-    let limit = if samples <= WHOLE { usize::MAX } else { limit(input.overlays, VIEWER_POINTS, usize::MAX) };
+    let limit = viewer_limit(input.overlays);
     let nothing = Trace::default();
     let recordings: Vec<Value> = input
         .overlays
@@ -47,6 +46,12 @@ pub fn embedded(input: &Input) -> String {
         .collect();
     let flywheel = super::residuals::flywheel(input).map(|(inertia, damping)| [inertia, damping]);
     json!({ "recordings": recordings, "retuned": retuned(input.diagnosis), "flywheel": flywheel }).to_string().replace('<', "\\u003c")
+}
+
+/// Points per curve that the viewer gets.
+pub(super) fn viewer_limit(overlays: &[Overlay]) -> usize {
+    let samples: usize = overlays.iter().flat_map(|o| &o.channels).map(OverlayChannel::len).sum();
+    if samples <= WHOLE { usize::MAX } else { limit(overlays, VIEWER_POINTS, usize::MAX) }
 }
 
 /// Whether there is a retuned model beside the nominal one: otherwise its curves would only be drawn twice.
@@ -131,7 +136,7 @@ fn signal(s: &Signal, limit: usize) -> Value {
     json!({ "label": super::text::channel(s.column), "unit": super::text::unit(s.unit), "q": q, "step": step, "values": packed(kept.iter().map(|v| v / q)) })
 }
 
-fn channel(c: &OverlayChannel, noise: Option<f64>, limit: usize) -> Value {
+pub(super) fn channel(c: &OverlayChannel, noise: Option<f64>, limit: usize) -> Value {
     let kept = c.kept(limit);
     let q = quantum(&c.real);
     let over = |model: &[f64]| packed(kept.iter().map(|&i| (c.real[i] - model[i]) / q));
@@ -168,7 +173,7 @@ fn packed(values: impl Iterator<Item = f64>) -> String {
     base64(&bytes)
 }
 
-fn base64(bytes: &[u8]) -> String {
+pub(super) fn base64(bytes: &[u8]) -> String {
     const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
     for three in bytes.chunks(3) {

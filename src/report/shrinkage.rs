@@ -20,7 +20,7 @@ pub fn section(diagnosis: &Value) -> String {
 
 fn summary(far: &Value) -> String {
     let (Some(before), Some(after)) = (real(far, "before"), real(far, "after")) else {
-        return absent("The gap before and after was not handed over.");
+        return absent("The gap before and after is missing.");
     };
     let metric = text(far, "metric").unwrap_or("metric not named");
     let unit = super::verdict::unit_of(far);
@@ -67,7 +67,7 @@ fn summary(far: &Value) -> String {
 fn per_recording(far: &Value) -> String {
     let entries = list(far, "per_recording");
     if entries.is_empty() {
-        return absent("The gap per recording was not handed over.");
+        return absent("The gap per recording is missing.");
     }
     let ratios: Vec<f64> = entries
         .iter()
@@ -160,7 +160,7 @@ fn engagement(far: &Value) -> String {
     let engages = |figures: &Value| FIGURES.iter().any(|f| some(&figures[f.0]));
     let recordings: Vec<(&String, &Value)> = far["kpi"].as_object().into_iter().flatten().filter(|(_, figures)| engages(figures)).collect();
     if recordings.is_empty() {
-        return absent("No engagement figures: no recording holds an engagement up to lock-up, or they were not handed over.");
+        return absent("No engagement figures: no recording holds an engagement up to lock-up, or they are missing.");
     }
     let held = texts(far, "held_out");
     let mut rows = String::new();

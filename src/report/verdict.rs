@@ -82,9 +82,9 @@ pub fn replayed(diagnosis: &Value) -> Option<String> {
     Some(match text(diagnosis, "verdict") {
         Some("unexplained" | "inputs_do_not_fit") => format!("{on} a free replay is off by {b} (rms); nothing was retuned."),
         Some("no_gap") if after > before => {
-            format!("{on} a free replay is off by {a} (rms) with the numbers that suit the others best, and by {b} with those of the file.")
+            format!("{on} a free replay is off by {a} (rms) with the numbers that fit the other recordings best, and by {b} with those of the vehicle file.")
         }
-        Some("no_gap") => format!("{on} a free replay is off by {a} (rms); with the numbers of the file as they stand, by {b}."),
+        Some("no_gap") => format!("{on} a free replay is off by {a} (rms); with the numbers of the vehicle file as they stand, by {b}."),
         _ if after > before => format!("{on} a free replay got worse: it is off by {a} (rms), before by {b}."),
         _ => format!("{on} a free replay is off by {a} (rms) instead of {b}."),
     })

@@ -3,7 +3,7 @@ const RECORDINGS = DATA.recordings;
 const RPM = 60 / (2 * Math.PI);
 const LEFT = 56, RIGHT = 10, LABEL = 14;
 const STATES = ["s0", "s1", "s2"];
-const state = { recording: null, channels: [], view: [0, 1], cursor: null, shown: { real: true, before: true, after: true }, rpm: false };
+const state = { recording: null, measured: [], channels: [], view: [0, 1], cursor: null, shown: { real: true, before: true, after: true, whatif: true }, rpm: false };
 const stage = document.getElementById("stage");
 let panels = [], speaking = 0;
 
@@ -24,10 +24,9 @@ function inUnit(channel) {
 function choose(k, view = state.recording === null || !zoomed() ? null : state.view) {
   const recording = RECORDINGS[k];
   state.recording = k;
-  state.channels = recording.channels.filter((c) => c.real.length).map((c) => decode(c, recording.dt));
-  // Flywheel and disc first, what drove them below.
-  const speeds = state.channels.filter((c) => c.column.startsWith("omega")), rest = state.channels.filter((c) => !c.column.startsWith("omega"));
-  state.channels = [...speeds, ...beside(recording, state.channels, DATA.flywheel), ...rest];
+  state.measured = recording.channels.filter((c) => c.real.length).map((c) => decode(c, recording.dt));
+  withWhatIf(false);
+  arrange();
   state.view = view && view[0] < whole()[1] ? [Math.max(view[0], 0), Math.min(view[1], whole()[1])] : whole();
   state.cursor = null;
   for (const card of all(".card")) card.setAttribute("aria-pressed", String(Number(card.dataset.recording) === k));
@@ -35,6 +34,13 @@ function choose(k, view = state.recording === null || !zoomed() ? null : state.v
   card.parentElement.scrollLeft = card.offsetLeft - 24;
   document.getElementById("states").hidden = !recording.phases.length;
   render();
+  if (box?.open) replayed();
+}
+
+/// Flywheel and disc first, what drove them below.
+function arrange() {
+  const speeds = state.measured.filter((c) => c.column.startsWith("omega")), rest = state.measured.filter((c) => !c.column.startsWith("omega"));
+  state.channels = [...speeds, ...beside(RECORDINGS[state.recording], state.measured, DATA.flywheel), ...rest];
 }
 
 /// The address names what is shown, so that a link shows the same.
@@ -76,7 +82,7 @@ function panel(channel) {
     const reach = Math.max(...range([channel.gaps[k]], from, to).map(Math.abs), 2.5 * (channel.noise || 0));
     const top = plotHeight + 12 + LABEL + n * (stripHeight + LABEL + 12);
     draw(svg, "rect", { class: "floor", x: LEFT, y: top - 2, width: width - LEFT - RIGHT, height: stripHeight + 4 });
-    draw(svg, "text", { class: "side", x: LEFT, y: top - 6 }, `car minus model${DATA.retuned ? ", " + NAMES[k] : ""}${channel.noise && !small ? "; band: ±2σ of noise" : ""}`);
+    draw(svg, "text", { class: "side", x: LEFT, y: top - 6 }, `car minus model${MODELS.length > 1 ? ", " + NAMES[k] : ""}${channel.noise && !small ? "; band: ±2σ of noise" : ""}`);
     return { model: k, top, r: scale(-reach, reach, top + stripHeight, top) };
   });
   const plot = draw(svg, "svg", { x: LEFT, y: 0, width: width - LEFT - RIGHT, height, viewBox: `${LEFT} 0 ${width - LEFT - RIGHT} ${height}` });
@@ -107,7 +113,7 @@ function panel(channel) {
 /// What is in view, as a table.
 function table(channel, from, to) {
   const rows = [["time_s", ...channel.curves.map((k) => `${NAMES[k]} [${channel.unit || "1"}]`)].join(",")];
-  const cell = (v) => (Number.isFinite(v) ? String(Number(v.toPrecision(9))) : "");
+  const cell = (v) => (Number.isFinite(v) ? String(Number(v.toPrecision(12))) : "");
   for (let i = from; i <= to; i++) rows.push([channel.times[i], ...channel.curves.map((k) => channel.values[k][i])].map(cell).join(","));
   return rows.join("\n") + "\n";
 }

@@ -1,0 +1,16 @@
+#!/usr/bin/env bash
+# Makes anew what the documentation shows of the program: the executed notebook and the picture of the report, both of the bundled campaign, and the numbers
+# that docs/importers.md quotes. Tests say when notebook or numbers are out of date; the picture holds the words of the verdict that it shows.
+#
+#   packaging/docs.sh               after packaging/test.sh, whose builds and Python it takes; needs Chromium with its driver
+set -euo pipefail
+cd "$(dirname "$0")/.."
+target=${CARGO_TARGET_DIR:-target}
+export KISSPOINT=${KISSPOINT:-$PWD/$target/quick/kisspoint}
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+"$KISSPOINT" diagnose tests/data/campaigns/example --out "$work" >/dev/null
+"$target/venv/bin/python" docs/pictures/report.py "$work/report.html"
+"$target/venv/bin/python" tests/python/test_notebook.py
+"$target/venv/bin/python" tests/python/test_quoted.py
+git --no-pager diff --stat -- docs README.md

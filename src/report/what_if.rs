@@ -1,0 +1,212 @@
+//! What if an effect were larger or smaller: the reader drags its size, and the recording is replayed with it.
+//!
+//! The replay is the plant's own, compiled to WebAssembly and driven as an importer drives the FMU: same GUID, same vehicle.json, same calls. Without a module the page
+//! holds replays that were made beforehand, of the named effects at a few sizes, and the slider stops at these. Drives and replays go in while there is room for
+//! them, what was held out first.
+
+use super::series::{base64, channel, viewer_limit};
+use super::text::{escape, unit, words};
+use super::{Input, Overlay, names};
+use flate2::{Compression, write::GzEncoder};
+use serde_json::{Value, json};
+use std::io::Write;
+
+/// Bytes in the page that recordings may take here, without the module.
+const ROOM: usize = 500_000;
+
+/// What the section needs.
+#[derive(Clone, Debug)]
+pub struct WhatIf {
+    /// What replays.
+    pub player: Player,
+    /// Effects that can be changed, the named ones first.
+    pub effects: Vec<Effect>,
+}
+
+/// What replays a recording.
+#[derive(Clone, Debug)]
+pub enum Player {
+    /// The plant.
+    Plant(Plant),
+    /// Replays of each overlay with each of the effects at [`Effect`]'s sizes, from the least to the greatest.
+    Replays(Vec<Replays>),
+}
+
+/// The plant as a WebAssembly module, and all that an instance is started with.
+#[derive(Clone, Debug)]
+pub struct Plant {
+    /// The module.
+    pub module: Vec<u8>,
+    /// GUID of the FMU with the retuned numbers.
+    pub guid: String,
+    /// Its `resources/vehicle.json`.
+    pub vehicle: String,
+    /// Value references of start speeds and temperatures (flywheel, disc; disc, body).
+    pub start: [u32; 4],
+    /// Value references of commanded position, torque, housing air.
+    pub inputs: [u32; 3],
+    /// Columns and value references of what sensors show.
+    pub outputs: Vec<(&'static str, u32)>,
+    /// What drives each of the overlays, in their order; none where it is not known.
+    pub drives: Vec<Option<Drive>>,
+}
+
+/// What drives a replay.
+#[derive(Clone, Debug)]
+pub struct Drive {
+    /// Start speeds and temperatures, as the plant has them.
+    pub start: [f64; 4],
+    /// Times at which inputs change, s.
+    pub time: Vec<f64>,
+    /// Position, torque and housing air from each of these times on.
+    pub inputs: [Vec<f64>; 3],
+    /// Which of these times belongs to each sample of the curves.
+    pub samples: Vec<usize>,
+}
+
+/// Replays of one overlay with one effect: its curves for each of the sizes.
+#[derive(Clone, Debug)]
+pub struct Replays {
+    /// Place among the overlays.
+    pub overlay: usize,
+    /// Id of the effect.
+    pub effect: &'static str,
+    /// The overlay with the replay in the place of `after`, for each size.
+    pub curves: Vec<Overlay>,
+}
+
+/// An effect that can be changed.
+#[derive(Clone, Debug)]
+pub struct Effect {
+    /// Its id.
+    pub id: &'static str,
+    /// Whether the verdict names it.
+    pub named: bool,
+    /// What of it can be changed.
+    pub sizes: Vec<Size>,
+}
+
+/// A number that can be dragged.
+#[derive(Clone, Copy, Debug)]
+pub struct Size {
+    /// Value reference; 0 of replays made beforehand.
+    pub reference: u32,
+    /// Name.
+    pub name: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// Value without the effect.
+    pub null: f64,
+    /// Value of the retuned plant.
+    pub found: f64,
+    /// Least and greatest value that the slider reaches.
+    pub range: [f64; 2],
+    /// From one stop of the slider to the next.
+    pub step: f64,
+}
+
+/// What the viewer has above its plots; the script fills it.
+pub fn control(input: &Input) -> String {
+    let Some(what_if) = input.what_if.filter(|w| !w.effects.is_empty()) else { return String::new() };
+    let option = |e: &Effect| format!("<option value=\"{}\">{}</option>", escape(e.id), escape(&names::effect(e.id)));
+    let group = |named: bool, label: &str| {
+        let options: String = what_if.effects.iter().filter(|e| e.named == named).map(option).collect();
+        if options.is_empty() { options } else { format!("<optgroup label=\"{label}\">{options}</optgroup>") }
+    };
+    let how = match what_if.player {
+        Player::Plant(_) => {
+            "The plant itself runs in this page, as the FMU does, and replays the recording that is shown below with the sizes that you choose."
+        }
+        Player::Replays(_) => {
+            "Replays that were made beforehand with the plant, at the sizes at which the slider stops; nothing is interpolated."
+        }
+    };
+    format!(
+        "<details class=\"what-if\" id=\"what-if\"><summary>What if an effect were larger or smaller?</summary>\n<p class=\"hint\">{how} It starts where the car does and at the \
+         temperatures noted for the recording.</p>\n<div class=\"tools\"><label>Effect <select id=\"what-if-effect\">{}{}</select></label> \
+         <button type=\"button\" data-size=\"found\">As found</button><button type=\"button\" data-size=\"null\">Without it</button></div>\n\
+         <div id=\"what-if-sizes\"></div>\n<p id=\"what-if-said\" class=\"hint\" aria-live=\"polite\"></p></details>\n",
+        group(true, "found in this campaign"),
+        group(false, "not found")
+    )
+}
+
+/// The data of the script, as JSON that is safe inside a script element.
+pub fn embedded(input: &Input) -> String {
+    let Some(what_if) = input.what_if else { return "null".to_owned() };
+    let effects: Vec<Value> = what_if.effects.iter().map(effect).collect();
+    let order = held_out_first(input.overlays);
+    let data = match &what_if.player {
+        Player::Plant(plant) => {
+            let mut left = ROOM;
+            let mut drives = vec![Value::Null; input.overlays.len()];
+            for k in order {
+                let Some(drive) = plant.drives.get(k).and_then(Option::as_ref) else { continue };
+                let packed = base64(&gzip(drive_json(drive).to_string().as_bytes()));
+                if packed.len() <= left {
+                    left -= packed.len();
+                    drives[k] = packed.into();
+                }
+            }
+            let outputs: Vec<Value> = plant.outputs.iter().map(|(column, reference)| json!([column, reference])).collect();
+            json!({
+                "effects": effects, "drives": drives, "module": base64(&gzip(&plant.module)), "guid": plant.guid, "vehicle": plant.vehicle,
+                "start": plant.start, "inputs": plant.inputs, "outputs": outputs,
+            })
+        }
+        Player::Replays(all) => {
+            let limit = viewer_limit(input.overlays);
+            let mut left = ROOM;
+            let mut replays: Vec<Value> = vec![json!({}); input.overlays.len()];
+            for k in order {
+                let of: serde_json::Map<String, Value> = all
+                    .iter()
+                    .filter(|r| r.overlay == k)
+                    .map(|r| (r.effect.to_owned(), r.curves.iter().map(|o| curves(o, limit)).collect()))
+                    .collect();
+                let of = Value::Object(of);
+                let size = of.to_string().len();
+                if size <= left {
+                    left -= size;
+                    replays[k] = of;
+                }
+            }
+            json!({ "effects": effects, "replays": replays })
+        }
+    };
+    data.to_string().replace('<', "\\u003c")
+}
+
+fn held_out_first(overlays: &[Overlay]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..overlays.len()).collect();
+    order.sort_by_key(|&k| !overlays[k].held_out);
+    order
+}
+
+fn effect(e: &Effect) -> Value {
+    let sizes: Vec<Value> = e
+        .sizes
+        .iter()
+        .map(|s| {
+            json!({ "reference": s.reference, "label": words(s.name), "unit": unit(s.unit), "null": s.null, "found": s.found, "low": s.range[0],
+                    "high": s.range[1], "step": s.step })
+        })
+        .collect();
+    json!({ "id": e.id, "name": names::effect(e.id), "sizes": sizes })
+}
+
+fn drive_json(d: &Drive) -> Value {
+    // One change of the inputs at each sample is the usual case.
+    let samples = d.samples.iter().enumerate().any(|(k, &s)| k != s).then_some(&d.samples);
+    json!({ "start": d.start, "time": d.time, "inputs": d.inputs, "samples": samples })
+}
+
+/// Gaps of a replay by column, packed as those of the report's curves are.
+fn curves(o: &Overlay, limit: usize) -> Value {
+    o.channels.iter().map(|c| (c.column.to_owned(), channel(c, None, limit)["after"].take())).collect::<serde_json::Map<_, _>>().into()
+}
+
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+    encoder.write_all(bytes).and_then(|()| encoder.finish()).expect("memory can be written to")
+}

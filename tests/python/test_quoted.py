@@ -1,0 +1,59 @@
+"""What the documentation quotes is what the program gives: the integrator's first curve, the counts of README.md.
+
+    python tests/python/test_quoted.py     writes the integrator's numbers into docs/importers.md; packaging/docs.sh makes the rest
+"""
+
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from conftest import ROOT, find_command
+from master import Model
+
+IMPORTERS = ROOT / "docs/importers.md"
+FIRST_CURVE = re.compile(r"at 1\.3 s `omega_f` = ([\d.]+) rad/s, `omega_c` = ([\d.]+) rad/s, `theta_c` = ([\d.]+) °C")
+
+
+def first_curve(fmu):
+    """The numbers of the page's table: the plant alone, its inputs held from the start, 1 ms, 1.3 s."""
+    plant = Model(fmu).instance(x_to=6.0, T_e_ref=45.0)
+    for _ in range(1300):
+        plant.step(1e-3)
+    found = plant.get("omega_f", "omega_c", "theta_c")
+    assert plant.get("phase_code") == 2
+    plant.free()
+    return tuple(f"{value:.3f}" for value in found)
+
+
+def test_the_integrator_s_first_curve_is_as_the_page_says(fmus):
+    assert FIRST_CURVE.search(IMPORTERS.read_text(encoding="utf-8")).groups() == first_curve(fmus["DrivelinePlant"]), "packaging/docs.sh writes it anew"
+
+
+def test_the_counts_of_the_readme_are_those_of_the_validation():
+    """Each "n of m" there stands in the table that says how it was found."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    (said,) = re.findall(r"\*\*How often it is right\*\*(.*?)\n(?:\n|-)", readme, re.S)
+    validation = (ROOT / "docs/validation.md").read_text(encoding="utf-8")
+    counts = re.findall(r"[\d.]+ of \d+", said)
+    assert len(counts) >= 4 and not [count for count in counts if not re.search(rf"\b{re.escape(count)}\b", validation)]
+
+
+def words(head):
+    """The words of the header, without the numbers' last digits, which change with the compiler."""
+    return re.sub(r"\d[\d.]*", "…", " ".join(re.sub(r"<[^>]*>", " ", head).split()))
+
+
+def main():
+    with tempfile.TemporaryDirectory() as folder:
+        subprocess.run([find_command(), "fmu", "--out", folder], check=True, capture_output=True)
+        omega_f, omega_c, theta_c = first_curve(Path(folder) / "DrivelinePlant.fmu")
+    text = f"at 1.3 s `omega_f` = {omega_f} rad/s, `omega_c` = {omega_c} rad/s, `theta_c` = {theta_c} °C"
+    page, count = FIRST_CURVE.subn(text, IMPORTERS.read_text(encoding="utf-8"))
+    assert count == 1
+    IMPORTERS.write_text(page, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
