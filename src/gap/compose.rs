@@ -79,7 +79,7 @@ pub fn answer(f: &Findings) -> Answer {
 fn below_floor(f: &Findings, closed: &Closed) -> Option<String> {
     (names_effects(f) && closed.is_below_floor()).then(|| {
         format!(
-            "the gap of {} ({:.2} rad/s) is below the floor of {:.2} rad/s that its start temperatures, grade and torque report leave:              the share that is closed counts from the sensors' noise",
+            "the gap of {} ({:.2} rad/s) is below the floor of {:.2} rad/s that its start temperatures, grade and torque report leave: the share that is closed counts from the sensors' noise",
             f.held_out_name, closed.before, closed.noise
         )
     })
@@ -317,7 +317,7 @@ fn kpi(h: &HeldOut) -> BTreeMap<&'static str, Figures> {
 
 /// Rounded down: "100 %" is said of a gap that is closed, not of one that nearly is.
 fn percent(share: f64) -> String {
-    format!("{:.1} %", (1000.0 * share).floor() / 10.0).replace('-', "−")
+    if share >= 1.0 { "100 %".to_owned() } else { format!("{:.1} %", (1000.0 * share).floor() / 10.0).replace('-', "−") }
 }
 
 fn sentence(f: &Findings, closed: f64) -> String {

@@ -1,0 +1,50 @@
+#!/usr/bin/env bash
+# How the time and memory of `kisspoint diagnose` grow with the campaign.
+#
+#   benches/scale.sh
+#
+# Prints processor time, elapsed time and peak memory on two threads for the bundled campaign once, twice, four and eight times over (9 to 72 recordings), and
+# for drives of a drawn car: 40 minutes at 100 Hz in 40 recordings, and one hour. Copies of a recording count as recordings of their own, so that only the
+# size differs; that their noise is the same makes an answer surer than it should be, and is no matter here. Needs /usr/bin/time (GNU) and python3.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+kisspoint=${KISSPOINT:-${CARGO_TARGET_DIR:-target}/release/kisspoint}
+[[ -x $kisspoint ]] || { echo "benches/scale.sh: $kisspoint is missing; run \`cargo build --release\`, or set KISSPOINT" >&2; exit 1; }
+[[ -x /usr/bin/time ]] || { echo "benches/scale.sh: /usr/bin/time is missing; apt-get install time" >&2; exit 1; }
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+repeated() { # FROM TO RECORDINGS: as many recordings, those of FROM over and over
+    python3 - "$@" <<'PYTHON'
+import json, pathlib, shutil, sys
+
+source, target, count = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2]), int(sys.argv[3])
+target.mkdir()
+shutil.copy(source / "vehicle.json", target)
+recordings = json.loads((source / "recordings.json").read_text())
+names, all_of_them = sorted(recordings), {}
+for k in range(count):
+    name = names[k % len(names)]
+    copy = f"{name}x{k // len(names)}"
+    all_of_them[copy] = recordings[name]
+    shutil.copy(source / f"{name}.csv", target / f"{copy}.csv")
+(target / "recordings.json").write_text(json.dumps(all_of_them))
+PYTHON
+}
+timed() { # LABEL CAMPAIGN
+    /usr/bin/time -f '%U %S %e %M' -o "$work/time" "$kisspoint" diagnose "$2" --json --threads 2 >/dev/null
+    awk -v label="$1" '{ printf "%-40s %7.1f s of processor, %7.1f s elapsed, %5.0f MB\n", label, $1 + $2, $3, $4 / 1024 }' "$work/time"
+}
+
+for times in 1 2 4 8; do
+    repeated tests/data/campaigns/example "$work/bench-$times" $((9 * times))
+    timed "$((9 * times)) recordings of a bench" "$work/bench-$times"
+done
+# The first drawn car whose drives are logged at 100 Hz.
+"$kisspoint" blind --road --cars 8 --seed 5 --draw-only --keep "$work/drawn" >/dev/null
+drives=$(grep -l '"sample_rate_Hz": *100\b' "$work"/drawn/case_*/recordings.json | head -1)
+for minutes in 40 60; do
+    repeated "$(dirname "$drives")" "$work/road-$minutes" "$minutes"
+    timed "$minutes drives of about a minute" "$work/road-$minutes"
+done
