@@ -104,8 +104,7 @@ impl Score {
         self.detected.at_least("gaps detected", 0.99);
         self.located.at_least("located", 0.97);
         self.singles.at_least("single effects attributed", 0.95);
-        // Two pairs, and one of their four effects has a rival: 1.75 of 2. docs/validation.md says so; the aim is 0.9.
-        self.pairs.at_least("pairs attributed", 0.85);
+        self.pairs.at_least("pairs attributed", 0.9);
         self.unknown.at_least("effects outside the library flagged", 0.9);
         self.unknown_located.at_least("effects outside the library located", 0.9);
         self.closed.sort_by(f64::total_cmp);

@@ -143,7 +143,7 @@ fn no_text_becomes_markup() {
     let page = page_of(&made, &provenance);
     assert!(page.contains("&lt;/script&gt;&lt;img"), "the text is shown");
     assert!(!page.contains("<img"), "the text is never markup");
-    assert_eq!(page.matches("</script>").count(), 2, "the data and the script end where they should");
+    assert_eq!(page.matches("</script>").count(), 3, "both data and the script end where they should");
 }
 
 /// A section without its data says so; nothing panics, whatever is missing or of another type.
