@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
@@ -25,10 +26,12 @@ def find_command() -> Path:
 @pytest.fixture(scope="session")
 def kisspoint():
     command = find_command()
+    # `kisspoint fleet` is the work of this checkout's Python package.
+    python = {"PYTHONPATH": str(ROOT / "python"), "KISSPOINT_PYTHON": sys.executable}
 
     def run(*arguments, check=True):
         words = [str(command), *map(str, arguments)]
-        return subprocess.run(words, check=check, capture_output=True, text=True)
+        return subprocess.run(words, check=check, capture_output=True, text=True, env={**os.environ, **python})
 
     return run
 
