@@ -243,3 +243,130 @@ fn a_wheel_that_shows_nothing_yet_stands_nearly_still() {
     assert!(hidden.tracks.iter().any(|t| t.measured[Channel::OmegaC as usize][0].is_nan()), "some begin at rest");
     assert!(misfit_of(&hidden) < 1.1 * whole, "{} {whole}", misfit_of(&hidden));
 }
+
+/// A recording of the bundled vehicle as this car answers these inputs (torque, position, brake torque by row), with white noise of so many rad/s.
+fn answered(
+    car: &Car,
+    inputs: &[[f64; 2]],
+    noise: f64,
+    brake: impl Fn(usize) -> bool,
+    speeds: impl Fn(usize, [f64; 2]) -> [f64; 2],
+) -> Recording {
+    let n = inputs.len();
+    let time: Vec<f64> = (0..n).map(|k| 0.01 * k as f64).collect();
+    let mut r = Recording {
+        name: "made up".into(),
+        sample_rate_hz: 100.0,
+        time,
+        theta_c0: 40.0,
+        theta_b0: 40.0,
+        omega_f: vec![speeds(0, [0.0; 2])[0]; n],
+        omega_c: vec![speeds(0, [0.0; 2])[1]; n],
+        t_e: inputs.iter().map(|i| i[0]).collect(),
+        x_to_cmd: inputs.iter().map(|i| i[1]).collect(),
+        theta_h: vec![30.0; n],
+        brake: (0..n).any(&brake).then(|| (0..n).map(&brake).collect()),
+        ..Recording::default()
+    };
+    let track = Track::new(&r);
+    let mut normal = normals(17);
+    let begin = start(&track, car, 0, track.theta_0, 0.1);
+    let mut found = [vec![0.0; n], vec![0.0; n]];
+    replay(&track, car, &begin, 0..n, None, |row, now, _, _| {
+        let truth = speeds(row, [now.omega_f, now.omega_c]);
+        (found[0][row], found[1][row]) = (truth[0] + noise * normal(), truth[1] + noise * normal());
+    });
+    [r.omega_f, r.omega_c] = found;
+    r
+}
+
+fn prepared(recording: &Recording) -> Problem {
+    let (_, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let (tracks, tolerances) = prepare::read(&[recording], &vehicle_json).unwrap();
+    let with = prepare::disturbances(&tracks, &tolerances);
+    prepare::problem(tracks, &vehicle, &tolerances, &with)
+}
+
+/// Mean square of the innovations of a car with these effects from a time on, s.
+fn mean_square_from(problem: &Problem, effects: effects::Parameters, begin: f64) -> f64 {
+    let point = kisspoint::gap::infer::density::Point { effects, ..problem.nominal() };
+    let time = &problem.tracks[0].time;
+    let first = time.iter().position(|t| *t >= begin).unwrap();
+    let all = &problem.all_residuals(&point, None)[0][2 * first..2 * time.len()];
+    all.iter().map(|r| r * r).sum::<f64>() / all.len() as f64
+}
+
+#[test]
+fn a_command_that_a_slow_logger_misses_is_noise_of_the_torque() {
+    let (_, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let mut normal = normals(23);
+    let mut wander = 0.0;
+    // A slow closing, with a command that goes its own way from tick to tick.
+    let inputs: Vec<[f64; 2]> = (0..150)
+        .map(|k| {
+            wander = 0.9 * wander + 0.08 * normal();
+            [40.0, 5.3 + 0.005 * k as f64 + wander]
+        })
+        .collect();
+    let moving = |row: usize, now: [f64; 2]| if row == 0 && now == [0.0; 2] { [150.0, 20.0] } else { now };
+    let whole = answered(&Car::nominal(&vehicle), &inputs, 0.1, |_| false, moving);
+    let every = |v: &[f64], step: usize| v.iter().copied().step_by(step).collect::<Vec<f64>>();
+    let slow = |step: usize| Recording {
+        sample_rate_hz: 100.0 / step as f64,
+        time: every(&whole.time, step),
+        omega_f: every(&whole.omega_f, step),
+        omega_c: every(&whole.omega_c, step),
+        t_e: every(&whole.t_e, step),
+        x_to_cmd: every(&whole.x_to_cmd, step),
+        theta_h: every(&whole.theta_h, step),
+        ..whole.clone()
+    };
+    for step in [1, 2, 5] {
+        let left = mean_square_from(&prepared(&slow(step)), effects::null(), 0.1);
+        assert!((0.3..1.25).contains(&left), "every {step}: {left}");
+    }
+}
+
+#[test]
+fn shafts_of_a_car_that_its_brakes_hold_are_at_rest() {
+    let (_, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let mut car = Car::nominal(&vehicle);
+    car.effects[param::driveline_compliance::compliance] = 0.011;
+    car.effects[param::driveline_compliance::damping] = 0.3;
+    let idle = 100.0;
+    let inputs = vec![[vehicle.driveline.b_f * idle, vehicle.actuator.x_cnt_0 - 0.5]; 400];
+    // The brakes hold the car. What the flywheel shows is the same; noise of the disc's sensor would set a model's shafts swinging.
+    let recording = answered(&car, &inputs, 0.4, |_| true, |_, _| [idle, 0.0]);
+    let mut problem = prepared(&recording);
+    let of_disc = |p: &Problem| {
+        let point = kisspoint::gap::infer::density::Point { effects: car.effects, ..p.nominal() };
+        p.all_residuals(&point, None)[0][200..].iter().skip(1).step_by(2).map(|r| r * r).sum::<f64>()
+    };
+    let held = of_disc(&problem);
+    problem.filters[0].stands.fill(false);
+    let swings = of_disc(&problem);
+    assert!(held < 0.6 * swings, "{held} {swings}");
+}
+
+#[test]
+fn a_clutch_that_opens_while_both_sides_slow_down_alike_is_not_held() {
+    let (_, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let (open, closed) = (vehicle.actuator.x_cnt_0 - 0.5, vehicle.actuator.x_cls_0);
+    let inputs: Vec<[f64; 2]> = (0..250).map(|k| if k < 100 { [20.0, closed] } else { [-10.0, open] }).collect();
+    // Locked for a second; then the engine falls by itself and the brakes slow the car down nearly as much.
+    let speeds = |k: usize, now: [f64; 2]| match k {
+        0 => [150.0; 2],
+        1..100 => now,
+        _ => {
+            let t = 0.01 * (k - 100) as f64;
+            [now[0], now[0] + 0.4 * (t / 0.3).min(1.0) * (1.0 + 4.0 * (t - 0.6).max(0.0))]
+        }
+    };
+    let recording = answered(&Car::nominal(&vehicle), &inputs, 0.1, |k| k >= 100, speeds);
+    let left = mean_square_from(&prepared(&recording), effects::null(), 1.05);
+    assert!(left < 1.5, "{left}");
+}

@@ -243,6 +243,15 @@ impl Plant {
         self.state.y[index::TWIST] -= share * torque * c.compliance;
     }
 
+    /// Tells elastic shafts that the car behind them stands, held by its brakes: they carry the clutch torque alone. Rigid shafts have no twist.
+    pub fn hold_car(&mut self) {
+        if self.config.compliant() {
+            let torque = events::clutch_torque(&self.config, &self.found, &self.state);
+            self.state.y[index::OMEGA_V] = 0.0;
+            self.state.y[index::TWIST] = motion::twist_under(&self.config, torque);
+        }
+    }
+
     /// Outputs now.
     pub fn outputs(&self) -> Outputs {
         let (s, c) = (&self.state, &self.config.constants);

@@ -16,7 +16,7 @@
 use super::noise::Noise;
 use super::replay::HIDDEN;
 use super::tolerance::Wander;
-use super::track::{Channel, Track};
+use super::track::{CONTROL_INTERVAL_S, Channel, Track};
 use crate::vehicle::Vehicle;
 use nalgebra::{SMatrix, SVector};
 
@@ -98,6 +98,8 @@ pub struct Filter {
     pub log_det: f64,
     /// Whether the clutch is locked as measured, by observation.
     pub locked: Vec<bool>,
+    /// Whether the car stands and is held by its brakes, by observation.
+    pub stands: Vec<bool>,
     /// Inertias that the gains were worked out for: flywheel, car, kg·m².
     pub inertia: [f64; 2],
     /// Samples, speeds and bench.
@@ -107,7 +109,8 @@ pub struct Filter {
 /// Error of the disc temperature that lasts for about a second, K: the housing air is noted in steps.
 const LASTING_TEMPERATURE_K: f64 = 0.1;
 
-/// Runs the covariance along a recording. `torque` is the clutch torque in N·m by observation that the share of [`Disturbances::clutch`] refers to.
+/// Runs the covariance along a recording. `torque` is the clutch torque in N·m by observation: the share of [`Disturbances::clutch`] refers to it, and what it
+/// may have done between slow samples follows from how it bends.
 pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f64]) -> Filter {
     let n = track.observations();
     let speeds: [Vec<(f64, usize)>; 2] = [Channel::OmegaF, Channel::OmegaC].map(|c| (0..n).map(|k| track.mean(c, k)).collect());
@@ -145,6 +148,8 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     for (place, process) in stationary(0) {
         p[(place, place)] = process.sigma.powi(2);
     }
+    let report: Vec<f64> = (0..n).map(|k| track.ticks[track.tick_of_row[track.rows_of(k).start]].t_e).collect();
+    let unseen = [unseen(track, &report, |_| true), unseen(track, torque, |k| !locked[k])];
     for k in 0..n {
         let mut gain = Gain { interval: interval(track, k), ..Gain::default() };
         for c in 0..2 {
@@ -168,7 +173,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
         }
         // To the next observation.
         let dt = gain.interval;
-        let report_impulse = with.report_noise.powi(2) * dt * (dt / track.rows_of(k).len().max(1) as f64);
+        let report_impulse = with.report_noise.powi(2) * dt * (dt / track.rows_of(k).len().max(1) as f64) + unseen[0][k];
         let mut f = Covariance::identity();
         let mut decay = [1.0; STATES];
         let mut q = Covariance::zeros();
@@ -194,12 +199,23 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
             for (a, b) in [(OMEGA_F, OMEGA_F), (OMEGA_F, OMEGA_C), (OMEGA_C, OMEGA_F), (OMEGA_C, OMEGA_C)] {
                 q[(a, b)] = report_impulse / (total * total);
             }
+            // While the command asks for an open clutch only the samples say that it still holds: as well as they would have shown slip.
+            if !closed(track, vehicle, k) {
+                let slip = (LOCKED_MEAN * slip_noise(with)).powi(2) / (total * total);
+                q[(OMEGA_F, OMEGA_F)] += slip * j_c * j_c;
+                q[(OMEGA_C, OMEGA_C)] += slip * j_f * j_f;
+                q[(OMEGA_F, OMEGA_C)] -= slip * j_f * j_c;
+                q[(OMEGA_C, OMEGA_F)] -= slip * j_f * j_c;
+            }
         } else {
             f[(OMEGA_F, ENGINE)] /= j_f;
             f[(OMEGA_F, CLUTCH)] /= j_f;
             f[(OMEGA_C, LOAD)] /= j_c;
             f[(OMEGA_C, CLUTCH)] /= j_c;
-            q[(OMEGA_F, OMEGA_F)] = report_impulse / (j_f * j_f);
+            q[(OMEGA_F, OMEGA_F)] = (report_impulse + unseen[1][k]) / (j_f * j_f);
+            q[(OMEGA_C, OMEGA_C)] = unseen[1][k] / (j_c * j_c);
+            q[(OMEGA_F, OMEGA_C)] = -unseen[1][k] / (j_f * j_c);
+            q[(OMEGA_C, OMEGA_F)] = q[(OMEGA_F, OMEGA_C)];
         }
         gain.decay = decay;
         gains.push(gain);
@@ -213,7 +229,41 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
         }
     }
     let bench = bench(track, with, &locked, &mut samples, &mut log_det);
-    Filter { gains, bench, log_det, locked, inertia: [j_f, j_c], samples }
+    Filter { gains, bench, log_det, stands: stands(track, &speeds[1], with.noise[1].white, braking), locked, inertia: [j_f, j_c], samples }
+}
+
+/// Time at rest under the brakes after which shafts have come to rest too, s.
+const RESTED_S: f64 = 0.5;
+
+/// Observations at which the car has stood under its brakes for [`RESTED_S`]; a wheel speed below its sensor's threshold stands.
+fn stands(track: &Track, omega_c: &[(f64, usize)], noise: f64, braking: impl Fn(usize) -> bool) -> Vec<bool> {
+    let mut since = 0.0;
+    (0..omega_c.len())
+        .map(|k| {
+            let speed = omega_c[k].0;
+            let rests = braking(k) && !(speed.abs() > LOCKED * noise);
+            since = if rests { since + interval(track, k) } else { 0.0 };
+            since > RESTED_S
+        })
+        .collect()
+}
+
+/// Variance, (N·m·s)², of the impulse that a torque may have given unseen after each observation, beyond the straight line to the next one: none where a sample
+/// shows every step of the control unit.
+///
+/// A torque that goes any way between its samples is a Wiener process. With intervals T its variance s² per second shows in how far a sample lies off the
+/// middle of its neighbours, δ² = s² T/2; the impulse between two samples, given both, has the variance s² T³/12 = δ² T²/6.
+fn unseen(track: &Track, torque: &[f64], counts: impl Fn(usize) -> bool) -> Vec<f64> {
+    let n = track.observations();
+    let off = |k: usize| {
+        let known = k > 0 && k + 1 < torque.len() && (k - 1..=k + 1).all(&counts);
+        if known { (torque[k] - 0.5 * (torque[k - 1] + torque[k + 1])).powi(2) } else { 0.0 }
+    };
+    let one = |k: usize| {
+        let t = interval(track, k);
+        if t > 1.5 * CONTROL_INTERVAL_S { 0.5 * (off(k) + off(k + 1)) * t * t / 6.0 } else { 0.0 }
+    };
+    (0..n).map(one).collect()
 }
 
 /// A coloured noise and a further one: both are first-order, and the slower one's time stands for both where both are there.
@@ -238,8 +288,7 @@ fn closed(track: &Track, vehicle: &Vehicle, k: usize) -> bool {
 /// Observations in which the measured speeds do not differ. They begin while the clutch is closed, for speeds that only cross are not locked, and last until a
 /// sample, or the mean of three, shows slip: how long a clutch takes to open is not known. What is not known stays as it was.
 fn locked(speeds: &[Vec<(f64, usize)>; 2], with: &Disturbances, closed: impl Fn(usize) -> bool) -> Vec<bool> {
-    let spread = |c: usize| with.noise[c].white.hypot(with.noise[c].coloured);
-    let sigma = spread(0).hypot(spread(1));
+    let sigma = slip_noise(with);
     let slip: Vec<f64> = speeds[0].iter().zip(&speeds[1]).map(|((f, _), (c, _))| f - c).collect();
     let mean = |k: usize| {
         let near = &slip[k.saturating_sub(1)..(k + 2).min(slip.len())];
@@ -255,6 +304,12 @@ fn locked(speeds: &[Vec<(f64, usize)>; 2], with: &Disturbances, closed: impl Fn(
             now
         })
         .collect()
+}
+
+/// Noise of the slip of one sample, rad/s.
+fn slip_noise(with: &Disturbances) -> f64 {
+    let spread = |c: usize| with.noise[c].white.hypot(with.noise[c].coloured);
+    spread(0).hypot(spread(1))
 }
 
 /// Standard deviation in rad/s of slip around measured lock-ups, from the pace at which slip goes.

@@ -190,6 +190,9 @@ pub fn corrected(
             let found = if plant.state().stuck { of[state::LOAD] + of[state::ENGINE] } else { of[state::LOAD] };
             plant.correct_shafts(found * innovation);
         }
+        if filter.stands[k] {
+            plant.hold_car();
+        }
         for (c, weights) in filter.bench.iter().enumerate().filter(|(_, w)| !w.is_empty()) {
             bench[c].push(mean(c + 2) * weights[k]);
         }
