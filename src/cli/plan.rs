@@ -273,7 +273,7 @@ impl Row {
     fn as_json(&self) -> Value {
         let p = &PARAMETERS[self.limit.parameter];
         let usual = size(self.limit.parameter);
-        let best = self.best.as_ref().map(|(name, l)| json!({"manoeuvre": name, "limit": Real(l.size)}));
+        let best = self.best.as_ref().map(|(name, l)| json!({"manoeuvre": name, "relative": Real(l.in_sizes())}));
         json!({
             "id": REGISTRY[self.limit.effect].id, "parameter": p.name, "unit": p.unit, "usual": Real(usual), "limit": Real(self.limit.size),
             "relative": Real(self.limit.in_sizes()), "found_if_usual": Real(self.limit.power(usual)), "shown_best_by": best,

@@ -28,7 +28,7 @@ pub fn svg(plan: &Value) -> String {
     let marks: Vec<Mark> = effects
         .iter()
         .map(|e| {
-            let best = e["shown_best_by"]["limit"].as_f64().zip(e["usual"].as_f64()).map(|(limit, usual)| limit / usual);
+            let best = e["shown_best_by"]["relative"].as_f64();
             Mark { id: e["id"].as_str().unwrap_or_default(), now: e["relative"].as_f64().unwrap_or(f64::INFINITY), best }
         })
         .collect();
@@ -174,7 +174,7 @@ mod tests {
     #[test]
     fn every_effect_and_every_manoeuvre_has_its_line() {
         let plan = json!({"campaign": "c", "effects": [
-            {"id": "judder", "relative": 0.2, "usual": 0.1, "shown_best_by": {"limit": 0.01}},
+            {"id": "judder", "relative": 0.2, "usual": 0.1, "shown_best_by": {"relative": 0.1}},
             {"id": "clutch_cooling", "relative": null, "usual": 0.3, "shown_best_by": null}],
             "measure_next": {"manoeuvres": [{"name": "a<b", "nats_per_minute": 12.0, "splits": 0.9}]}});
         let svg = svg(&plan);
