@@ -269,3 +269,19 @@ fn check_structure(found: &Value) {
     assert_eq!(ranked.len(), REGISTRY.len(), "every effect of the library is weighed");
     assert!(ranked.iter().all(|r| r["id"].is_string() && r["verdict"].is_string() && r["reason"].is_string()));
 }
+
+/// Two launches leave a small lag of the actuator open between lag and delay: the answer says what would split it, as the plan has worked it out.
+#[test]
+fn what_is_open_comes_with_what_would_split_it() {
+    let small = (0..40).map(|index| realcar::draw_car_sized(Place::Bench, 1, index, Kind::Single("actuator_lag"), 0.3));
+    let quick = |car: &Car| car.campaign.recordings[0].sample_rate_hz == 100.0 && car.campaign.recordings[0].bench.is_none();
+    let mut answers = small.filter(quick).map(|car| answer(&Folder::of("open", &with_only(car, &[0, 1, 2])).read()));
+    let d = answers.find(|d| d.answer.which.effects.iter().any(|e| !e.ambiguous_with.is_empty())).unwrap();
+    let next = d.answer.measure_next.as_ref().unwrap();
+    let sum: f64 = next.rivals.iter().map(|r| r.probability.0).sum();
+    assert!((sum - 1.0).abs() < 1e-9 && next.rivals.len() > 1);
+    assert!(next.manoeuvres.windows(2).all(|w| w[0].nats_per_minute.0 >= w[1].nats_per_minute.0));
+    assert!(next.manoeuvres.iter().all(|m| m.nats.0 >= 0.0 && (0.0..=1.0).contains(&m.splits.0)));
+    let e = d.answer.which.effects.iter().find(|e| !e.ambiguous_with.is_empty()).unwrap();
+    assert!(next.manoeuvres.iter().any(|m| e.separated_by.contains(&m.name)) && e.separated_by.contains("nats"), "{}", e.separated_by);
+}

@@ -55,7 +55,7 @@ impl Bed {
         }
         let vehicle_json = crate::write::pretty(&self.file.to_json(None));
         let noise_rad_s = self.noise.speed.hypot(Steps::BENCH.speed / 12f64.sqrt());
-        (all, Remains { vehicle_json, real: self.real, noise_rad_s, shown: self.plan.len(), seen: self.seen })
+        (all, Remains { vehicle_json, real: self.real, noise_rad_s, noise: self.noise, shown: self.plan.len(), seen: self.seen })
     }
 
     fn one(&mut self, what: Manoeuvre, hot: bool, deviation: &Deviation, k: u64) -> (Recording, Motion) {

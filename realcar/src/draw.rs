@@ -3,7 +3,7 @@
 use crate::bed::Bed;
 use crate::car::{Motion, Start};
 use crate::catalogue;
-use crate::channels::Recording;
+use crate::channels::{Noise, Recording};
 use crate::effects::{Deviation, Dice};
 use crate::street::Street;
 use crate::vehicle::Vehicle;
@@ -75,6 +75,7 @@ pub struct Real {
     pub(crate) vehicle: Vehicle,
     pub(crate) deviation: Deviation,
     pub(crate) noise_rad_s: f64,
+    pub(crate) noise: Noise,
     /// Recordings of the campaign; those that it does not hold are counted on from there.
     pub(crate) shown: u64,
 }
@@ -83,6 +84,11 @@ impl Real {
     /// Standard deviation of what the sensors add to a speed, their steps included, rad/s.
     pub fn noise_rad_s(&self) -> f64 {
         self.noise_rad_s
+    }
+
+    /// What its sensors add to what they read.
+    pub fn noise(&self) -> &Noise {
+        &self.noise
     }
 
     /// The car at the start of the unseen recording of this number, as far as its files tell: temperatures as they are noted, no grade, and an
@@ -105,6 +111,7 @@ pub(crate) struct Remains {
     pub vehicle_json: String,
     pub real: Vehicle,
     pub noise_rad_s: f64,
+    pub noise: Noise,
     pub shown: usize,
     pub seen: Deviation,
 }
@@ -199,7 +206,7 @@ pub fn draw_car_sized(place: Place, seed: u64, index: usize, kind: Kind, size: f
     }
     let unseen = all.split_off(bed.shown);
     let campaign = Campaign { vehicle_json: bed.vehicle_json, recordings: all };
-    let real = Real { vehicle: bed.real, deviation, noise_rad_s: bed.noise_rad_s, shown: bed.shown as u64 };
+    let real = Real { vehicle: bed.real, deviation, noise_rad_s: bed.noise_rad_s, noise: bed.noise, shown: bed.shown as u64 };
     Car { campaign, unseen, truth: Truth { effects }, real }
 }
 

@@ -76,7 +76,7 @@ impl Street {
         }
         let vehicle_json = crate::write::pretty(&self.file.to_json(Some(&self.declared)));
         let noise_rad_s = self.logger.noise.speed.hypot(self.logger.steps.speed / 12f64.sqrt());
-        (all, Remains { vehicle_json, real: self.real, noise_rad_s, shown: self.drives, seen: self.seen })
+        (all, Remains { vehicle_json, real: self.real, noise_rad_s, noise: self.logger.noise, shown: self.drives, seen: self.seen })
     }
 
     fn one(&mut self, k: usize, deviation: &Deviation) -> (Recording, Motion) {

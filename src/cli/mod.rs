@@ -17,6 +17,7 @@ pub mod launch;
 pub mod launch_drawn;
 mod laws;
 pub mod output;
+pub mod plan;
 pub mod plausible;
 pub mod progress;
 pub mod replay;
@@ -33,6 +34,8 @@ const EXAMPLES: &str = "Examples:
   kisspoint launch                                    the start-up of the paper, beside its Table II
   kisspoint fmu --out out                             both FMUs
   kisspoint diagnose measurements/car_17 --out out    where, which and how far the simulation is off
+  kisspoint plan --vehicle vehicle.json               how small an effect a campaign will show
+  kisspoint plan measurements/car_17                  what to measure next
   kisspoint replay measurements/car_17                the gap per recording and channel
   kisspoint blind --cars 20 --seed 1                  how well the diagnosis does on cars it does not know
   kisspoint fleet 'measurements/*' --out out          many cars: what is wrong with all of them, what with one
@@ -65,6 +68,8 @@ enum Command {
     Fmu(fmu::Args),
     /// Say where a simulation departs from a car, which effect causes it, and how far the gap shrinks
     Diagnose(diagnose::Args),
+    /// Say what a planned campaign will show, or what to measure next
+    Plan(plan::Args),
     /// Drive the plant with a car's recordings and print the gap
     Replay(replay::Args),
     /// Check the diagnosis on freshly drawn cars whose effects it does not know
@@ -98,6 +103,7 @@ pub fn run() -> ExitCode {
         Command::Launch(args) => finish("launch", launch::run(&args)),
         Command::Fmu(args) => finish("fmu", fmu::run(&args)),
         Command::Diagnose(args) => finish("diagnose", diagnose::run(&args)),
+        Command::Plan(args) => finish("plan", plan::run(&args)),
         Command::Replay(args) => finish("replay", replay::run(&args)),
         Command::Blind(args) => finish("blind", blind::run(&args)),
         Command::Fleet(args) => fleet::run(&args),

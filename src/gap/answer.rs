@@ -47,6 +47,51 @@ pub struct Answer {
     pub plant: Plant,
     /// The normal posterior of what all recordings share.
     pub joint: Option<Joint>,
+    /// What would split what is still open; none where nothing is.
+    pub measure_next: Option<MeasureNext>,
+}
+
+/// What would split the explanations that are still believed.
+#[derive(Clone, Debug, Serialize)]
+pub struct MeasureNext {
+    /// The explanations, the most probable first.
+    pub rivals: Vec<RivalSet>,
+    /// Every manoeuvre that can be driven, by expected evidence per minute.
+    pub manoeuvres: Vec<Planned>,
+}
+
+/// One of them.
+#[derive(Clone, Debug, Serialize)]
+pub struct RivalSet {
+    /// Its effects; none is the car within its tolerances.
+    pub effects: Vec<&'static str>,
+    /// Probability among them.
+    pub probability: Real,
+}
+
+/// A manoeuvre that can be driven, and what it is expected to be worth.
+#[derive(Clone, Debug, Serialize)]
+pub struct Planned {
+    /// Its name.
+    pub name: String,
+    /// What to drive.
+    pub drive: &'static str,
+    /// Clutch torque that it is about, N·m.
+    #[serde(rename = "torque_Nm")]
+    pub torque_nm: Real,
+    /// Disc temperature at the start, °C.
+    #[serde(rename = "theta_c0_degC")]
+    pub theta_c: Real,
+    /// Length of the recording, s.
+    pub seconds: Real,
+    /// Time to prepare it, s.
+    pub prepare_s: Real,
+    /// Expected evidence for the explanation that is true, nats.
+    pub nats: Real,
+    /// The same per minute, preparation included.
+    pub nats_per_minute: Real,
+    /// Probability that the best explanation is then told from all others.
+    pub splits: Real,
 }
 
 /// The normal posterior of the unknowns that all recordings share, with the prior that is in it: the posterior without the prior is what the
@@ -231,6 +276,8 @@ pub struct Visible {
     pub parameter: &'static str,
     /// Departure from its null value.
     pub size: Real,
+    /// The same of a usual fault.
+    pub usual: Real,
     /// Unit.
     pub unit: &'static str,
 }
@@ -241,7 +288,7 @@ pub struct NotAssessable {
     /// Id.
     pub id: &'static str,
     /// What to measure.
-    pub measure: &'static str,
+    pub measure: String,
 }
 
 /// An explanation with its probability.

@@ -1,16 +1,19 @@
 //! From what was found to the answer, in the answer's words.
 
 use super::answer::{
-    Answer, Correlation, Effect, Equation, Figures, HowFar, Interval, LeftOut, NotAssessable, PerRecording, Plant, Ranked, Real, Share,
-    Visible, Weighed, Where, Which, plant_parameters,
+    Answer, Correlation, Effect, Equation, Figures, HowFar, Interval, LeftOut, MeasureNext, NotAssessable, PerRecording, Planned, Plant,
+    Ranked, Real, RivalSet, Share, Visible, Weighed, Where, Which, plant_parameters,
 };
 use super::infer::coordinate::Coordinate;
 use super::infer::density::{Problem, size};
 use super::infer::posterior::Posterior;
 use super::infer::search::{Search, log_prior};
-use super::map::{Cell, FAMILY_WISE_ERROR};
+use super::map::{Cell, FAMILY_WISE_ERROR, HOT_DEGC};
 use super::measure::{Closed, Engagement, HeldOut};
 use super::model::track::Channel;
+use super::plan::manoeuvre::Manoeuvre;
+use super::plan::reach::{Reach, TOO_LARGE};
+use super::plan::{Outlook, Worth};
 use super::verdict::{Conclusion, NAMED_BESIDE, Verdict};
 use crate::campaign::Campaign;
 use crate::effects::{self, PARAMETERS, Parameters, REGISTRY, Subsystem};
@@ -33,8 +36,8 @@ pub struct Findings<'a> {
     pub cells: &'a [Cell],
     /// The same with the effects.
     pub cells_after: &'a [Cell],
-    /// Smallest visible sizes: effect, parameter, size.
-    pub visible: &'a [(usize, usize, f64)],
+    /// What is open, and what could be measured about it.
+    pub outlook: &'a Outlook,
     /// Gaps of what took no part, before and after.
     pub held_out: &'a [HeldOut],
     /// Its name.
@@ -47,8 +50,6 @@ pub struct Findings<'a> {
     pub notes: Vec<String>,
 }
 
-/// A smallest visible size beyond this many usual sizes makes an effect one that the recordings cannot show.
-const TOO_LARGE: f64 = 3.0;
 /// Half width of a 95 % interval in standard deviations.
 const INTERVAL: f64 = 1.96;
 /// Explanations that are listed.
@@ -72,6 +73,7 @@ pub fn answer(f: &Findings) -> Answer {
             nominal_parameters: plant_parameters(&f.problem.vehicle, &effects::null()),
         },
         joint: super::joint::joint(f.problem, f.conclusion),
+        measure_next: measure_next(f.outlook),
     }
 }
 
@@ -164,14 +166,14 @@ fn correlations(f: &Findings) -> Vec<Correlation> {
 
 fn which(f: &Findings) -> Which {
     let point = &f.conclusion.explanation.fit.as_ref().expect("the best was fitted").point;
-    let too_large = |e: usize| f.visible.iter().any(|v| v.0 == e && v.2 > TOO_LARGE * size(v.1));
+    let too_large = |e: usize| Reach::of(&f.outlook.limits, e).is_some_and(|l| l.in_sizes() > TOO_LARGE);
     let best = f.posterior.best().log_posterior;
     Which {
         effects: named(f).into_iter().map(|e| effect(f, e)).collect(),
         ranked: ranked(f, &too_large),
         not_assessable: (0..REGISTRY.len())
             .filter(|e| too_large(*e) && !named(f).contains(e))
-            .map(|e| NotAssessable { id: REGISTRY[e].id, measure: REGISTRY[e].effect.shown_by })
+            .map(|e| NotAssessable { id: REGISTRY[e].id, measure: measure(f.outlook, e) })
             .collect(),
         tolerances: f.problem.shared.iter().zip(&point.shared).map(|(n, z)| (n.name.clone(), Real(*z))).collect(),
         explanations: f
@@ -188,6 +190,72 @@ fn which(f: &Findings) -> Which {
             .collect(),
         correlations: correlations(f),
     }
+}
+
+/// A manoeuvre as one says it.
+fn said(m: &Manoeuvre) -> String {
+    let warm = if m.theta_c > HOT_DEGC { ", hot" } else { "" };
+    format!("{} ({}{warm}, {:.0} s)", m.kind.words(), m.name, m.seconds)
+}
+
+/// Rounded to what anybody would plan by.
+fn nats(x: f64) -> String {
+    if x >= 9.95 { format!("{x:.0}") } else { format!("{x:.1}") }
+}
+
+/// The manoeuvre that tells an effect best from what may be there in its place.
+fn separated_by(outlook: &Outlook, effect: usize) -> String {
+    let ranked = outlook.ranked(&outlook.in_place_of(effect));
+    let Some(best) = ranked.first() else {
+        return "no manoeuvre was rehearsed, for what stands in its place has no formula".to_owned();
+    };
+    let what = said(&outlook.manoeuvres[best.manoeuvre]);
+    format!(
+        "{what}: {} nats expected, {} per minute; it tells them apart with a probability of {:.0} %",
+        nats(best.nats),
+        nats(best.nats_per_minute),
+        100.0 * best.splits
+    )
+}
+
+/// The manoeuvre that shows an effect best that the recordings cannot show.
+fn measure(outlook: &Outlook, effect: usize) -> String {
+    let entry = &REGISTRY[effect];
+    let best = outlook.reach.as_ref().and_then(|r| Some((r, r.best_for(effect, &outlook.manoeuvres)?)));
+    let Some((reach, k)) = best else { return entry.effect.shown_by.to_owned() };
+    let Some(limit) = Reach::of(&reach.with[k], effect) else { return entry.effect.shown_by.to_owned() };
+    let p = &PARAMETERS[limit.parameter];
+    let from = format!("{:.2} of a usual one on ({} by {:.2e} {})", limit.in_sizes(), p.name, limit.size, p.unit);
+    let what = said(&outlook.manoeuvres[k]);
+    if limit.in_sizes() <= TOO_LARGE {
+        format!("{what}: shows it from {from}")
+    } else {
+        format!("{}; of what can be driven, {what} shows most, but only from {from}", entry.effect.shown_by)
+    }
+}
+
+fn measure_next(outlook: &Outlook) -> Option<MeasureNext> {
+    let ranked = outlook.ranked_for_all();
+    let planned = |w: &Worth| {
+        let m = &outlook.manoeuvres[w.manoeuvre];
+        Planned {
+            name: m.name.clone(),
+            drive: m.kind.words(),
+            torque_nm: Real(m.torque_nm),
+            theta_c: Real(m.theta_c),
+            seconds: Real(m.seconds),
+            prepare_s: Real(m.prepare_s),
+            nats: Real(w.nats),
+            nats_per_minute: Real(w.nats_per_minute),
+            splits: Real(w.splits),
+        }
+    };
+    let rival = |r: &super::plan::split::Rival| RivalSet {
+        effects: r.effects.iter().map(|&e| REGISTRY[e].id).collect(),
+        probability: Real(r.probability),
+    };
+    (!ranked.is_empty())
+        .then(|| MeasureNext { rivals: outlook.rivals.iter().map(rival).collect(), manoeuvres: ranked.iter().map(planned).collect() })
 }
 
 /// Effects that may be there in the place of `e`: sets that differ from the chosen one in it alone.
@@ -212,7 +280,7 @@ fn rivals(f: &Findings, e: usize) -> Vec<usize> {
 fn effect(f: &Findings, e: usize) -> Effect {
     let entry = &REGISTRY[e];
     let group = rivals(f, e);
-    let split = group.first().map_or(String::new(), |other| format!("{}; or {}", entry.effect.shown_by, REGISTRY[*other].effect.shown_by));
+    let split = if group.is_empty() { String::new() } else { separated_by(f.outlook, e) };
     Effect {
         id: entry.id,
         probability: Real(f.posterior.of_effect(e)),
@@ -260,7 +328,7 @@ fn ranked(f: &Findings, too_large: &dyn Fn(usize) -> bool) -> Vec<Ranked> {
             let (verdict, reason) = if named.contains(&e) {
                 ("chosen", "the most probable explanation holds it".to_owned())
             } else if too_large(e) {
-                ("not assessable", format!("these recordings could not show it; measure: {}", REGISTRY[e].effect.shown_by))
+                ("not assessable", format!("these recordings could not show it; measure: {}", measure(f.outlook, e)))
             } else if ambiguous.contains(&e) {
                 ("ambiguous", "may be there in the place of a chosen one".to_owned())
             } else if fitted {
@@ -268,12 +336,10 @@ fn ranked(f: &Findings, too_large: &dyn Fn(usize) -> bool) -> Vec<Ranked> {
             } else {
                 ("rejected", "screened: its linear model promises less than its price".to_owned())
             };
-            let smallest_visible = f
-                .visible
-                .iter()
-                .find(|v| v.0 == e)
-                .filter(|v| v.2.is_finite() && v.2 < 1e3 * size(v.1))
-                .map(|v| Visible { parameter: PARAMETERS[v.1].name, size: Real(v.2), unit: PARAMETERS[v.1].unit });
+            let smallest_visible = Reach::of(&f.outlook.limits, e).filter(|l| l.in_sizes() < 1e3).map(|l| {
+                let p = &PARAMETERS[l.parameter];
+                Visible { parameter: p.name, size: Real(l.size), usual: Real(size(l.parameter)), unit: p.unit }
+            });
             Ranked { id: REGISTRY[e].id, evidence: Real(nats), verdict, reason, smallest_visible }
         })
         .collect()

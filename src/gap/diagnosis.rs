@@ -5,7 +5,6 @@ use super::compose::{self, Findings};
 use super::held_out::{Split, split};
 use super::infer::density::{Point, Problem};
 use super::infer::posterior::posterior;
-use super::infer::screen::{Anchor, screen};
 use super::infer::search::{Search, exchange, search};
 use super::infer::sensors;
 use super::map;
@@ -13,6 +12,8 @@ use super::measure::{self, Overlay};
 use super::model::filter::Disturbances;
 use super::model::prepare;
 use super::model::tolerance::{ToleranceError, Tolerances};
+use super::plan::manoeuvre::{Manoeuvre, built_in};
+use super::plan::{Outlook, Planner, outlook};
 use super::verdict::{Conclusion, Verdict, conclude};
 use crate::campaign::{Campaign, Recording};
 use crate::effects::{self, Parameters};
@@ -54,16 +55,27 @@ pub struct Diagnosis {
     pub effects: Parameters,
     /// The car as its file gives it.
     pub nominal: Vehicle,
+    /// What is open, and what could be measured about it.
+    pub outlook: Outlook,
 }
-
-/// Gain in the cost that makes an effect visible: its price, and as much again.
-const VISIBLE_GAIN: f64 = 24.0;
 
 /// Diagnoses a campaign. `progress` is told what is being done, with the share of the work done.
 ///
 /// # Errors
 /// A vehicle file or tolerances that are not sound; too few recordings, or one without a position.
 pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> Result<Diagnosis, DiagnosisError> {
+    diagnose_with(campaign, None, progress)
+}
+
+/// The same where these manoeuvres and no others can be driven; limits are worked out with each of them.
+///
+/// # Errors
+/// As [`diagnose`].
+pub fn diagnose_with(
+    campaign: &Campaign,
+    manoeuvres: Option<Vec<Manoeuvre>>,
+    progress: &(dyn Fn(&str, f64) + Sync),
+) -> Result<Diagnosis, DiagnosisError> {
     let vehicle = Vehicle::from_value(&campaign.vehicle_json)?;
     if let Some(r) = campaign.recordings.iter().find(|r| r.x_to_cmd.is_empty()) {
         return Err(DiagnosisError::NoPosition(r.name.clone()));
@@ -81,11 +93,13 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
     // What the first search found of the sensors (how late, how noisy) makes a better filter of the second.
     let late = late(&problem, &found);
     let known = Disturbances { late, ..with };
+    let mut filtered_by = with;
     let best = found.best();
     let coloured = sensors::refined(&problem, &best.fit.point, &best.fit.residuals, &known);
     if coloured.is_some() || late.iter().any(|l| *l > LATE_S.max(LATE_INTERVALS * interval_of(&problem))) {
         notes.extend(coloured.as_ref().map(colour_note));
-        problem = prepare::problem(problem.tracks, &vehicle, &tolerances, &coloured.unwrap_or(known));
+        filtered_by = coloured.unwrap_or(known);
+        problem = prepare::problem(problem.tracks, &vehicle, &tolerances, &filtered_by);
         found = search(&problem, &|what, share| progress(what, 0.5 + 0.2 * share));
     }
     progress("exchange", 0.7);
@@ -109,7 +123,12 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
     let floor = measure::floor(judge, after, &declared, tolerances.declared_report, split.last_engagement);
     progress("residual map", 0.95);
     let [cells, cells_after] = cells(&problem, &conclusion);
-    let visible = visible(&problem, &found);
+    progress("what to measure next", 0.97);
+    let whole = manoeuvres.is_some();
+    let planner = Planner::after(&problem, &filtered_by, manoeuvres.unwrap_or_else(|| built_in(&vehicle)));
+    // At the car within its tolerances.
+    let without = Point { effects: effects::null(), ..found.best().fit.point.clone() };
+    let outlook = outlook(planner, &problem, &weights, &without, whole);
     let answer = compose::answer(&Findings {
         campaign,
         problem: &problem,
@@ -118,7 +137,7 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
         conclusion: &conclusion,
         cells: &cells,
         cells_after: &cells_after,
-        visible: &visible,
+        outlook: &outlook,
         held_out: &held_out,
         held_out_name: split.name.clone(),
         floor,
@@ -128,7 +147,7 @@ pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> R
     let json = serde_json::to_value(&answer).expect("an answer is plain data");
     let overlays = overlays(campaign, &split, &problem, point, before, after, &tolerances);
     progress("done", 1.0);
-    Ok(Diagnosis { answer, json, overlays, vehicle: tuned.vehicle, effects: tuned.effects, nominal: vehicle })
+    Ok(Diagnosis { answer, json, overlays, vehicle: tuned.vehicle, effects: tuned.effects, nominal: vehicle, outlook })
 }
 
 /// Intervals of the logger from which a sensor's delay changes when the clutch is seen to lock.
@@ -186,13 +205,6 @@ fn cells(problem: &Problem, conclusion: &Conclusion) -> [Vec<map::Cell>; 2] {
     let strip = |p: &Point| Point { missing: Vec::new(), ..p.clone() };
     let without = Point { effects: effects::null(), ..strip(last) };
     [map::cells(problem, &without, &strip(last)), map::cells(problem, &strip(last), &strip(last))]
-}
-
-/// Smallest sizes that the recordings would show, at the car within its tolerances.
-fn visible(problem: &Problem, found: &Search) -> Vec<(usize, usize, f64)> {
-    let best = found.best();
-    let point = Point { effects: effects::null(), ..best.fit.point.clone() };
-    Anchor::new(problem, &point, &[], None, None).map_or_else(Vec::new, |anchor| screen(problem, &anchor, &[]).visible(VISIBLE_GAIN))
 }
 
 fn overlays(

@@ -8,7 +8,8 @@
 //! 3. [`infer`]: one joint density of recordings and unknowns; its mode and evidence; the search over sets of effects; the posterior over these and over
 //!    missing laws
 //! 4. [`verdict`]: what the posterior says; [`map`]: where the balances do not close; [`measure`]: how far off free replays are, before and after
-//! 5. [`compose`]: the [`answer`], in its words; [`joint`]: the posterior itself, for those who pool cars; [`diagnosis`] runs all of it
+//! 5. [`plan`]: what to measure so that what is open splits, and how large an effect shows
+//! 6. [`compose`]: the [`answer`], in its words; [`joint`]: the posterior itself, for those who pool cars; [`diagnosis`] runs all of it
 
 pub mod answer;
 pub mod compose;
@@ -19,4 +20,5 @@ pub mod joint;
 pub mod map;
 pub mod measure;
 pub mod model;
+pub mod plan;
 pub mod verdict;

@@ -25,6 +25,7 @@ pub mod json;
 pub mod laws;
 pub mod names;
 pub mod open_questions;
+pub mod plan;
 pub mod provenance;
 pub mod residual_map;
 pub mod residuals;

@@ -4,14 +4,14 @@ use serde_json::Value;
 
 use super::absent;
 use super::json::{list, text, texts};
-use super::names;
 use super::text::{enumeration, escape, title};
+use super::{names, plan};
 use crate::effects::{REGISTRY, find};
 
 /// The section.
 pub fn section(diagnosis: &Value) -> String {
     let which = &diagnosis["which"];
-    let mut out = next(diagnosis);
+    let mut out = next(diagnosis) + &plan::figures(diagnosis);
     if which["not_assessable"].is_array() {
         out += &not_assessable(list(which, "not_assessable"));
     } else {

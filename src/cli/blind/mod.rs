@@ -7,11 +7,13 @@
 //! - [`closed`]: how much of the gap the retuned plant closes on recordings that the diagnosis never saw
 //! - [`scores`]: counts, shares and their intervals
 //! - [`reliability`]: what claimed probabilities and intervals are worth
+//! - [`planned`]: what a plan promises against what drawn cars do
 //! - [`folder`]: a temporary folder that is gone afterwards, also after an interruption
 
 pub mod closed;
 pub mod examine;
 pub mod folder;
+pub mod planned;
 pub mod reliability;
 pub mod scores;
 
@@ -29,6 +31,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Options of `kisspoint blind`.
 #[derive(clap::Args, Debug)]
 #[command(after_help = "Examples:\n  kisspoint blind --cars 40 --seed 7\n  kisspoint blind --cars 200 --json > score.json\n  \
+    kisspoint blind --plan --cars 24 --seed 1 --curve limits.svg\n  \
     kisspoint blind --road --cars 20 --seed 3 --draw-only --keep drawn")]
 pub struct Args {
     /// Cars to draw
@@ -46,6 +49,12 @@ pub struct Args {
     /// Draw only effects outside the library that nobody had drawn while the diagnosis was made
     #[arg(long, conflicts_with = "altered")]
     new_outside: bool,
+    /// Check what `kisspoint plan` promises: manoeuvres it recommends, limits it predicts
+    #[arg(long, conflicts_with_all = ["road", "altered", "new_outside", "keep"])]
+    plan: bool,
+    /// File for the curve of --plan: how often effects at multiples of the predicted limit are found, SVG
+    #[arg(long, value_name = "FILE", requires = "plan")]
+    curve: Option<PathBuf>,
     /// Keep the campaigns and their answers in this folder
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
@@ -90,6 +99,10 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
     let seed = args.seed.unwrap_or_else(clock);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
     let cars = args.cars.get();
+    if args.plan {
+        let options = planned::Options { cars, seed, json: args.json, curve: args.curve.as_ref() };
+        return planned::run(&options, &pool);
+    }
     if let Some(folder) = &args.keep {
         pool.install(|| keep(folder, cars, |k| args.draw(seed, k)))?;
         if args.draw_only {

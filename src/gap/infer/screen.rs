@@ -7,7 +7,8 @@
 use super::coordinate::coordinates;
 use super::density::{Basis, Point, Problem, Residuals, cost, huber, prior, size, weight};
 use super::fit::Fit;
-use super::linear::{Columns, Frame, Normal, derivatives, normal};
+use super::limit::Visibility;
+use super::linear::{Columns, Frame, Normal, assemble, derivatives, normal};
 use crate::effects::{Act, Entry, PARAMETERS, REGISTRY};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -50,14 +51,56 @@ pub struct Candidate {
     pub point: Point,
     /// Cost there.
     pub cost: f64,
+    /// Which of the effect's starts.
+    start: usize,
+    /// The tolerance that moves the same number, and how many of its standard deviations do the same; for limits alone.
+    twin: Option<(usize, f64)>,
     /// Share of the start at which it was replayed.
     share: f64,
+}
+
+/// What recordings say of candidates and of all that recordings share, own unknowns eliminated, without any prior: a sum over recordings, so that those of
+/// several campaigns at one anchor add up.
+#[derive(Clone, Debug)]
+pub struct Information {
+    /// Of the shared coordinates.
+    curvature: DMatrix<f64>,
+    /// Of shared coordinates with candidates.
+    cross: DMatrix<f64>,
+    /// Of the candidates.
+    gram: DMatrix<f64>,
+}
+
+impl Information {
+    /// Adds that of other recordings, so many times.
+    pub fn add(&mut self, other: &Self, times: f64) {
+        self.curvature += &other.curvature * times;
+        self.cross += &other.cross * times;
+        self.gram += &other.gram * times;
+    }
+
+    /// None at all, for as many coordinates and candidates.
+    pub fn none(&self) -> Self {
+        let zero = |m: &DMatrix<f64>| DMatrix::zeros(m.nrows(), m.ncols());
+        Self { curvature: zero(&self.curvature), cross: zero(&self.cross), gram: zero(&self.gram) }
+    }
+
+    /// Of each candidate once the shared coordinates are eliminated, which have this prior precision.
+    fn beside(&self, prior: &DMatrix<f64>) -> Vec<f64> {
+        let root = (&self.curvature + prior).cholesky().expect("a prior of positive precision");
+        let solved = root.solve(&self.cross);
+        (0..self.gram.nrows()).map(|k| (self.gram[(k, k)] - self.cross.column(k).dot(&solved.column(k))).max(0.0)).collect()
+    }
 }
 
 /// What the linear model says of the candidates of an anchor.
 pub struct Screening {
     /// Candidates.
     pub candidates: Vec<Candidate>,
+    /// What the recordings say of them.
+    pub information: Information,
+    /// Prior precision of the shared coordinates.
+    prior: DMatrix<f64>,
     /// Curvature between them, all else eliminated.
     gram: DMatrix<f64>,
     /// Gradient along them.
@@ -71,16 +114,29 @@ const LARGEST_FACTOR: f64 = 6.0;
 /// Share of a start at which an effect that resembles a tolerance is replayed too: within it the trade between the two is linear.
 const SMALL_SHARE: f64 = 0.1;
 
+/// Shares of a start at which limits are asked for: a limit is that of the share that is nearest to it, for what resembles a tolerance at its limit may not do so at
+/// the size of a usual fault, and a play that shows when it is large may not show when it is small.
+const LIMIT_SHARES: [f64; 3] = [1.0, 0.1, 0.01];
+
 /// Replays every start of every effect that is not free at the anchor. `further` are starts that a scan found.
 pub fn screen(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)]) -> Screening {
+    screen_at(problem, anchor, further, None)
+}
+
+/// The same from small shares of a start to all of it, for [`Screening::limits`].
+pub fn screen_for_limits(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)]) -> Screening {
+    screen_at(problem, anchor, further, Some(&LIMIT_SHARES))
+}
+
+fn screen_at(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)], shares: Option<&[f64]>) -> Screening {
     let mut candidates: Vec<Candidate> = Vec::new();
     for (e, entry) in REGISTRY.iter().enumerate().filter(|(e, _)| !anchor.effects.contains(e)) {
         if !matches!(entry.effect.act, Act::Pulsation(_)) {
-            candidates.extend(starts(problem, anchor, e, entry));
+            candidates.extend(starts(problem, anchor, e, entry, shares));
         }
     }
     let found = further.iter().filter(|(e, _)| !anchor.effects.contains(e));
-    candidates.extend(found.map(|(e, p)| Candidate { effect: *e, point: p.clone(), cost: 0.0, share: 1.0 }));
+    candidates.extend(found.map(|(e, p)| Candidate { effect: *e, point: p.clone(), cost: 0.0, start: 0, twin: None, share: 1.0 }));
     let parts: Vec<Part> = (0..problem.tracks.len()).into_par_iter().map(|r| part(problem, anchor, &candidates, r)).collect();
     let m = candidates.len();
     candidates.iter_mut().for_each(|c| c.cost = prior(&c.point));
@@ -91,6 +147,10 @@ pub fn screen(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)]) ->
         cross += p.cross;
         candidates.iter_mut().zip(p.misfit).for_each(|(c, m)| c.cost += m);
     }
+    // A prior is what is assembled of no recordings.
+    let shared_alone = Frame { shared: anchor.frame.shared.clone(), own: Vec::new() };
+    let prior = assemble(&anchor.point, &shared_alone, &[], 0.0).expect("priors are positive").curvature;
+    let information = Information { curvature: &anchor.equations.curvature - &prior, cross: cross.clone(), gram: gram.clone() };
     let root = anchor.equations.curvature.clone().cholesky().expect("the anchor's curvature is positive");
     let solved = root.solve(&cross);
     gram -= cross.tr_mul(&solved);
@@ -100,29 +160,38 @@ pub fn screen(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)]) ->
     }
     let settled = root.solve(&anchor.equations.gradient).dot(&anchor.equations.gradient)
         + anchor.equations.eliminated.iter().map(|e| e.gain()).sum::<f64>();
-    Screening { candidates, gram, slope, cost: anchor.cost - settled }
+    Screening { candidates, information, prior, gram, slope, cost: anchor.cost - settled }
 }
 
-fn starts<'a>(problem: &'a Problem, anchor: &'a Anchor, effect: usize, entry: &'static Entry) -> impl Iterator<Item = Candidate> + 'a {
+/// Starts of an effect, each at these shares of it; without shares, as the search takes them.
+fn starts(problem: &Problem, anchor: &Anchor, effect: usize, entry: &'static Entry, for_limits: Option<&[f64]>) -> Vec<Candidate> {
     let car = problem.car(&anchor.point, None);
-    let twin = problem.shared.iter().any(|n| n.same_as(&car).is_some_and(|(k, _)| entry.parameters.contains(&k)));
-    let shares: &[f64] = if twin { &[1.0, SMALL_SHARE] } else { &[1.0] };
-    entry
-        .effect
-        .starts
-        .iter()
-        .flat_map(move |start| {
-            shares.iter().map(move |&share| {
-                let mut point = anchor.point.clone();
-                for &(k, value) in *start {
-                    let null = PARAMETERS[k].null;
-                    let amplitude = entry.effect.amplitudes.contains(&k);
-                    point.effects[k] = if amplitude { null + share * (value - null) } else { value };
-                }
-                Candidate { effect, point, cost: 0.0, share }
-            })
-        })
-        .filter(|c| problem.can_follow(&c.point))
+    let same: Vec<Option<(usize, f64)>> = problem.shared.iter().map(|n| n.same_as(&car)).collect();
+    let twin = same.iter().flatten().any(|(k, _)| entry.parameters.contains(k));
+    let shares: &[f64] = for_limits.unwrap_or(if twin { &[1.0, SMALL_SHARE] } else { &[1.0] });
+    let mut all = Vec::new();
+    for (which, start) in entry.effect.starts.iter().enumerate() {
+        // What a tolerance does exactly is told from it by its prior alone, not by how far two finite steps are from one line.
+        let does_the_same = match (for_limits, start) {
+            (Some(_), [(k, value)]) => {
+                let place = same.iter().position(|s| s.is_some_and(|(p, _)| p == *k));
+                place.zip(place.and_then(|n| same[n])).map(|(n, (_, rate))| (n, (value - PARAMETERS[*k].null) / rate))
+            }
+            _ => None,
+        };
+        for &share in shares {
+            let mut point = anchor.point.clone();
+            for &(k, value) in *start {
+                let null = PARAMETERS[k].null;
+                let amplitude = entry.effect.amplitudes.contains(&k);
+                point.effects[k] = if amplitude { null + share * (value - null) } else { value };
+            }
+            let twin = does_the_same.map(|(n, sigmas)| (n, share * sigmas));
+            all.push(Candidate { effect, point, cost: 0.0, start: which, twin, share });
+        }
+    }
+    all.retain(|c| problem.can_follow(&c.point));
+    all
 }
 
 /// One recording's part of a screening.
@@ -141,6 +210,10 @@ fn part(problem: &Problem, anchor: &Anchor, candidates: &[Candidate], r: usize) 
     let (columns, misfit): (Vec<Vec<f64>>, Vec<f64>) = candidates
         .par_iter()
         .map(|c| {
+            if let Some((tolerance, sigmas)) = c.twin {
+                let column = anchor.columns[r].matrix.column(tolerance);
+                return (column.iter().zip(&roots).map(|(x, w)| sigmas * x * w).collect::<Vec<f64>>(), f64::NAN);
+            }
             let there = problem.residuals(r, &c.point, None);
             let misfit = there.iter().map(|r| huber(*r)).sum::<f64>();
             (there.iter().zip(here).zip(&roots).map(|((a, b), w)| (a - b) * w).collect::<Vec<f64>>(), misfit)
@@ -197,19 +270,30 @@ impl Screening {
         Some(Promise { members: members.to_vec(), factors: step.iter().copied().collect(), cost: self.cost - gain })
     }
 
-    /// For each effect that was screened, how large one of its starts has to be to promise this gain in the cost: the parameter, its size.
-    pub fn visible(&self, gain: f64) -> Vec<(usize, usize, f64)> {
-        let mut all: Vec<(usize, usize, f64)> = Vec::new();
-        for (k, c) in self.candidates.iter().enumerate() {
-            let information = self.gram[(k, k)] / (c.share * c.share);
-            let factor = (gain / information.max(1e-30)).sqrt();
+    /// The detection limits of each effect that was screened, in these recordings or in others at the same anchor.
+    pub fn limits(&self, information: &Information) -> Vec<Limit> {
+        // Of each start the share that is nearest to its own limit, of each effect the start that shows first.
+        let mut of_starts: Vec<(usize, f64, Limit)> = Vec::new();
+        for (c, information) in self.candidates.iter().zip(information.beside(&self.prior)) {
             let amplitudes = REGISTRY[c.effect].effect.amplitudes.iter();
-            let Some(&p) = amplitudes.max_by(|a, b| off(c, **a).total_cmp(&off(c, **b))) else { continue };
-            let needed = factor * (c.point.effects[p] - PARAMETERS[p].null).abs() / c.share;
-            match all.iter_mut().find(|a| a.0 == c.effect) {
-                Some(a) if needed / size(p) < a.2 / size(a.1) => *a = (c.effect, p, needed),
+            let Some(&parameter) = amplitudes.max_by(|a, b| off(c, **a).total_cmp(&off(c, **b))) else { continue };
+            let start = (c.point.effects[parameter] - PARAMETERS[parameter].null) / c.share;
+            let visibility = Visibility { information: information / (c.share * c.share), relative: start.abs() / size(parameter) };
+            let limit = visibility.limit();
+            let away = (limit.min(1e9) / c.share).ln().abs();
+            let one = Limit { effect: c.effect, parameter, size: limit * start.abs(), start, visibility };
+            match of_starts.iter_mut().find(|o| o.2.effect == c.effect && o.0 == c.start) {
+                Some(o) if away < o.1 => *o = (c.start, away, one),
                 Some(_) => {}
-                None => all.push((c.effect, p, needed)),
+                None => of_starts.push((c.start, away, one)),
+            }
+        }
+        let mut all: Vec<Limit> = Vec::new();
+        for (_, _, one) in of_starts {
+            match all.iter_mut().find(|a| a.effect == one.effect) {
+                Some(a) if one.in_sizes() < a.in_sizes() => *a = one,
+                Some(_) => {}
+                None => all.push(one),
             }
         }
         all
@@ -270,6 +354,33 @@ impl Screening {
             }
         }
         point
+    }
+}
+
+/// The smallest size of an effect that recordings show.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limit {
+    /// Place in the registry.
+    pub effect: usize,
+    /// Parameter that the size is of.
+    pub parameter: usize,
+    /// Departure of the parameter from its null value that is found with a probability of [`super::limit::POWER`].
+    pub size: f64,
+    /// Departure at the start that shows best; its sign says to which side.
+    pub start: f64,
+    /// What the recordings say along it.
+    pub visibility: Visibility,
+}
+
+impl Limit {
+    /// The limit in units of a noticeable effect.
+    pub fn in_sizes(&self) -> f64 {
+        self.size / size(self.parameter)
+    }
+
+    /// Probability that a departure of this size is found.
+    pub fn power(&self, departure: f64) -> f64 {
+        self.visibility.power(departure / self.start.abs())
     }
 }
 

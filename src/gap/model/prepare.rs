@@ -1,7 +1,7 @@
 //! From a campaign to what is fitted: tracks, noise, tolerances, filters.
 
 use super::filter::{Disturbances, Filter, filter};
-use super::noise;
+use super::noise::{self, Noise};
 use super::replay;
 use super::tolerance::{self, Car, Logger, Tolerances, Wander};
 use super::track::{CONTROL_INTERVAL_S, Track};
@@ -21,12 +21,16 @@ const NONE: Wander = Wander { sigma: 0.0, time_s: 1.0 };
 
 /// Disturbances of a healthy car: sensors as the recordings show them, the rest as declared or by default.
 pub fn disturbances(tracks: &[Track], tolerances: &Tolerances) -> Disturbances {
-    let quantum = noise::report_quantum(tracks);
+    healthy(noise::channels(tracks), noise::of_report(tracks), noise::report_quantum(tracks), tolerances)
+}
+
+/// The same with sensors of this noise, and a torque report of this noise and in these steps, N·m.
+pub fn healthy(noise: [Noise; 5], report_noise: f64, quantum: f64, tolerances: &Tolerances) -> Disturbances {
     // A report in steps is off by the same amount as long as it stands still.
     let sigma = tolerances.report.sigma.hypot(0.29 * quantum);
     Disturbances {
-        noise: noise::channels(tracks),
-        report_noise: noise::of_report(tracks),
+        noise,
+        report_noise,
         report: Wander { sigma, ..tolerances.report },
         load: LOAD,
         clutch: CLUTCH,

@@ -1,0 +1,376 @@
+//! Manoeuvres that a car or a bench can drive: what each commands, how long it takes, and what it takes to prepare it.
+//!
+//! A manoeuvre is a small controller, so that it drives any car: it sees the two speeds, governs the engine and moves the bearing by the nominal car's torque
+//! map. The same controller drives the simulated car that a plan is made with and, in `kisspoint blind --plan`, the drawn car that it is checked on.
+
+use crate::physics::{cushion, map};
+use crate::vehicle::Vehicle;
+use serde::{Deserialize, Serialize};
+
+/// What is done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Set off on a slipping clutch, lock up, pull, coast.
+    Launch,
+    /// Slow swings of the position through the lower half of the torque map while the car sets off.
+    Creep,
+    /// Slow ramps of the position through the kiss point and back, the disc free.
+    KissPoint,
+    /// Slow ramps of the position, the disc held by the brake.
+    BrakedRamp,
+    /// Fast swings of the position under slip.
+    Chirp,
+    /// Slip at one position from standstill until the speeds meet.
+    ConstantPosition,
+    /// Torque steps of the engine with the clutch open.
+    OpenRev,
+    /// Torque steps with the clutch locked.
+    TipIn,
+    /// The car rolls out with the clutch open.
+    CoastDown,
+    /// The clutch closes on a rolling car, as after a shift.
+    Reengage,
+    /// Slip against the brake, a rest with the clutch open, slip again: what has cooled meanwhile shows.
+    HeatAndRest,
+}
+
+impl Kind {
+    /// All of them.
+    pub const ALL: [Self; 11] = [
+        Self::Launch,
+        Self::Creep,
+        Self::KissPoint,
+        Self::BrakedRamp,
+        Self::Chirp,
+        Self::ConstantPosition,
+        Self::OpenRev,
+        Self::TipIn,
+        Self::CoastDown,
+        Self::Reengage,
+        Self::HeatAndRest,
+    ];
+
+    /// What to drive, in words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Launch => "a launch from standstill to lock-up, then pull and coast",
+            Self::Creep => "slow swings of the position on the lower half of the torque map while setting off",
+            Self::KissPoint => "slow ramps of the position through the kiss point and back, disc free",
+            Self::BrakedRamp => "slow ramps of the position with the disc held by the brake",
+            Self::Chirp => "fast swings of the position under slip",
+            Self::ConstantPosition => "slip at one position from standstill until the speeds meet",
+            Self::OpenRev => "torque steps with the clutch open",
+            Self::TipIn => "torque steps with the clutch locked: tip-in, tip-out",
+            Self::CoastDown => "a coast-down with the clutch open",
+            Self::Reengage => "the clutch closes on a rolling car, as after a shift",
+            Self::HeatAndRest => "slip against the brake, a rest with the clutch open, slip again",
+        }
+    }
+}
+
+/// A manoeuvre with its numbers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manoeuvre {
+    /// Name of one's own.
+    pub name: String,
+    /// What is done.
+    pub kind: Kind,
+    /// Clutch torque that it is about, N·m; of torque steps, their height.
+    #[serde(rename = "torque_Nm")]
+    pub torque_nm: f64,
+    /// Disc temperature at the start, °C.
+    #[serde(rename = "theta_c0_degC")]
+    pub theta_c: f64,
+    /// Body temperature at the start, °C.
+    #[serde(rename = "theta_b0_degC")]
+    pub theta_b: f64,
+    /// Length of the recording, s.
+    pub seconds: f64,
+    /// Time to prepare it, s: warming up, coming to rest.
+    pub prepare_s: f64,
+}
+
+impl Manoeuvre {
+    /// Time that it takes in all, minutes.
+    pub fn minutes(&self) -> f64 {
+        (self.seconds + self.prepare_s) / 60.0
+    }
+
+    /// What is wrong with its numbers, if anything.
+    pub fn fault(&self) -> Option<String> {
+        let number = |name: &str, value: f64, least: f64, most: f64, unit: &str| {
+            let fits = value >= least && value <= most;
+            (!fits).then(|| format!("{name} = {value} is not within {least} to {most} {unit}"))
+        };
+        (self.name.trim().is_empty())
+            .then(|| "its name is empty".to_owned())
+            .or_else(|| number("torque_Nm", self.torque_nm, 0.0, 2000.0, "N·m"))
+            .or_else(|| number("theta_c0_degC", self.theta_c, -40.0, 400.0, "°C"))
+            .or_else(|| number("theta_b0_degC", self.theta_b, -40.0, 300.0, "°C"))
+            .or_else(|| number("seconds", self.seconds, 1.0, 600.0, "s"))
+            .or_else(|| number("prepare_s", self.prepare_s, 0.0, 1e5, "s"))
+    }
+}
+
+/// Disc and body temperature of a cold and of a hot clutch, °C.
+const COLD: [f64; 2] = [25.0, 25.0];
+const HOT: [f64; 2] = [120.0, 80.0];
+/// Time to bring a car to rest and to its place, and to warm its clutch by some launches, s: what a test driver needs.
+const SET_UP_S: f64 = 20.0;
+const WARM_UP_S: f64 = 180.0;
+
+/// The built-in manoeuvres for a vehicle: torques are shares of what its closed clutch carries.
+pub fn built_in(vehicle: &Vehicle) -> Vec<Manoeuvre> {
+    let most = capacity(vehicle);
+    let one = |name: &str, kind, share: f64, [theta_c, theta_b]: [f64; 2], seconds: f64| {
+        let hot = theta_c > COLD[0];
+        let torque_nm = (share * most).round();
+        let prepare_s = if hot { WARM_UP_S } else { SET_UP_S };
+        Manoeuvre { name: name.to_owned(), kind, torque_nm, theta_c, theta_b, seconds, prepare_s }
+    };
+    vec![
+        one("launch_soft", Kind::Launch, 0.28, COLD, 5.0),
+        one("launch", Kind::Launch, 0.45, COLD, 4.0),
+        one("launch_hard", Kind::Launch, 0.65, COLD, 3.5),
+        one("launch_hot", Kind::Launch, 0.45, HOT, 4.0),
+        one("creep", Kind::Creep, 0.25, COLD, 5.5),
+        one("creep_hot", Kind::Creep, 0.25, HOT, 5.5),
+        one("kiss_point", Kind::KissPoint, 0.1, COLD, 8.0),
+        one("kiss_point_hot", Kind::KissPoint, 0.1, HOT, 8.0),
+        one("braked_ramp", Kind::BrakedRamp, 0.2, COLD, 6.0),
+        one("chirp", Kind::Chirp, 0.2, COLD, 4.5),
+        one("constant_position", Kind::ConstantPosition, 0.2, COLD, 5.0),
+        one("open_rev", Kind::OpenRev, 0.15, COLD, 4.0),
+        one("tip_in", Kind::TipIn, 0.45, COLD, 4.0),
+        one("coast_down", Kind::CoastDown, 0.0, COLD, 12.0),
+        one("reengage", Kind::Reengage, 0.3, COLD, 3.5),
+        one("heat_and_rest", Kind::HeatAndRest, 0.2, COLD, 20.0),
+    ]
+}
+
+/// What the closed clutch carries at rest, N·m.
+fn capacity(vehicle: &Vehicle) -> f64 {
+    let spring = &vehicle.cushion_spring;
+    map::torque_capacity(&vehicle.friction, cushion::force(spring, cushion::contact_point(spring), 1.0), 0.0, map::THETA_REFERENCE)
+}
+
+/// What a manoeuvre asks of a car over one interval.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Command {
+    /// Engine torque, N·m.
+    pub t_e: f64,
+    /// Bearing position, mm.
+    pub x_to: f64,
+    /// Whether the brake holds the disc.
+    pub brake: bool,
+}
+
+/// Idle speed, and speed at which slip is held, rad/s.
+const IDLE: f64 = 105.0;
+const SLIPPING: f64 = 150.0;
+/// Engine torque that a governor may ask for, N·m, beside what the clutch takes.
+const GOVERNOR_MOST: f64 = 60.0;
+/// Gains of the governor, N·m·s/rad and N·m/rad, for a flywheel of 0.19 kg·m²; they grow with the flywheel.
+const GOVERNOR: [f64; 2] = [0.8, 0.8];
+const GOVERNED_INERTIA: f64 = 0.19;
+/// Bearing travel before the kiss point at which a clutch is open, and beyond the closed point at which it is closed, mm.
+const OPEN_MM: f64 = 0.8;
+const CLOSED_MM: f64 = 0.3;
+/// Slip at which a launch counts as locked, rad/s, and for how long, s.
+const MET: f64 = 3.0;
+const MET_S: f64 = 0.03;
+
+/// Drives a manoeuvre.
+#[derive(Clone, Debug)]
+pub struct Driver<'a> {
+    what: &'a Manoeuvre,
+    vehicle: &'a Vehicle,
+    dt: f64,
+    sum: f64,
+    near_s: f64,
+    /// Since when the clutch closes, from which position and torque.
+    closing: Option<(f64, f64, f64)>,
+    last: Command,
+}
+
+impl<'a> Driver<'a> {
+    /// A driver who knows the nominal car, and commands every `dt` seconds.
+    pub fn new(what: &'a Manoeuvre, vehicle: &'a Vehicle, dt: f64) -> Self {
+        Self { what, vehicle, dt, sum: 0.0, near_s: 0.0, closing: None, last: Command::default() }
+    }
+
+    /// Speeds of flywheel and disc at the start, rad/s.
+    pub fn start(&self) -> [f64; 2] {
+        match self.what.kind {
+            Kind::OpenRev => [IDLE + 15.0, 0.7 * IDLE],
+            Kind::TipIn => [IDLE, IDLE],
+            Kind::CoastDown => [IDLE, 1.6 * IDLE],
+            Kind::Reengage => [1.6 * IDLE, IDLE],
+            Kind::BrakedRamp | Kind::Chirp | Kind::ConstantPosition | Kind::HeatAndRest => [SLIPPING, 0.0],
+            Kind::Launch | Kind::Creep | Kind::KissPoint => [IDLE, 0.0],
+        }
+    }
+
+    /// What is asked for from `t` on, s, with the speeds that are read there, rad/s.
+    pub fn command(&mut self, t: f64, omega_f: f64, omega_c: f64) -> Command {
+        let what = self.what;
+        let (top, a) = (what.torque_nm, self.contact());
+        let open = a.x_cnt - OPEN_MM;
+        let shut = a.x_cls + CLOSED_MM;
+        self.last = match what.kind {
+            Kind::OpenRev => {
+                let level = steps(t, &[(0.0, 0.4), (0.5, 1.3), (1.6, -0.2), (2.8, 0.5)]);
+                Command { t_e: level * top, x_to: open, brake: false }
+            }
+            Kind::TipIn => {
+                let level = steps(t, &[(0.0, 0.3), (0.5, 1.0), (1.5, 0.0), (2.4, 0.8), (3.3, -0.1)]);
+                Command { t_e: level * top, x_to: shut, brake: false }
+            }
+            Kind::CoastDown => Command { t_e: self.governed(IDLE, omega_f, 0.0), x_to: open, brake: false },
+            Kind::BrakedRamp => {
+                let share = triangle((t - 0.4) / (0.5 * (what.seconds - 0.6)));
+                self.slip(share * top, SLIPPING, omega_f, omega_c, true)
+            }
+            Kind::HeatAndRest => {
+                let slips = t < 0.15 * what.seconds || t > 0.85 * what.seconds;
+                let torque = if slips { top * smooth(t / 0.4) } else { 0.0 };
+                self.slip(torque, SLIPPING, omega_f, omega_c, true)
+            }
+            Kind::KissPoint => {
+                let share = triangle((t - 0.3) / (0.5 * (what.seconds - 0.6)));
+                let x = a.x_cnt - 0.3 + share * (self.position(top, 100.0) - a.x_cnt + 0.3);
+                self.at(x, SLIPPING, omega_f, omega_c)
+            }
+            Kind::Creep => {
+                let (low, high) = (self.position(0.3 * top, 80.0), self.position(top, 80.0));
+                let swing = 0.5 - 0.5 * (std::f64::consts::TAU * (t - 0.3) / 1.5).cos();
+                let x = open + (low + swing * (high - low) - open) * smooth(t / 0.3);
+                self.at(x, SLIPPING, omega_f, omega_c)
+            }
+            Kind::Chirp => {
+                let middle = self.position(0.6 * top, 80.0);
+                let phase = std::f64::consts::TAU * (0.75 * t + 0.6 * t * t);
+                let swing = 0.4 * (self.position(top, 80.0) - a.x_cnt) * smooth((t - 0.25) / 0.35) * phase.sin();
+                self.at(open + (middle + swing - open) * smooth(t / 0.3), SLIPPING, omega_f, omega_c)
+            }
+            Kind::ConstantPosition => {
+                let x = self.position(top, 80.0);
+                self.at(open + (x - open) * smooth(t / 0.3), SLIPPING, omega_f, omega_c)
+            }
+            Kind::Launch | Kind::Reengage => self.launch(t, omega_f, omega_c),
+        };
+        self.last
+    }
+
+    fn contact(&self) -> map::Contact {
+        map::contact(&self.vehicle.actuator, self.what.theta_c)
+    }
+
+    /// Position at which the nominal clutch carries a torque at this slip, mm.
+    fn position(&self, torque: f64, slip: f64) -> f64 {
+        let v = self.vehicle;
+        map::inverse(&v.friction, &v.actuator, &v.cushion_spring, torque.max(0.0), slip.max(1.0), self.what.theta_c)
+    }
+
+    /// Torque that the nominal clutch carries at a position, N·m.
+    fn carried(&self, x: f64, slip: f64) -> f64 {
+        let v = self.vehicle;
+        let spring = &v.cushion_spring;
+        let force = cushion::force(spring, cushion::contact_point(spring), map::normalised_position(self.contact(), x));
+        map::torque_capacity(&v.friction, force, slip.max(0.0), self.what.theta_c)
+    }
+
+    /// Engine torque that holds a speed while the clutch takes `taken`, N·m.
+    fn governed(&mut self, speed: f64, omega_f: f64, taken: f64) -> f64 {
+        let scale = self.vehicle.driveline.J_f / GOVERNED_INERTIA;
+        let off = speed - omega_f;
+        if off.abs() < 25.0 {
+            self.sum = (self.sum + self.dt * GOVERNOR[1] * scale * off).clamp(-GOVERNOR_MOST, GOVERNOR_MOST);
+        }
+        let drag = self.vehicle.driveline.b_f * omega_f;
+        taken + drag + (GOVERNOR[0] * scale * off + self.sum).clamp(-GOVERNOR_MOST, GOVERNOR_MOST)
+    }
+
+    /// Slips with a clutch torque; what is nearly none opens.
+    fn slip(&mut self, torque: f64, speed: f64, omega_f: f64, omega_c: f64, brake: bool) -> Command {
+        let slip = omega_f - omega_c;
+        let x_to = if torque > 0.0 { self.position(torque, slip) } else { self.contact().x_cnt - OPEN_MM };
+        Command { t_e: self.governed(speed, omega_f, torque), x_to, brake }
+    }
+
+    /// Slips at a position.
+    fn at(&mut self, x_to: f64, speed: f64, omega_f: f64, omega_c: f64) -> Command {
+        let slip = omega_f - omega_c;
+        // A car that has caught up is pulled along: the engine goes on giving what it gave.
+        let taken = if slip > MET { self.carried(x_to, slip) } else { 0.0 };
+        Command { t_e: self.governed(speed.max(omega_c + 5.0), omega_f, taken), x_to, brake: false }
+    }
+
+    fn launch(&mut self, t: f64, omega_f: f64, omega_c: f64) -> Command {
+        let (top, slip, a) = (self.what.torque_nm, omega_f - omega_c, self.contact());
+        let (fill, ramp) = (0.2, 0.5);
+        if self.closing.is_none() {
+            let plan = top * smooth((t - fill) / ramp);
+            let rolling = self.what.kind == Kind::Reengage;
+            let speed = if rolling { omega_f } else { IDLE + 0.3 * top * smooth(t / 0.8) };
+            let x_to = if t < fill { a.x_cnt - OPEN_MM * (1.0 - smooth(t / fill)) } else { self.position(plan.max(0.5), slip) };
+            let t_e = if rolling { 0.6 * plan } else { self.governed(speed, omega_f, plan) };
+            self.near_s = if slip < MET && t > fill { self.near_s + self.dt } else { 0.0 };
+            if self.near_s > MET_S || t > 0.75 * self.what.seconds {
+                self.closing = Some((t, x_to, t_e));
+            }
+            return Command { t_e, x_to, brake: false };
+        }
+        let (since, from, torque) = self.closing.unwrap_or((t, self.last.x_to, self.last.t_e));
+        let s = t - since;
+        let x_to = from + (a.x_cls + CLOSED_MM - from) * smooth(s / 0.35);
+        let base = 0.6 * top;
+        let after = steps(s, &[(0.0, 0.0), (0.6, 0.4), (1.1, -0.4)]) * top;
+        Command { t_e: torque + (base - torque) * smooth(s / 0.3) + after, x_to, brake: false }
+    }
+}
+
+/// From 0 to 1 with a gentle start and end.
+fn smooth(s: f64) -> f64 {
+    let s = s.clamp(0.0, 1.0);
+    s * s * (3.0 - 2.0 * s)
+}
+
+/// 0 to 1 over the first unit, back to 0 over the second.
+fn triangle(s: f64) -> f64 {
+    (1.0 - (s - 1.0).abs()).clamp(0.0, 1.0)
+}
+
+/// Levels that pass into each other within 60 ms from their start.
+fn steps(t: f64, plan: &[(f64, f64)]) -> f64 {
+    let mut level = plan[0].1;
+    for &(at, next) in &plan[1..] {
+        level += (next - level) * smooth((t - at) / 0.06);
+    }
+    level
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn built_in_manoeuvres_are_sound_and_have_names_of_their_own() {
+        let all = built_in(&Vehicle::paper());
+        let names: std::collections::BTreeSet<&str> = all.iter().map(|m| m.name.as_str()).collect();
+        assert_eq!(names.len(), all.len());
+        assert!(all.iter().all(|m| m.fault().is_none()));
+        assert!(Kind::ALL.iter().all(|k| all.iter().any(|m| m.kind == *k)));
+    }
+
+    #[test]
+    fn a_number_that_nobody_can_drive_is_named() {
+        let mut m = built_in(&Vehicle::paper()).remove(0);
+        m.seconds = 0.0;
+        assert!(m.fault().unwrap().contains("seconds = 0"));
+        m = Manoeuvre { theta_c: f64::NAN, seconds: 4.0, ..m };
+        assert!(m.fault().unwrap().contains("theta_c0_degC"));
+    }
+}

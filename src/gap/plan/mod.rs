@@ -1,0 +1,196 @@
+//! What to measure: how large an effect a planned campaign will show, and which manoeuvre splits what a campaign left open.
+//!
+//! Every manoeuvre that can be driven is rehearsed with the plant, and its rehearsal goes through the same density as a recording: same filter, same nuisances, same
+//! derivatives. Nothing here has an equation of its own for what a recording is worth but two: the limit of detection ([`super::infer::limit`]) and the
+//! evidence between two explanations ([`split`]).
+//!
+//! - [`manoeuvre`]: what can be driven
+//! - [`rehearse`](mod@rehearse): the recording that it would give
+//! - [`reach`](mod@reach): the smallest effects that recordings show
+//! - [`split`]: expected nats between explanations
+
+pub mod manoeuvre;
+pub mod reach;
+pub mod rehearse;
+pub mod split;
+
+use super::infer::density::{Point, Problem, TEMPERATURES};
+use super::infer::posterior::Posterior;
+use super::infer::screen::Limit;
+use super::model::filter::Disturbances;
+use super::model::noise::Noise;
+use super::model::prepare;
+use super::model::tolerance::{self, Car, Nuisance, ToleranceError};
+use super::model::track::Track;
+use crate::campaign::Recording;
+use crate::effects;
+use crate::vehicle::Vehicle;
+use manoeuvre::Manoeuvre;
+use reach::{Reach, TOO_LARGE};
+use rehearse::{Logger, rehearse};
+use serde_json::Value;
+use split::{Rival, Split};
+
+/// What is assumed of sensors before anything was recorded; standard deviations of one sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sensors {
+    /// Both speeds, rad/s.
+    pub speed: f64,
+    /// Reported torque, N·m.
+    pub torque: f64,
+    /// Bearing position, mm; clutch torque, N·m; disc temperature, K: where they are measured.
+    pub bench: [f64; 3],
+}
+
+impl Default for Sensors {
+    /// A production car's speed sensors and a usual bench.
+    fn default() -> Self {
+        Self { speed: 0.15, torque: 0.2, bench: [0.01, 0.5, 0.7] }
+    }
+}
+
+/// A car, its sensors, and what can be driven with it.
+#[derive(Clone, Debug)]
+pub struct Planner {
+    /// What can be driven.
+    pub manoeuvres: Vec<Manoeuvre>,
+    vehicle: Vehicle,
+    shared: Vec<Nuisance>,
+    own: Vec<Nuisance>,
+    with: Disturbances,
+    logger: Logger,
+}
+
+impl Planner {
+    /// Before anything was recorded.
+    ///
+    /// # Errors
+    /// Tolerances that are not sound.
+    pub fn before(
+        vehicle: &Vehicle,
+        document: &Value,
+        sensors: Sensors,
+        logger: Logger,
+        manoeuvres: Vec<Manoeuvre>,
+    ) -> Result<Self, ToleranceError> {
+        let steady = tolerance::Logger {
+            interval_s: 1.0 / logger.rate_hz,
+            loose: 1.0 / logger.rate_hz > 1.2 * tolerance::Logger::UNIFORM.interval_s,
+        };
+        let tolerances = tolerance::read(document, steady)?;
+        let white = |white: f64| Noise { white, coloured: 0.0, memory_s: 1.0 };
+        let [x, t, theta] = sensors.bench;
+        let noise = [sensors.speed, sensors.speed, x, t, theta].map(white);
+        let with = prepare::healthy(noise, sensors.torque, 0.0, &tolerances);
+        Ok(Self { manoeuvres, vehicle: *vehicle, shared: tolerances.shared, own: tolerances.own, with, logger })
+    }
+
+    /// Of a car that has been recorded: manoeuvres are logged as its recordings were.
+    pub fn after(problem: &Problem, with: &Disturbances, manoeuvres: Vec<Manoeuvre>) -> Self {
+        let interval = prepare::logger(&problem.tracks).interval_s;
+        let has = |c: usize| problem.tracks.iter().any(|t| !t.measured[c].is_empty());
+        let sigma = |node: usize| problem.tracks.iter().map(|t| t.theta_0_sigma[node]).fold(0.0, f64::max);
+        let logger = Logger { rate_hz: 1.0 / interval, bench: [has(2), has(3), has(4)], theta_0_sigma: [sigma(0), sigma(1)] };
+        Self { manoeuvres, vehicle: problem.vehicle, shared: problem.shared.clone(), own: problem.own.clone(), with: *with, logger }
+    }
+
+    /// The recording of a manoeuvre, without noise, as this car answers it.
+    pub fn recording(&self, what: &Manoeuvre, car: &Car) -> Recording {
+        rehearse(what, car, &self.vehicle, &self.logger)
+    }
+
+    /// That recording, ready to be asked.
+    fn problem(&self, what: &Manoeuvre, car: &Car) -> Problem {
+        let track = Track::new(&self.recording(what, car));
+        let filter = prepare::filter_of(&track, &self.vehicle, &self.with);
+        Problem { tracks: vec![track], filters: vec![filter], vehicle: self.vehicle, shared: self.shared.clone(), own: self.own.clone() }
+    }
+
+    /// The car as the vehicle file gives it.
+    pub fn nominal(&self) -> Point {
+        self.at(&Point { shared: vec![0.0; self.shared.len()], own: Vec::new(), effects: effects::null(), missing: Vec::new() })
+    }
+
+    /// What recordings share at a point, with nothing known of the recording to come.
+    fn at(&self, point: &Point) -> Point {
+        Point { own: vec![vec![0.0; TEMPERATURES + self.own.len()]], missing: Vec::new(), ..point.clone() }
+    }
+
+    /// The car at a point.
+    fn car(&self, point: &Point) -> Car {
+        let mut car = Car { effects: point.effects, ..Car::nominal(&self.vehicle) };
+        car.apply(&self.shared, &point.shared);
+        car
+    }
+}
+
+/// What a campaign left open, and what each manoeuvre would do about it.
+#[derive(Clone, Debug)]
+pub struct Outlook {
+    /// What can be driven.
+    pub manoeuvres: Vec<Manoeuvre>,
+    /// Explanations that are still believed, the best first.
+    pub rivals: Vec<Rival>,
+    /// What each manoeuvre would do to them; empty where there is nothing to split.
+    pub splits: Vec<Split>,
+    /// Smallest sizes that the recordings show.
+    pub limits: Vec<Limit>,
+    /// The same with each manoeuvre more; none where everything shows already.
+    pub reach: Option<Reach>,
+}
+
+/// Looks ahead from a diagnosis. `point` is the car without effects; with `whole`, limits with further manoeuvres are worked out also where all effects show.
+pub fn outlook(planner: Planner, problem: &Problem, posterior: &Posterior, point: &Point, whole: bool) -> Outlook {
+    let rivals = split::rivals(posterior);
+    let splits = if rivals.len() > 1 { split::splits(&planner, &rivals) } else { Vec::new() };
+    let limits = reach::limits(problem, point);
+    let hidden = limits.iter().any(|l| l.in_sizes() > TOO_LARGE);
+    let reach = if whole || hidden { reach::reach(&planner, Some(problem), point) } else { None };
+    Outlook { manoeuvres: planner.manoeuvres, rivals, splits, limits, reach }
+}
+
+/// A manoeuvre with what it is expected to be worth for some rivals.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Worth {
+    /// Place among the manoeuvres.
+    pub manoeuvre: usize,
+    /// Expected evidence for what is true, nats.
+    pub nats: f64,
+    /// The same per minute, preparation included.
+    pub nats_per_minute: f64,
+    /// Probability that the first of them is told from all others.
+    pub splits: f64,
+}
+
+impl Outlook {
+    /// Manoeuvres by what they are worth per minute for the rivals at these places, the first of them the best; the most worth first.
+    pub fn ranked(&self, places: &[usize]) -> Vec<Worth> {
+        if places.len() < 2 {
+            return Vec::new();
+        }
+        let probability: Vec<f64> = places.iter().map(|&k| self.rivals[k].probability).collect();
+        let one = |(manoeuvre, split): (usize, &Split)| {
+            let among = split.among(places);
+            let nats = among.evidence(&probability);
+            let minutes = self.manoeuvres[manoeuvre].minutes();
+            Worth { manoeuvre, nats, nats_per_minute: nats / minutes, splits: among.splits(&probability) }
+        };
+        let mut all: Vec<Worth> = self.splits.iter().enumerate().map(one).collect();
+        all.sort_by(|a, b| b.nats_per_minute.total_cmp(&a.nats_per_minute));
+        all
+    }
+
+    /// The same for all rivals.
+    pub fn ranked_for_all(&self) -> Vec<Worth> {
+        self.ranked(&(0..self.rivals.len()).collect::<Vec<_>>())
+    }
+
+    /// Places of the first rival and of those that hold another effect, or none, in the place of `effect`.
+    pub fn in_place_of(&self, effect: usize) -> Vec<usize> {
+        let Some(best) = self.rivals.first() else { return Vec::new() };
+        let kept = |r: &Rival| best.effects.iter().filter(|e| **e != effect).all(|e| r.effects.contains(e));
+        let stands_in = |r: &Rival| !r.effects.contains(&effect) && kept(r);
+        let others = (1..self.rivals.len()).filter(|&k| stands_in(&self.rivals[k]));
+        std::iter::once(0).chain(others).collect()
+    }
+}

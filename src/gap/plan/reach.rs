@@ -1,0 +1,151 @@
+//! The smallest effects that recordings show: of a campaign, of manoeuvres that are planned, of both together.
+
+use super::Planner;
+use super::manoeuvre::Manoeuvre;
+use crate::effects::{Act, REGISTRY};
+use crate::gap::infer::density::{Point, Problem};
+use crate::gap::infer::screen::{Anchor, Information, Limit, Screening, screen_for_limits};
+use rayon::prelude::*;
+
+/// What a campaign shows, and would show with more.
+#[derive(Clone, Debug)]
+pub struct Reach {
+    /// Limits of what was recorded; none was: infinite ones.
+    pub now: Vec<Limit>,
+    /// Limits with each manoeuvre more, in the planner's order.
+    pub with: Vec<Vec<Limit>>,
+    /// Limits with all manoeuvres, each once.
+    pub with_all: Vec<Limit>,
+}
+
+/// An effect whose limit is this many times its usual size is one that recordings cannot show.
+pub const TOO_LARGE: f64 = 3.0;
+
+impl Reach {
+    /// The limit of an effect in a list.
+    pub fn of(limits: &[Limit], effect: usize) -> Option<&Limit> {
+        limits.iter().find(|l| l.effect == effect)
+    }
+
+    /// Manoeuvre that brings the most information on an effect per minute, of those that make it visible; of all of them if none does. None if none brings any.
+    pub fn best_for(&self, effect: usize, manoeuvres: &[Manoeuvre]) -> Option<usize> {
+        let now = Self::of(&self.now, effect).map_or(0.0, Self::precision);
+        let gain = |k: usize| {
+            let l = Self::of(&self.with[k], effect)?;
+            let gain = (Self::precision(l) - now) / manoeuvres[k].minutes();
+            (gain > 1e-3 * now && gain.is_finite()).then_some((l.in_sizes() <= TOO_LARGE, gain))
+        };
+        (0..self.with.len())
+            .filter_map(|k| Some((k, gain(k)?)))
+            .max_by(|a, b| (a.1.0.cmp(&b.1.0)).then(a.1.1.total_cmp(&b.1.1)))
+            .map(|b| b.0)
+    }
+
+    /// Information in units of a noticeable effect.
+    fn precision(l: &Limit) -> f64 {
+        l.visibility.information / l.visibility.relative.powi(2)
+    }
+}
+
+/// The screening of recordings at a point without effects, a ripple among its candidates.
+fn screened(problem: &Problem, point: &Point) -> Option<Screening> {
+    let anchor = Anchor::new(problem, point, &[], None, None)?;
+    let ripples = REGISTRY.iter().enumerate().filter(|(_, e)| matches!(e.effect.act, Act::Pulsation(_)));
+    // Where nothing was measured no scan can say which order it is: the library's start stands for it.
+    let started = |(e, entry): (usize, &crate::effects::Entry)| {
+        let mut there = point.clone();
+        entry.effect.starts[0].iter().for_each(|&(k, v)| there.effects[k] = v);
+        (e, there)
+    };
+    let further: Vec<(usize, Point)> = ripples.map(started).collect();
+    Some(screen_for_limits(problem, &anchor, &further))
+}
+
+/// Limits of recordings alone, at a point without effects.
+pub fn limits(problem: &Problem, point: &Point) -> Vec<Limit> {
+    screened(problem, point).map_or_else(Vec::new, |s| s.limits(&s.information))
+}
+
+/// Limits of what was recorded, if anything was, and with each manoeuvre of the planner. `point` has no effects.
+pub fn reach(planner: &Planner, recorded: Option<&Problem>, point: &Point) -> Option<Reach> {
+    let present = match recorded {
+        Some(problem) => Some(screened(problem, point)?),
+        None => None,
+    };
+    let there = planner.at(point);
+    let planned: Vec<Screening> = planner
+        .manoeuvres
+        .par_iter()
+        .map(|m| {
+            let problem = planner.problem(m, &planner.car(&there));
+            screened(&problem, &there)
+        })
+        .collect::<Option<_>>()?;
+    let any = present.as_ref().or(planned.first())?;
+    let now: Information = present.as_ref().map_or_else(|| any.information.none(), |p| p.information.clone());
+    let mut all = now.clone();
+    let mut with = Vec::with_capacity(planned.len());
+    for p in &planned {
+        let mut more = now.clone();
+        more.add(&p.information, 1.0);
+        all.add(&p.information, 1.0);
+        with.push(any.limits(&more));
+    }
+    Some(Reach { now: any.limits(&now), with, with_all: any.limits(&all) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Sensors;
+    use super::super::manoeuvre::built_in;
+    use super::super::rehearse::Logger;
+    use super::*;
+    use crate::effects::find;
+    use crate::vehicle::Vehicle;
+    use serde_json::json;
+
+    fn found(tolerance: &serde_json::Value, names: &[&str]) -> Reach {
+        let vehicle = Vehicle::paper();
+        let mut document = vehicle.to_value();
+        document["tolerance"] = tolerance.clone();
+        let manoeuvres = built_in(&vehicle).into_iter().filter(|m| names.contains(&m.name.as_str())).collect();
+        let logger = Logger { rate_hz: 100.0, bench: [false; 3], theta_0_sigma: [1.0; 2] };
+        let planner = Planner::before(&vehicle, &document, Sensors::default(), logger, manoeuvres).unwrap();
+        reach(&planner, None, &planner.nominal()).unwrap()
+    }
+
+    fn limit(r: &Reach, id: &str) -> f64 {
+        Reach::of(&r.with_all, find(id).unwrap()).unwrap().size
+    }
+
+    /// What is driven beside something else never hides anything; nothing shows what nobody has driven.
+    #[test]
+    fn more_recordings_show_smaller_effects() {
+        let tolerance = json!({"friction.mu": {"rel": 0.015}});
+        let (few, more) = (found(&tolerance, &["launch"]), found(&tolerance, &["launch", "creep"]));
+        for l in &few.with_all {
+            let with = Reach::of(&more.with_all, l.effect).unwrap();
+            // Shares at which limits are taken may change by one with the limit.
+            assert!(with.size < 1.3 * l.size, "{}: {} {}", REGISTRY[l.effect].id, with.size, l.size);
+            assert!(more.now.iter().all(|n| n.size.is_infinite()));
+        }
+    }
+
+    /// A level of friction hides behind the tolerance of friction, whatever is driven, and without that tolerance it does not.
+    #[test]
+    fn an_effect_within_its_tolerance_does_not_show() {
+        let loose = limit(&found(&json!({"friction.mu": {"rel": 0.05}}), &["launch", "creep"]), "friction_level");
+        let tight = limit(&found(&json!({"friction.mu": {"rel": 0.005}}), &["launch", "creep"]), "friction_level");
+        assert!(loose > 4.0 * 0.05 && loose < 12.0 * 0.05, "{loose}");
+        assert!(tight < 0.4 * loose, "{tight} {loose}");
+    }
+
+    #[test]
+    fn a_coast_down_says_most_of_the_road() {
+        let r = found(&json!({}), &["coast_down", "open_rev"]);
+        let driven: Vec<Manoeuvre> = built_in(&Vehicle::paper()).into_iter().filter(|m| ["coast_down", "open_rev"].contains(&m.name.as_str())).collect();
+        let best = r.best_for(find("road_load").unwrap(), &driven).unwrap();
+        assert_eq!(driven[best].name, "coast_down");
+        assert!(Reach::of(&r.with_all, find("kiss_point_offset").unwrap()).unwrap().in_sizes() > TOO_LARGE);
+    }
+}

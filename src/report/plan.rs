@@ -1,0 +1,184 @@
+//! Pictures of what recordings show and of what to measure next: the file that `kisspoint plan` writes, and two figures of the report.
+
+use super::names;
+use super::text::{capitalised, escape, plain};
+use serde_json::Value;
+use std::fmt::Write as _;
+
+const WIDTH: f64 = 860.0;
+const ROW: f64 = 21.0;
+const LEFT: f64 = 300.0;
+const RIGHT: f64 = 70.0;
+const TOP: f64 = 34.0;
+const BOTTOM: f64 = 40.0;
+/// Colours that stay apart for colour-blind readers and in print.
+const SHOWN: &str = "#0072b2";
+const HIDDEN: &str = "#d55e00";
+
+/// Limit of one effect in sizes of a usual fault; not finite where nothing shows it.
+struct Mark<'a> {
+    id: &'a str,
+    now: f64,
+    best: Option<f64>,
+}
+
+/// The file of a plan, from its JSON.
+pub fn svg(plan: &Value) -> String {
+    let effects: Vec<&Value> = plan["effects"].as_array().into_iter().flatten().collect();
+    let marks: Vec<Mark> = effects
+        .iter()
+        .map(|e| {
+            let best = e["shown_best_by"]["relative"].as_f64();
+            Mark { id: e["id"].as_str().unwrap_or_default(), now: e["relative"].as_f64().unwrap_or(f64::INFINITY), best }
+        })
+        .collect();
+    // Before measuring the best manoeuvre alone is not what is compared: the campaign has it.
+    let marks: Vec<Mark> = if plan["campaign"].is_null() { marks.into_iter().map(|m| Mark { best: None, ..m }).collect() } else { marks };
+    let (limits, limits_height) = limits(&marks);
+    let (bars, bars_height) = worth(&plan["measure_next"]).unwrap_or_default();
+    let height = limits_height + bars_height;
+    format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{height}\" viewBox=\"0 0 {WIDTH} {height}\" font-family=\"sans-serif\" \
+         font-size=\"13\" color=\"#222\">\n<title>What a campaign shows</title>\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n{limits}\
+         <g transform=\"translate(0 {limits_height})\">{bars}</g>\n</svg>\n"
+    )
+}
+
+/// Both figures for the report of a diagnosis; what there is none of is left out.
+pub fn figures(diagnosis: &Value) -> String {
+    let mut out = String::new();
+    if let Some((bars, height)) = worth(&diagnosis["measure_next"]) {
+        out += &figure(&bars, height, "Expected evidence per minute of each manoeuvre, for the explanations that are still open");
+    }
+    let mut marks: Vec<Mark> = diagnosis["which"]["ranked"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(|r| {
+            let usual = r["smallest_visible"]["usual"].as_f64()?;
+            Some(Mark { id: r["id"].as_str()?, now: r["smallest_visible"]["size"].as_f64()? / usual, best: None })
+        })
+        .collect();
+    marks.sort_by(|a, b| b.now.total_cmp(&a.now));
+    if !marks.is_empty() {
+        let (limits, height) = limits(&marks);
+        out += &figure(&limits, height, "Smallest size of each effect that these recordings show, in sizes of a usual fault");
+    }
+    out
+}
+
+fn figure(body: &str, height: f64, caption: &str) -> String {
+    format!(
+        "<figure class=\"plan\"><svg viewBox=\"0 0 {WIDTH} {height}\" role=\"img\" aria-label=\"{0}\" font-size=\"13\">{body}</svg>\
+         <figcaption>{0}.</figcaption></figure>\n",
+        escape(caption)
+    )
+}
+
+/// A dot for each effect on a logarithmic scale, the line of a usual fault through them.
+fn limits(marks: &[Mark]) -> (String, f64) {
+    let height = TOP + ROW * marks.len() as f64 + BOTTOM;
+    let finite = marks.iter().flat_map(|m| [Some(m.now), m.best]).flatten().filter(|x| x.is_finite() && *x > 0.0 && *x < 1e3);
+    let (low, high) = finite.fold((0.1f64, 10.0f64), |(a, b), x| (a.min(x), b.max(x)));
+    let (low, high) = (low.log10().floor(), high.log10().ceil());
+    let x = |size: f64| LEFT + (size.log10().clamp(low, high) - low) / (high - low) * (WIDTH - LEFT - RIGHT);
+    let (top, bottom) = (TOP, height - BOTTOM);
+    let mut svg = format!(
+        "<text x=\"{LEFT}\" y=\"18\" fill=\"currentColor\">Smallest size that is shown, in sizes of a usual fault</text>\n\
+         <rect x=\"{a}\" y=\"{top}\" width=\"{w}\" height=\"{h}\" fill=\"{HIDDEN}\" fill-opacity=\"0.08\"/>\n\
+         <path d=\"M{one} {top}V{bottom}\" stroke=\"currentColor\" stroke-dasharray=\"4 3\"/>\n",
+        a = x(1.0),
+        w = WIDTH - RIGHT - x(1.0),
+        h = bottom - top,
+        one = x(1.0),
+    );
+    for power in low as i32..=high as i32 {
+        let at = x(10f64.powi(power));
+        let _ = write!(
+            svg,
+            "<path d=\"M{at} {bottom}v5\" stroke=\"currentColor\"/><text x=\"{at}\" y=\"{}\" text-anchor=\"middle\" fill=\"currentColor\">{}</text>\n",
+            bottom + 20.0,
+            plain(10f64.powi(power), 1)
+        );
+    }
+    for (k, m) in marks.iter().enumerate() {
+        let y = top + ROW * (k as f64 + 0.5);
+        let name = escape(&capitalised(&names::effect(m.id)));
+        let _ = write!(svg, "<text x=\"{}\" y=\"{}\" text-anchor=\"end\" fill=\"currentColor\">{name}</text>", LEFT - 12.0, y + 4.5);
+        if let Some(best) = m.best.filter(|b| *b < 0.8 * m.now) {
+            let _ = write!(
+                svg,
+                "<path d=\"M{} {y}H{}\" stroke=\"{SHOWN}\" stroke-dasharray=\"2 3\"/><circle cx=\"{}\" cy=\"{y}\" r=\"4.5\" fill=\"none\" stroke=\"{SHOWN}\"/>",
+                x(best),
+                x(m.now),
+                x(best)
+            );
+        }
+        if m.now < 1e3 {
+            let colour = if m.now <= 1.0 { SHOWN } else { HIDDEN };
+            let _ = write!(
+                svg,
+                "<circle cx=\"{at}\" cy=\"{y}\" r=\"5\" fill=\"{colour}\"/><text x=\"{}\" y=\"{}\" fill=\"currentColor\">{}</text>\n",
+                x(m.now) + 9.0,
+                y + 4.5,
+                plain(m.now, 2),
+                at = x(m.now)
+            );
+        } else {
+            let _ = write!(svg, "<text x=\"{}\" y=\"{}\" text-anchor=\"end\" fill=\"{HIDDEN}\">not shown</text>\n", WIDTH - RIGHT, y + 4.5);
+        }
+    }
+    if marks.iter().any(|m| m.best.is_some_and(|b| b < 0.8 * m.now)) {
+        let _ =
+            write!(svg, "<text x=\"{LEFT}\" y=\"{}\" fill=\"currentColor\">hollow: with the best manoeuvre more</text>\n", height - 3.0);
+    }
+    (svg, height)
+}
+
+/// A bar for each manoeuvre.
+fn worth(next: &Value) -> Option<(String, f64)> {
+    let all: Vec<&Value> = next["manoeuvres"].as_array()?.iter().collect();
+    let most = all.iter().filter_map(|m| m["nats_per_minute"].as_f64()).fold(0.0, f64::max);
+    if all.is_empty() || most <= 0.0 {
+        return None;
+    }
+    let height = TOP + ROW * all.len() as f64 + 12.0;
+    let mut svg = format!("<text x=\"{LEFT}\" y=\"18\" fill=\"currentColor\">Expected nats per minute, preparation included</text>\n");
+    for (k, m) in all.iter().enumerate() {
+        let y = TOP + ROW * k as f64;
+        let rate = m["nats_per_minute"].as_f64().unwrap_or(0.0);
+        let long = rate.max(0.0) / most * (WIDTH - LEFT - RIGHT - 150.0);
+        let _ = write!(
+            svg,
+            "<text x=\"{}\" y=\"{}\" text-anchor=\"end\" fill=\"currentColor\">{}</text><rect x=\"{LEFT}\" y=\"{}\" width=\"{long:.1}\" height=\"{}\" fill=\"{SHOWN}\"/>\
+             <text x=\"{:.1}\" y=\"{}\" fill=\"currentColor\">{}, splits with {:.0} %</text>\n",
+            LEFT - 12.0,
+            y + 15.0,
+            escape(m["name"].as_str().unwrap_or_default()),
+            y + 3.0,
+            ROW - 6.0,
+            LEFT + long + 8.0,
+            y + 15.0,
+            plain(rate, 2),
+            100.0 * m["splits"].as_f64().unwrap_or(0.0)
+        );
+    }
+    Some((svg, height))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn every_effect_and_every_manoeuvre_has_its_line() {
+        let plan = json!({"campaign": "c", "effects": [
+            {"id": "judder", "relative": 0.2, "usual": 0.1, "shown_best_by": {"relative": 0.1}},
+            {"id": "clutch_cooling", "relative": null, "usual": 0.3, "shown_best_by": null}],
+            "measure_next": {"manoeuvres": [{"name": "a<b", "nats_per_minute": 12.0, "splits": 0.9}]}});
+        let svg = svg(&plan);
+        assert!(svg.contains("Judder") && svg.contains("not shown") && svg.contains("hollow"));
+        assert!(svg.contains("a&lt;b") && svg.contains("12, splits with 90 %"));
+    }
+}
