@@ -229,6 +229,7 @@ mod tests {
             manoeuvre: String::new(),
             held_out: true,
             dt: 1e-3,
+            theta: [25.0; 2],
             channels: vec![channel_of(vec![1.5; 100_000])],
         };
         let d = json!({});
