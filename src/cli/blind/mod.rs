@@ -31,9 +31,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 #[command(after_help = "Examples:\n  kisspoint blind --cars 40 --seed 7\n  kisspoint blind --cars 200 --json > score.json\n  \
     kisspoint blind --road --cars 20 --seed 3 --draw-only --keep drawn")]
 pub struct Args {
-    /// Cars to draw
-    #[arg(long, value_name = "N", default_value = "20")]
-    cars: std::num::NonZeroUsize,
+    /// Cars to draw, at least one
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..))]
+    cars: u32,
     /// Seed of the draw; without one, the clock gives it
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
@@ -89,7 +89,7 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
     let clock = || std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).map_or(0, |d| d.as_secs());
     let seed = args.seed.unwrap_or_else(clock);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
-    let cars = args.cars.get();
+    let cars = args.cars as usize;
     if let Some(folder) = &args.keep {
         pool.install(|| keep(folder, cars, |k| args.draw(seed, k)))?;
         if args.draw_only {
