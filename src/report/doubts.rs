@@ -94,8 +94,7 @@ fn far_off(d: &Value) -> Option<String> {
     let map = d["which"]["tolerances"].as_object()?;
     let mut far: Vec<(&String, f64)> = map.iter().filter_map(|(n, z)| Some((n, z.as_f64()?))).filter(|(_, z)| z.abs() > FAR).collect();
     far.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
-    let named: Vec<String> =
-        far.iter().take(3).map(|(n, z)| format!("<code>{}</code> by {}", escape(n), number(z.abs(), 2))).collect();
+    let named: Vec<String> = far.iter().take(3).map(|(n, z)| format!("<code>{}</code> by {}", escape(n), number(z.abs(), 2))).collect();
     (!named.is_empty()).then(|| {
         format!(
             "The fit moved {} standard deviations: either the vehicle file is wrong there, or this makes up for something else.",

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 from conftest import ROOT, find_command
+from test_quoted import words
 
 # Contrast of every text and of the curves against what stands behind it, by the formula of WCAG 2.
 CONTRAST = r"""
@@ -351,6 +352,14 @@ class Browser:
 
 class ReportOfTheBundledCampaign(Browser, unittest.TestCase):
     make = staticmethod(bundled)
+
+    def test_the_pictures_of_the_documentation_show_it(self):
+        image = pytest.importorskip("PIL.Image")
+        if "KISSPOINT_REPORT" in os.environ:
+            self.skipTest("another report is tested")
+        head = re.search(r'<header id="verdict">(.*?)</header>', self.path.read_text(encoding="utf-8"), re.S)[1]
+        for name in ("report.png", "labelled.png"):
+            self.assertEqual(image.open(ROOT / "docs/pictures" / name).text["verdict"], words(head), f"{name}: packaging/docs.sh takes it anew")
 
 
 @unittest.skipIf("KISSPOINT_REPORT" in os.environ, "another report is tested")

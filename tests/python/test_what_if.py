@@ -133,11 +133,11 @@ def test_as_found_it_is_what_the_report_shows_also_where_the_start_temperature_w
         pytest.skip("packaging/sources.sh has not made the plant for browsers")
     campaign = subset(["r01", "r02", "r04", "r05"], tmp_path / "campaign")
     noted = json.loads((campaign / "recordings.json").read_text())
-    noted["r04"].update(theta_c0_degC=noted["r04"]["theta_c0_degC"] - 30.0, theta_c0_sigma_K=30.0)
+    noted["r05"].update(theta_c0_degC=noted["r05"]["theta_c0_degC"] + 30.0, theta_c0_sigma_K=30.0)
     (campaign / "recordings.json").write_text(json.dumps(noted))
     kisspoint("diagnose", campaign, "--out", tmp_path / "out")
-    assert "r04" not in json.loads((tmp_path / "out/diagnosis.json").read_text())["how_far"]["held_out"]
-    page = Page(browser, tmp_path / "out/report.html", "r04")
+    assert "r05" not in json.loads((tmp_path / "out/diagnosis.json").read_text())["how_far"]["held_out"]
+    page = Page(browser, tmp_path / "out/report.html", "r05")
     page.drag(0.9)
     page.press("found")
     for table in page.curves():
