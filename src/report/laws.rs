@@ -91,6 +91,10 @@ fn drawn(law: &Law, retuned: bool) -> String {
     figure(&law.title, law.unit, &drawing, &csv, &law.note)
 }
 
+/// Width of a figure, and the place from which a label is set against its edge, in user units.
+const WIDTH: f64 = 520.0;
+const LAST: f64 = 500.0;
+
 /// Grid, ticks and the name of the abscissa of a figure of 520 by 232 user units.
 pub fn frame(x: &Scale, y: &Scale, over: &str) -> String {
     let mut out = String::new();
@@ -105,9 +109,11 @@ pub fn frame(x: &Scale, y: &Scale, over: &str) -> String {
     }
     for (t, text) in labelled(x, 6) {
         let p = x.at(t);
+        // A label in the middle of the last tick would reach beyond the drawing.
+        let (at, anchor) = if p > LAST { (WIDTH, "end") } else { (p, "middle") };
         write!(
             out,
-            "<path class=\"grid\" d=\"M{p:.1} 8v180\"/><text class=\"tick\" x=\"{p:.1}\" y=\"205\" text-anchor=\"middle\">{text}</text>"
+            "<path class=\"grid\" d=\"M{p:.1} 8v180\"/><text class=\"tick\" x=\"{at:.1}\" y=\"205\" text-anchor=\"{anchor}\">{text}</text>"
         )
         .expect("a String takes any text");
     }

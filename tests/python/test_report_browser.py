@@ -83,10 +83,10 @@ class Browser:
     make = None
 
     @pytest.fixture(scope="class", autouse=True)
-    def opened(self, request, browser, tmp_path_factory):
+    @classmethod
+    def opened(cls, browser, tmp_path_factory):
         """The report, and the browser that shows it."""
         named = os.environ.get("KISSPOINT_REPORT")
-        cls = request.cls
         cls.path = Path(named).resolve() if named else cls.make(tmp_path_factory.mktemp("report"))
         cls.url, cls.driver = cls.path.as_uri(), browser
 
