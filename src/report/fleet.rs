@@ -122,7 +122,7 @@ fn most(counted: &[(String, usize)], name: fn(&str) -> String, none: &str) -> (S
         0 => (capitalised(none), String::new()),
         1 => (capitalised(&first[0]), plural(top, "car")),
         2 => (capitalised(&enumeration(&first)), format!("{} each", plural(top, "car"))),
-        n => ("No one leads".to_owned(), format!("{} with {} each", count_word(n), plural(top, "car"))),
+        n => ("None stands out".to_owned(), format!("{} with {} each", count_word(n), plural(top, "car"))),
     }
 }
 
@@ -375,7 +375,7 @@ mod tests {
     fn what_occurs_equally_often_does_not_lead() {
         let row = |place: &str| json!({"name": place, "verdict": "unexplained", "error": null, "where": place, "effects": []});
         let tiles = |places: &[&str]| html("fleet", &places.iter().map(|p| row(p)).collect::<Vec<_>>(), &Value::Null);
-        assert!(tiles(&["friction", "engine", "driveline"]).contains("<strong>No one leads</strong><span>three with 1 car each"));
+        assert!(tiles(&["friction", "engine", "driveline"]).contains("<strong>None stands out</strong><span>three with 1 car each"));
         assert!(tiles(&["friction", "engine"]).contains("<strong>Engine torque and friction</strong><span>1 car each"));
         assert!(tiles(&["friction", "engine", "friction"]).contains("<strong>Friction</strong><span>2 cars"));
     }
