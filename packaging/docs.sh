@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Makes anew what the documentation shows of the program: the executed notebook and the picture of the report, both of the bundled campaign, and the numbers
-# that docs/importers.md quotes. Tests say when notebook or numbers are out of date; the picture holds the words of the verdict that it shows.
+# Makes anew what the documentation shows of the program: the executed notebook and the pictures of the report, all of the bundled campaign, and the numbers
+# that docs/importers.md quotes. Tests say when any of them is out of date; a picture holds the words of the verdict that it shows.
 #
 #   packaging/docs.sh               after packaging/test.sh, whose builds and Python it takes; needs Chromium with its driver
 set -euo pipefail

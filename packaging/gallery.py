@@ -1,7 +1,7 @@
 """A gallery of reports from drawn cars, to be looked at before a release: one page that leads to eight cases.
 
-    python packaging/gallery.py out/gallery                    about ten minutes; $KISSPOINT names the command
-    python packaging/gallery.py out/gallery --without drive    about a minute
+    python packaging/gallery.py out/gallery                    some six minutes of one core; $KISSPOINT names the command
+    python packaging/gallery.py out/gallery --without drive    some five of them
 
 Healthy, one effect, two, three, one outside the library, thin data (two recordings), a drive, and a fleet (three cars in one call). The cars are
 drawn by `kisspoint blind --draw-only`; each case says what was put in, beside what was found.

@@ -32,11 +32,15 @@ def check(name: str, table: Any) -> None:
     """Refuses a recording that keeps its time in the index."""
     index = getattr(table, "index", None)
     kind = type(index).__name__
-    if "time_s" not in [str(column) for column in table.keys()] and kind in ("DatetimeIndex", "TimedeltaIndex", "PeriodIndex"):
-        raise ValueError(
-            f"{name}: the time stands in the index ({kind}) and not in a column time_s; add it in seconds: "
-            "table['time_s'] = (table.index - table.index[0]).total_seconds()"
-        )
+    if "time_s" in [str(column) for column in table.keys()]:
+        return
+    if kind in ("DatetimeIndex", "TimedeltaIndex", "PeriodIndex"):
+        how = "add it in seconds: table['time_s'] = (table.index - table.index[0]).total_seconds()"
+    elif getattr(index, "name", None) == "time_s":
+        how = "make it one: table.reset_index()"
+    else:
+        return
+    raise ValueError(f"{name}: the time is in the index ({kind}), not in a column time_s; {how}")
 
 
 def _column(recording: str, column: str, values: Any) -> list[str]:
@@ -47,7 +51,7 @@ def _cell(recording: str, column: str, row: int, value: Any) -> str:
     # None, pd.NA and pd.NaT are gaps, as NaN is.
     if value is None or type(value).__name__ in ("NAType", "NaTType"):
         return ""
-    wrong = f"{recording}, column {column}, row {row}: {value!r} is no number"
+    wrong = f"{recording}, column {column}, row {row}: {value!r} is not a number"
     if hasattr(value, "timestamp") or hasattr(value, "total_seconds"):
         raise ValueError(f"{wrong}; give times as seconds from the start of the recording")
     try:

@@ -28,7 +28,7 @@ pub struct Args {
     /// Folder of the second answer
     #[arg(value_name = "B")]
     second: PathBuf,
-    /// Write a page, too
+    /// Also write a page
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Print the comparison as JSON

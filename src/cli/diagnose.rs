@@ -26,7 +26,7 @@ pub struct Args {
     /// Folders with vehicle.json, recordings.json and the recordings
     #[arg(value_name = "CAMPAIGN", required = true)]
     campaigns: Vec<PathBuf>,
-    /// Folder for the answer, required unless --json is given; of several campaigns, each has a folder of its name in it, and index.html leads to them
+    /// Folder for the answer, required unless --json is given; with several campaigns, each gets a folder of its own in it, and index.html leads to them
     #[arg(long, value_name = "DIR", required_unless_present = "json")]
     out: Option<PathBuf>,
     /// Print one line for each campaign to standard output, with `campaign` and `diagnosis` (the content of diagnosis.json) or `error`
@@ -38,7 +38,7 @@ pub struct Args {
     /// Write evidence.ssp beside the answer: retuned FMU, held-out recordings, answer and report with checksums, by the standards of SSP Traceability
     #[arg(long, requires = "out")]
     evidence: bool,
-    /// Write curves.json beside the answer, too: car, before and after of every recording and channel
+    /// Also write curves.json: car, before and after for every recording and channel
     #[arg(long, requires = "out")]
     curves: bool,
     /// Leave DrivelinePlant.fmu out; no shared library is needed then, and plant.ssv holds the numbers that make it
@@ -50,7 +50,7 @@ pub struct Args {
     /// Threads, at most 256; 0 takes all cores. The answer does not depend on it
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=256))]
     threads: u16,
-    /// Shared library for the retuned FMU, one per platform; else $KISSPOINT_LIBRARY, or the one beside this program
+    /// Shared library for the retuned FMU, one per platform; by default $KISSPOINT_LIBRARY, or the one beside this program
     #[arg(long, value_name = "FILE")]
     library: Vec<PathBuf>,
 }
@@ -202,7 +202,7 @@ fn provenance(campaign: &Campaign, options: &ReadOptions) -> Vec<(String, String
         ("bench channels", if bench.is_empty() { "none".to_owned() } else { bench.join(", ") }),
         ("candidates", format!("{} effects, up to three at a time, with {tolerances} declared tolerances free", REGISTRY.len())),
         ("channel map", if options.channel_map.is_some() { "yes" } else { "none: the files have the standard channel names" }.to_owned()),
-        ("recordings with defects", if options.strict { "refused (--strict)" } else { "left out, with a word" }.to_owned()),
+        ("recordings with defects", if options.strict { "refused (--strict)" } else { "left out, and named above" }.to_owned()),
         ("data fingerprint (SHA-256)", campaign.fingerprint.clone()),
     ];
     facts.map(|(k, v)| (k.to_owned(), v)).to_vec()

@@ -34,7 +34,7 @@ pub enum CommandError {
         all: usize,
     },
     /// Two campaigns would share a folder.
-    #[error("{} and {} have one name, so that their answers would overwrite each other; diagnose them one by one", .0.display(), .1.display())]
+    #[error("{} and {} have the same name, so their answers would overwrite each other; diagnose them one by one", .0.display(), .1.display())]
     SameName(PathBuf, PathBuf),
     /// A vehicle file that is not sound.
     #[error("{}: {source}", path.display())]
@@ -70,7 +70,7 @@ pub enum CommandError {
     #[error("{} exists already; choose another name, or add --force to overwrite it", .0.display())]
     Exists(PathBuf),
     /// The results cannot be printed.
-    #[error("the results cannot be written to standard output: {0}; check where it leads to and the space there")]
+    #[error("the results cannot be written to standard output: {0}; check where it goes and whether there is space")]
     Output(std::io::Error),
     /// Threads.
     #[error("threads cannot be started: {0}; give fewer with --threads")]

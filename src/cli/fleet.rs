@@ -37,7 +37,7 @@ pub fn run(args: &Args) -> ExitCode {
         Err(e) => format!("{} cannot be run: {e}", python.display()),
     };
     alarm(&CommandError::Refused(format!(
-        "{refused}\nfleets are the work of the Python package: pip install 'kisspoint[fleet]', or name its Python in KISSPOINT_PYTHON"
+        "{refused}\nkisspoint fleet needs the Python package: pip install 'kisspoint[fleet]', or name the Python that has it in KISSPOINT_PYTHON"
     )));
     ExitCode::FAILURE
 }

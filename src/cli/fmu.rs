@@ -24,13 +24,13 @@ pub struct Args {
     /// Take the start values from this vehicle file instead of the paper's
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
-    /// Shared library that goes in, one per platform; else $KISSPOINT_LIBRARY, or the one beside this program
+    /// Shared library that goes in, one per platform; by default $KISSPOINT_LIBRARY, or the one beside this program
     #[arg(long, value_name = "FILE")]
     library: Vec<PathBuf>,
-    /// C sources go in too, from the folder that `packaging/sources.sh` fills: for targets that compile FMUs for themselves
+    /// Add the C sources in this folder, as `packaging/sources.sh` makes them: for targets that compile FMUs themselves
     #[arg(long, value_name = "DIR")]
     sources: Option<PathBuf>,
-    /// Faults that the plant plays: a JSON list of parameter, time_s, ramp_s and value
+    /// Faults for the plant to play: a JSON list of parameter, time_s, ramp_s and value
     #[arg(long, value_name = "FILE")]
     faults: Option<PathBuf>,
     /// Print the paths that were written and the platforms as JSON

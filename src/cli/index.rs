@@ -26,7 +26,7 @@ pub struct Args {
     /// The page; links to reports are relative to its folder
     #[arg(long, value_name = "FILE", default_value = "index.html")]
     out: PathBuf,
-    /// What the reader knows the cars by
+    /// Title of the page
     #[arg(long, value_name = "TEXT", default_value = "")]
     title: String,
     /// Print the rows as JSON and write no page
@@ -69,13 +69,13 @@ pub fn write(out: &Path, title: &str, rows: &[Value], population: &Value) -> Res
 pub fn read(file: &Path) -> Result<Value, CommandError> {
     let text = std::fs::read_to_string(file).map_err(at(file))?;
     serde_json::from_str(&text)
-        .map_err(|e| CommandError::Refused(format!("{}: is no JSON: {e}; give a file that kisspoint wrote", file.display())))
+        .map_err(|e| CommandError::Refused(format!("{}: is not JSON: {e}; give a file that kisspoint wrote", file.display())))
 }
 
 fn lines(file: &Path) -> Result<Vec<Value>, CommandError> {
     let text = std::fs::read_to_string(file).map_err(at(file))?;
     let one = |(k, line): (usize, &str)| {
-        serde_json::from_str(line).map_err(|e| CommandError::Refused(format!("{}, line {}: is no JSON: {e}", file.display(), k + 1)))
+        serde_json::from_str(line).map_err(|e| CommandError::Refused(format!("{}, line {}: is not JSON: {e}", file.display(), k + 1)))
     };
     text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()).map(one).collect()
 }

@@ -27,10 +27,10 @@ pub struct Args {
     /// Write Figures 1 to 7 of the paper and the hot launches, or those of the Monte Carlo study, as SVG into this directory
     #[arg(long, value_name = "DIR")]
     plots: Option<PathBuf>,
-    /// Faults of the plant: a JSON list of parameter, time_s, ramp_s and value
+    /// Faults for the plant to play: a JSON list of parameter, time_s, ramp_s and value
     #[arg(long, value_name = "FILE", conflicts_with = "monte_carlo")]
     faults: Option<PathBuf>,
-    /// Launch another vehicle than the paper's
+    /// Launch this vehicle instead of the paper's
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
     /// Launch N drawn cars under the governed controller, the paper's and a plain PI instead, and print the share of launches that go well

@@ -129,8 +129,11 @@ pub fn laws(found: &Diagnosis, traces: &[Trace]) -> Vec<Law> {
         (per_mu > PRESSED).then(|| s.torque / per_mu)
     };
     let cloud = |over: fn(&Sample) -> Option<f64>| all.iter().filter_map(|s| Some((over(s)?, friction(s)?))).collect::<Vec<_>>();
-    let from =
-        if thetas.is_empty() { "no temperature measured: the data show no μ" } else { "dots: measured torque over the identified force" };
+    let from = if thetas.is_empty() {
+        "without a measured disc temperature the recordings give no μ"
+    } else {
+        "dots: measured torque over the model’s force"
+    };
     laws.push(Law {
         title: "Friction coefficient over slip".to_owned(),
         over: "slip, rad/s".to_owned(),

@@ -31,19 +31,32 @@ use error::CommandError;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "Examples:
-  kisspoint launch                                    the start-up of the paper, beside its Table II
-  kisspoint fmu --out out                             both FMUs
-  kisspoint diagnose measurements/car_17 --out out    where, which and how far the simulation is off
-  kisspoint plan --vehicle vehicle.json               how small an effect a campaign will show
-  kisspoint plan measurements/car_17                  what to measure next
-  kisspoint replay measurements/car_17                the gap per recording and channel
-  kisspoint blind --cars 20 --seed 1                  how well the diagnosis does on cars it does not know
-  kisspoint fleet 'measurements/*' --out out          many cars: what is wrong with all of them, what with one
-  kisspoint compare out/before out/after              what a repair has changed
-  kisspoint vehicle new --out vehicle.json            a vehicle file to fill in
-  kisspoint vehicle check vehicle.json                what is implausible in it
-  kisspoint inspect drive.mf4 --draft-map map.toml    what a measurement holds, and a channel map for it
-  kisspoint survey drive.mf4                          gears, launches, shifts and sensors of a log
+  kisspoint launch
+      the start-up of the paper, beside its Table II
+  kisspoint fmu --out out
+      both FMUs, and their coupling
+  kisspoint inspect drive.mf4 --draft-map map.toml
+      what a measurement holds, and a channel map for it
+  kisspoint vehicle new --out vehicle.json
+      a vehicle file to fill in
+  kisspoint vehicle check vehicle.json
+      what is implausible in it
+  kisspoint plan --vehicle vehicle.json
+      how small an effect a campaign will show
+  kisspoint plan measurements/car_17
+      what to measure next
+  kisspoint replay measurements/car_17
+      the gap per recording and channel
+  kisspoint diagnose measurements/car_17 --out out
+      where the simulation is off, which effect causes it, and by how much
+  kisspoint compare out/before out/after
+      what a repair has changed
+  kisspoint fleet 'measurements/*' --out out
+      many cars: what is wrong with all of them, and what with one
+  kisspoint survey drive.mf4
+      gears, launches, shifts and sensors of a log
+  kisspoint blind --cars 20 --seed 1
+      how often the diagnosis is right about cars it does not know
 
 Exit codes:
   0  done

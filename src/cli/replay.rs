@@ -21,7 +21,7 @@ pub struct Args {
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// Another vehicle file than the campaign's; its effects are in force
+    /// Vehicle file to use instead of the campaign's, effects included
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
     /// Names and units of the channels, TOML or JSON

@@ -19,13 +19,13 @@ pub struct Args {
     /// Measurement files: text, MDF4, Parquet
     #[arg(value_name = "LOG", required = true)]
     logs: Vec<PathBuf>,
-    /// Ratios of the gears, first gear first; else they are learned
+    /// Ratios of the gears, first gear first; without it they are learned
     #[arg(long, value_name = "I1,I2,…", value_delimiter = ',')]
     ratios: Vec<f64>,
     /// Ratio of the final drive
     #[arg(long, value_name = "I", requires = "ratios")]
     final_drive: Option<f64>,
-    /// Rolling radius of the tyre, m; else it follows from ratios and final drive
+    /// Rolling radius of the tyre, m; without it, it follows from ratios and final drive
     #[arg(long, value_name = "M", requires = "ratios")]
     tyre_radius: Option<f64>,
     /// Channel of the engine speed, if its name does not say so
@@ -37,7 +37,7 @@ pub struct Args {
     /// Database (DBC) of the CAN bus whose frames an MDF4 file holds
     #[arg(long, value_name = "FILE")]
     dbc: Option<PathBuf>,
-    /// Folder for survey.json and survey.svg; of several logs, each has a folder of its name in it
+    /// Folder for survey.json and survey.svg; with several logs, each gets a folder of its own in it
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Channel that is the engine's torque: a campaign for `kisspoint diagnose` is written into DIR/campaign, too
@@ -49,10 +49,10 @@ pub struct Args {
     /// Mass of the car, kg: gives that campaign's J_c
     #[arg(long, value_name = "KG", requires = "gear")]
     mass: Option<f64>,
-    /// Vehicle file for that campaign; else the paper's numbers, to be replaced
+    /// Vehicle file for that campaign; without it, the paper's numbers, for you to replace
     #[arg(long, value_name = "FILE", requires = "torque")]
     vehicle: Option<PathBuf>,
-    /// Print JSON; of several logs, one line each
+    /// Print JSON; with several logs, one line each
     #[arg(long)]
     json: bool,
 }
@@ -70,7 +70,7 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
         road: args.road.clone(),
     };
     if let Some(wrong) = known.ratios.iter().chain(&known.final_drive).chain(&known.tyre_radius).find(|v| !(**v > 0.0 && v.is_finite())) {
-        return Err(CommandError::Refused(format!("{wrong} is no ratio or radius. Give positive numbers")));
+        return Err(CommandError::Refused(format!("{wrong} is not a ratio or radius. Give positive numbers")));
     }
     for path in &args.logs {
         let log = {
@@ -131,6 +131,6 @@ fn vehicle(path: Option<&Path>) -> Result<Value, CommandError> {
         return Ok(super::files::read_vehicle(path)?.document);
     }
     let mut paper = Vehicle::paper().to_value();
-    paper["_note"] = "the paper's car: replace every number by this car's".into();
+    paper["_note"] = "the paper's car: replace every number with this car's".into();
     Ok(paper)
 }

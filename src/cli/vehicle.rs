@@ -92,7 +92,7 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
             match out {
                 Some(path) => {
                     write_new(path, &text, *force)?;
-                    print(&format!("{0}: replace the numbers by your car's, then run `kisspoint vehicle check {0}`\n", path.display()))
+                    print(&format!("{0}: replace the numbers with your car's, then run `kisspoint vehicle check {0}`\n", path.display()))
                 }
                 None => print(&text),
             }
@@ -132,7 +132,8 @@ fn correct(path: &Path, by: &Path) -> Result<(Value, BTreeMap<String, f64>), Com
     let mut car = Car::nominal(&vehicle);
     for (name, Correction { sigmas, tolerance_factor }) in &corrections {
         let one = known.shared.iter().find(|n| n.declared && n.name == *name);
-        let one = one.ok_or_else(|| refused(format!("\"{name}\" is no tolerance of {}; remove it or declare it there", path.display())))?;
+        let one =
+            one.ok_or_else(|| refused(format!("\"{name}\" is not a tolerance in {}; remove it or declare it there", path.display())))?;
         if !(sigmas.is_finite() && *tolerance_factor > 0.0 && tolerance_factor.is_finite()) {
             return Err(refused(format!(
                 "\"{name}\" has sigmas {sigmas} and tolerance_factor {tolerance_factor}; both are finite, the latter positive"
@@ -236,8 +237,9 @@ fn bare() -> Value {
 /// The same with a comment on each number; keys that begin with `_` are comments.
 fn draft() -> String {
     let document = bare();
-    let mut text =
-        String::from("{\n \"_\": \"Vehicle file of kisspoint: replace every number by your car's. Keys that begin with _ are comments.\"");
+    let mut text = String::from(
+        "{\n \"_\": \"Vehicle file of kisspoint: replace every number with your car's. Keys that begin with _ are comments.\"",
+    );
     for group in ["friction", "actuator", "cushion_spring", "thermal", "driveline"] {
         write!(text, ",\n \"{group}\": {{").expect("a String takes any text");
         let content = document[group].as_object().expect("a group of the vehicle is an object");

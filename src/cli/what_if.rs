@@ -1,15 +1,15 @@
 //! What the report's "what if" replays: the plant as a module and what drove each recording, or replays made beforehand.
 
 use super::laws::source;
-use crate::campaign::{Campaign, Recording};
+use crate::campaign::Campaign;
 use crate::effects::param::clutch_speed_gain;
 use crate::effects::{Entry, PARAMETERS, Parameters, REGISTRY, find};
 use crate::fmu;
 use crate::gap::diagnosis::Diagnosis;
 use crate::gap::measure::Overlay;
-use crate::gap::model::tolerance::{Car, Tolerances, defaults};
+use crate::gap::model::replay;
+use crate::gap::model::tolerance::Car;
 use crate::gap::model::track::{Channel, Track};
-use crate::gap::model::{prepare, replay};
 use crate::plant::Start;
 use crate::report::what_if::{Drive, Effect, Plant, Player, Replays, Size, WhatIf};
 
@@ -80,34 +80,16 @@ fn drive(campaign: &Campaign, found: &Diagnosis, o: &Overlay) -> Option<(Track, 
     let track = Track::new(recording);
     let first = |channel: Channel| o.channels.iter().find(|c| c.column == channel.column()).and_then(|c| c.after.first()).copied();
     let speeds = [first(Channel::OmegaF)?, first(Channel::OmegaC)? / found.effects[clutch_speed_gain::gain]];
-    let theta = temperatures(recording, &track, found, begin);
     let end = begin + o.channels.first()?.real.len();
     let ticks = &track.ticks[track.tick_of_row[begin]..track.tick_of_row[end]];
     let from = track.tick_of_row[begin];
     let drive = Drive {
-        start: [speeds[0], speeds[1], theta[0], theta[1]],
+        start: [speeds[0], speeds[1], o.theta[0], o.theta[1]],
         time: ticks.iter().map(|t| t.time).collect(),
         inputs: [ticks.iter().map(|t| t.x_to).collect(), ticks.iter().map(|t| t.t_e).collect(), ticks.iter().map(|t| t.theta_h).collect()],
         samples: track.tick_of_row[begin..end].iter().map(|k| k - from).collect(),
     };
     Some((track, drive))
-}
-
-/// Temperatures of disc and body at a row, °C: as noted, or later on those of the retuned car in a corrected replay of what came before.
-fn temperatures(recording: &Recording, track: &Track, found: &Diagnosis, row: usize) -> [f64; 2] {
-    let noted = [recording.theta_c0, recording.theta_b0];
-    if row == 0 {
-        return noted;
-    }
-    let none = Tolerances { shared: Vec::new(), own: Vec::new(), report: defaults::REPORT, declared_report: defaults::REPORT };
-    let filter = prepare::filter_of(track, &found.nominal, &prepare::disturbances(std::slice::from_ref(track), &none));
-    let mut there = noted;
-    replay::corrected(track, &filter, &car(found, &found.effects), noted, None, |k, now| {
-        if k == row {
-            there = [now.theta_c, now.theta_b];
-        }
-    });
-    there
 }
 
 fn car(found: &Diagnosis, effects: &Parameters) -> Car {

@@ -330,7 +330,7 @@ fn ranked(f: &Findings, too_large: &dyn Fn(usize) -> bool) -> Vec<Ranked> {
             } else if too_large(e) {
                 ("not assessable", format!("these recordings could not show it; measure: {}", measure(f.outlook, e)))
             } else if ambiguous.contains(&e) {
-                ("ambiguous", "may be there in the place of a chosen one".to_owned())
+                ("ambiguous", "may be at work instead of a chosen one".to_owned())
             } else if fitted {
                 ("rejected", format!("the best explanation with it is {:.1} nats behind the best without it", -nats))
             } else {
@@ -400,17 +400,17 @@ fn sentence(f: &Findings, closed: f64) -> String {
     let at = places.join(" or ");
     let share = format!("{} of the gap on {}, which took no part in the fit", percent(closed), f.held_out_name);
     match c.verdict {
-        Verdict::NoGap => "The car lies within its tolerances: nothing is left beyond noise.".to_owned(),
+        Verdict::NoGap => "No effect is called for: within the tolerances of its vehicle file the model follows the car.".to_owned(),
         Verdict::Explained => format!("The gap is explained by {names}, which {closes} {share}."),
         Verdict::PartlyExplained => {
             format!(
-                "{names} {helps} and {closes} {share}, but something structured remains in {at} that no effect of the library accounts for."
+                "{names} {helps} and {closes} {share}, but something structured remains in {at} that no effect in the library accounts for."
             )
         }
-        Verdict::Unexplained => format!("There is a gap in {at} that no effect of the library accounts for."),
+        Verdict::Unexplained => format!("There is a gap in {at} that no effect in the library accounts for."),
         Verdict::InputsDoNotFit => {
-            "These inputs do not fit this vehicle: no torque, position and speeds of such a car go together like that. Check the \
-             channel map: what T_e_Nm means, of which shaft the speeds are, and which way the position counts."
+            "These inputs do not fit this vehicle: torque, position and speeds of such a car cannot go together like that. Check \
+             the channel map: what T_e_Nm means, which shafts the speeds belong to, and which way the position counts."
                 .to_owned()
         }
     }

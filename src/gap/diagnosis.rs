@@ -30,7 +30,7 @@ pub enum DiagnosisError {
     Tolerance(#[from] ToleranceError),
     /// Too little to hold anything out.
     #[error(
-        "the campaign has {0} usable recording(s); at least 2 are needed, or a drive with two engagements, so that something is left to judge on what took no part in the fit"
+        "the campaign has {0} usable recording(s); at least 2 are needed, or a drive with two engagements, so that one can be held out to judge the fit"
     )]
     TooFew(usize),
     /// No position command.
@@ -173,7 +173,7 @@ fn colour_note(with: &Disturbances) -> String {
         (n.coloured > 0.0).then(|| format!("{name} {:.2} rad/s for {:.2} s", n.coloured, n.memory_s))
     };
     let all: Vec<String> = [one("omega_f", with.noise[0]), one("omega_c", with.noise[1])].into_iter().flatten().collect();
-    format!("sensor noise has a memory, which is allowed for: {}", all.join(", "))
+    format!("sensor noise is correlated in time, which is allowed for: {}", all.join(", "))
 }
 
 /// Standard deviations by which a start temperature may be pulled before that is said.

@@ -62,6 +62,8 @@ pub struct Overlay {
     pub held_out: bool,
     /// Time between samples, s.
     pub dt: f64,
+    /// Temperatures of disc and body at the first sample, as the replay of the retuned model has them, °C.
+    pub theta: [f64; 2],
     /// Channels measured.
     pub channels: Vec<OverlayChannel>,
 }
@@ -112,6 +114,7 @@ pub fn stretches(track: &Track) -> Vec<Range<usize>> {
 /// What a free replay shows, by [`Channel`] and row of the stretch.
 #[derive(Clone, Debug, Default)]
 pub struct Free {
+    theta: [f64; 2],
     value: [Vec<f64>; 5],
 }
 
@@ -124,7 +127,7 @@ fn temperatures_along(track: &Track, filter: &Filter, car: &tolerance::Car, thet
 
 fn free(track: &Track, rows: &Range<usize>, car: &tolerance::Car, theta: [f64; 2], noise: f64) -> Free {
     let start = replay::start(track, car, rows.start, theta, noise);
-    let mut found = Free::default();
+    let mut found = Free { theta, ..Free::default() };
     replay::replay(track, car, &start, rows.clone(), None, |_, now, _, _| {
         for (column, v) in found.value.iter_mut().zip([now.omega_f, now.omega_c, now.x_to_actual, now.t_fc, now.theta_c]) {
             column.push(v);
@@ -228,6 +231,7 @@ pub fn overlays(recording: &Recording, held_out: impl Fn(usize, usize) -> bool, 
             manoeuvre: if single { recording.manoeuvre.clone() } else { "engagement".to_owned() },
             held_out: held_out(k, count),
             dt: p.track.interval(),
+            theta: a[k].theta,
             channels,
         }
     };

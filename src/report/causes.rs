@@ -6,7 +6,7 @@ use super::absent;
 use super::chart::Scale;
 use super::json::{list, real, text, texts};
 use super::names;
-use super::text::{alternatives, escape, estimate, fixed, meaning as readable, number, percent, unit, words};
+use super::text::{alternatives, escape, estimate, meaning as readable, number, percent, unit, words};
 use crate::effects::{PARAMETERS, REGISTRY};
 
 /// The section.
@@ -92,7 +92,7 @@ fn ambiguity(e: &Value) -> String {
     }
     let others: Vec<String> = texts(e, "ambiguous_with").iter().map(|id| format!("<b>{}</b>", escape(&names::effect(id)))).collect();
     if others.is_empty() {
-        return "<p class=\"ambiguity\">In these recordings no other effect of the library comes close to it.</p>".to_owned();
+        return "<p class=\"ambiguity\">In these recordings no other effect in the library comes close to it.</p>".to_owned();
     }
     let split =
         text(e, "separated_by").map_or_else(String::new, |how| format!(" To tell them apart: {}.", escape(how.trim_end_matches('.'))));
@@ -110,8 +110,8 @@ fn correlations(which: &Value) -> String {
         Some(format!(
             "<tr><th scope=\"row\" class=\"name\"><code>{}</code></th><td><code>{}</code></td><td class=\"num\">{}</td><td class=\"drawn\"><svg viewBox=\"0 0 140 14\" aria-hidden=\"true\">\
              <path class=\"null\" d=\"M70 0v14\"/><path class=\"whisker\" d=\"M70 7H{:.1}\"/></svg></td></tr>",
-            escape(text(c, "parameter").unwrap_or("unnamed").trim_start_matches("effect.")).replace('.', ".<wbr>"),
-            escape(text(c, "with").unwrap_or("unnamed").trim_start_matches("effect.")).replace('.', ".<wbr>"),
+            escape(text(c, "parameter").unwrap_or("unnamed").trim_start_matches("effect.")).replace('.', ".<wbr>").replace('_', "_<wbr>"),
+            escape(text(c, "with").unwrap_or("unnamed").trim_start_matches("effect.")).replace('.', ".<wbr>").replace('_', "_<wbr>"),
             super::text::signed(r, 2),
             x.at(r.clamp(-1.0, 1.0))
         ))
@@ -142,8 +142,8 @@ fn ranked(diagnosis: &Value) -> String {
     let (rest, rows) = if rest.len() < MANY { (Vec::new(), candidates.iter().collect()) } else { (rest, rows) };
     let rows: String = rows.iter().map(|c| candidate(c, diagnosis, law)).collect();
     format!(
-        "<h3>Every candidate</h3>\n<p>Nats by which the best explanation with the effect is ahead of the best one without it (to the right), or behind it (to the left); 2.3 nats are odds of ten to one. \
-         Of an effect that was not fitted it is what a linear model promises at most.</p>\n\
+        "<h3>Every candidate</h3>\n<p>How many nats the best explanation with the effect is ahead of the best one without it (to the right), or behind it (to the left); 2.3 nats are odds of ten to one. \
+         For an effect that was not fitted it is the most that a linear model promises.</p>\n\
          <div class=\"scroll\" role=\"region\" aria-label=\"Candidates\" tabindex=\"0\"><table class=\"ranked\"><thead><tr><th scope=\"col\">Effect</th>\
          <th scope=\"col\" class=\"num\">Nats</th><th scope=\"col\">{}</th><th scope=\"col\">Verdict</th><th scope=\"col\">Why</th></tr></thead><tbody>{rows}</tbody></table></div>\n{}",
         ruler(),
@@ -154,16 +154,20 @@ fn ranked(diagnosis: &Value) -> String {
 /// Nats behind from which a rejected candidate has no row of its own.
 const FAR: f64 = -30.0;
 
+/// Nats at the ends of the scale; what lies beyond stands there.
+const REACH: f64 = 1e6;
+
 /// Place of so many nats on a scale that is linear near zero and logarithmic beyond.
 fn forest_at(nats: f64) -> f64 {
-    let x = Scale { low: -f64::asinh(1500.0), high: f64::asinh(1500.0), a: 6.0, b: 194.0 };
-    x.at((0.5 * nats.clamp(-3000.0, 3000.0)).asinh())
+    let edge = (0.5 * REACH).asinh();
+    let x = Scale { low: -edge, high: edge, a: 6.0, b: 194.0 };
+    x.at((0.5 * nats.clamp(-REACH, REACH)).asinh())
 }
 
 fn ruler() -> String {
-    let marks: String = [-1000.0, -30.0, 0.0, 30.0, 1000.0]
+    let marks: String = [(-1e5, "−10⁵"), (-100.0, "−100"), (0.0, "0"), (100.0, "100"), (1e5, "10⁵")]
         .iter()
-        .map(|m| format!("<text class=\"tick\" x=\"{:.1}\" y=\"12\" text-anchor=\"middle\">{}</text>", forest_at(*m), fixed(*m, 0)))
+        .map(|(m, shown)| format!("<text class=\"tick\" x=\"{:.1}\" y=\"12\" text-anchor=\"middle\">{shown}</text>", forest_at(*m)))
         .collect();
     format!("<svg class=\"forest\" viewBox=\"-10 0 220 16\" role=\"img\" aria-label=\"nats behind and ahead\">{marks}</svg>")
 }
@@ -184,7 +188,7 @@ fn trifles(rest: &[&Value], law: Option<&str>) -> String {
         }
     }
     let items: String = groups.iter().map(|(why, names)| format!("<li><b>{}</b>: {}</li>", escape(why), names.join(", "))).collect();
-    if items.is_empty() { items } else { format!("<p>Far behind, each with its nats:</p>\n<ul class=\"trifles\">{items}</ul>\n") }
+    if items.is_empty() { items } else { format!("<p>Far behind, with their nats:</p>\n<ul class=\"trifles\">{items}</ul>\n") }
 }
 
 /// Why, in words for people; diagnosis.json has its own.
@@ -193,12 +197,12 @@ fn reason(c: &Value, law: Option<&str>) -> String {
     let fitted = why.contains("nats");
     match (text(c, "verdict"), real(c, "evidence")) {
         (Some("chosen"), _) => "part of the most probable explanation".to_owned(),
-        (Some("ambiguous"), _) => "may be there in the place of one that was named".to_owned(),
+        (Some("ambiguous"), _) => "may be at work instead of one that was named".to_owned(),
         (Some("rejected"), Some(e)) if e > 0.0 => match law {
-            Some(place) => format!("it helps beside a law that is missing in {}, but does not explain the gap", names::place(place)),
+            Some(place) => format!("it helps beside a missing law in {}, but does not explain the gap", names::place(place)),
             None => "it stands in for something else".to_owned(),
         },
-        (Some("rejected"), _) if fitted => "the explanations with it are less probable".to_owned(),
+        (Some("rejected"), _) if fitted => "explanations with it are less probable".to_owned(),
         (Some("rejected"), _) if why.starts_with("screened") => "improvement too small to accept".to_owned(),
         _ => why.to_owned(),
     }

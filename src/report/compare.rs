@@ -4,8 +4,8 @@
 
 use super::json::{flag, list, real, text};
 use super::names;
+use super::page;
 use super::text::{capitalised, enumeration, escape, number, percent, unit};
-use super::{POLICY, STYLE};
 use serde_json::Value;
 
 /// What has changed, in a sentence.
@@ -64,27 +64,33 @@ pub fn html(found: &Value, links: &[String; 2]) -> String {
             format!("<div class=\"scroll\"><table class=\"plain\"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>")
         }
     };
-    format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n<meta name=\"color-scheme\" content=\"light dark\">\n<link rel=\"icon\" href=\"data:,\">\n\
-         <title>Kisspoint: {title}</title>\n<style>\n{STYLE}.compared small {{ display: block; color: var(--muted); }} .compared h3 {{ margin-top: 0; }}</style>\n</head>\n<body>\n\
-         <a class=\"skip\" href=\"#main\">Skip to the result</a>\n<main id=\"main\" class=\"compared\" tabindex=\"-1\">\n<header><p class=\"eyebrow\">Kisspoint comparison: {title}</p>\n<h1>{headline}</h1>\n{warning}<dl class=\"tiles\">{sides}</dl></header>\n\
-         <section><h2>Effects</h2>\n{effects}</section>\n<section><h2>Sizes and numbers</h2>\n<p>Parameters of effects that both answers name, and numbers of the vehicle file that the recordings of both inform; what the tolerance had taken up is divided out. \
-         The probability that any of the marked changes is chance is {error} (Holm).</p>\n{changes}</section>\n</main>\n</body>\n</html>\n",
-        title = escape(&title),
-        headline = escape(&headline(found)),
-        error = percent(real(found, "family_wise_error").unwrap_or(f64::NAN)),
-        effects = table(
-            "<th scope=\"col\">Effect</th><th scope=\"col\">Change</th><th scope=\"col\">First</th><th scope=\"col\">Second</th>",
-            &effects,
-            "Neither answer names an effect."
-        ),
-        changes = table(
+    let sizes = format!(
+        "<p>Parameters of effects that both answers name, and numbers of the vehicle file about which the recordings of both have something to say; \
+         whatever the tolerance had absorbed is taken out. The probability that any of the marked changes is due to chance is {} (Holm).</p>\n{}",
+        percent(real(found, "family_wise_error").unwrap_or(f64::NAN)),
+        table(
             "<th scope=\"col\">What</th><th scope=\"col\" class=\"num\">First</th><th scope=\"col\" class=\"num\">Second</th><th scope=\"col\" class=\"num\">Change (95 %)</th><th scope=\"col\">Unit</th>",
             &changes,
-            "There is nothing that both answers inform."
+            "No parameter or number is informed by both answers.",
+        )
+    );
+    let effects = table(
+        "<th scope=\"col\">Effect</th><th scope=\"col\">Change</th><th scope=\"col\">First</th><th scope=\"col\">Second</th>",
+        &effects,
+        "Neither answer names an effect.",
+    );
+    page::html(&page::Page {
+        title: &title,
+        style: "section td small, section th small { display: block; color: var(--muted); }\n",
+        header: &format!(
+            "<header><p class=\"eyebrow\">Kisspoint comparison: {}</p>\n<h1>{}</h1>\n{warning}<dl class=\"tiles\">{sides}</dl></header>\n",
+            escape(&title),
+            escape(&headline(found))
         ),
-    )
+        sections: &[("effects", "Effects", effects), ("sizes", "Sizes and numbers", sizes)],
+        data: &[],
+        script: "",
+    })
 }
 
 fn tile(side: &Value, link: &str) -> String {

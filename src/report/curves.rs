@@ -96,7 +96,7 @@ fn aligned(input: &Input, retuned: bool) -> String {
     let models: &[(&str, fn(&OverlayChannel) -> &Vec<f64>)] =
         if retuned { &[("before", |c| &c.before), ("after", |c| &c.after)] } else { &[("before", |c| &c.before)] };
     let x = Scale { low: -AROUND_S.0, high: AROUND_S.1, a: 52.0, b: 512.0 };
-    let mut figures = String::new();
+    let mut drawn: Vec<(&str, Vec<(&str, &str, Vec<(f64, f64)>)>)> = Vec::new();
     for (name, model) in models {
         let mut curves: Vec<(&str, &str, Vec<(f64, f64)>)> = Vec::new();
         for (o, lock) in &launches {
@@ -107,12 +107,16 @@ fn aligned(input: &Input, retuned: bool) -> String {
             curves.push((&o.recording, "c-real", around(slip(o, |c| &c.real))));
             curves.push((&o.recording, if *name == "after" { "c-after" } else { "c-before" }, around(slip(o, *model))));
         }
-        let values: Vec<f64> = curves.iter().flat_map(|c| c.2.iter().map(|p| p.1)).collect();
-        let (low, high) = range(values.iter());
-        let y = Scale { low, high, a: 188.0, b: 8.0 };
+        drawn.push((name, curves));
+    }
+    // One scale for both, since they are there to be compared.
+    let (low, high) = range(drawn.iter().flat_map(|d| &d.1).flat_map(|c| c.2.iter().map(|p| &p.1)));
+    let y = Scale { low, high, a: 188.0, b: 8.0 };
+    let mut figures = String::new();
+    for (name, curves) in &drawn {
         let mut drawing = laws::frame(&x, &y, "time from the car’s lock-up, s");
         let mut csv = "recording,curve,time s,slip rad/s\n".to_owned();
-        for (recording, class, points) in &curves {
+        for (recording, class, points) in curves {
             write!(drawing, "<path class=\"{class} thin\" d=\"{}\"/>", path(points.iter().map(|p| (x.at(p.0), y.at(p.1)))))
                 .expect("a String takes any text");
             let curve = if *class == "c-real" { "car" } else { "model" };
@@ -178,7 +182,7 @@ fn card(k: usize, o: &Overlay, input: &Input, pressed: bool) -> String {
         )
     });
     format!(
-        "<button type=\"button\" class=\"card\" data-recording=\"{k}\" aria-pressed=\"{pressed}\"><span><b>{}</b> {}</span>{held}\
+        "<button type=\"button\" class=\"card\" data-recording=\"{k}\" aria-pressed=\"{pressed}\"><span><b>{}</b> {}{held}</span>\
          <svg viewBox=\"0 0 160 44\" preserveAspectRatio=\"none\" aria-hidden=\"true\">{curves}</svg>{shrink}</button>",
         escape(&o.recording),
         escape(&super::text::words(&o.manoeuvre)),

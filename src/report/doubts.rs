@@ -58,13 +58,15 @@ fn rivals(effect: &Value) -> Option<String> {
     if rivals.is_empty() {
         return None;
     }
-    let how = text(effect, "separated_by").map_or_else(String::new, |how| format!(" To tell them apart: {}.", escape(how.trim_end_matches('.'))));
+    let how =
+        text(effect, "separated_by").map_or_else(String::new, |how| format!(" To tell them apart: {}.", escape(how.trim_end_matches('.'))));
     Some(format!("These recordings cannot tell <b>{own}</b> from {}.{how}", alternatives(&rivals)))
 }
 
 fn elsewhere(d: &Value) -> Option<String> {
     let others = texts(&d["where"], "ambiguous_with");
-    (!others.is_empty()).then(|| format!("The gap, or what remains of it, may just as well lie in {}.", or_places(&others)))
+    let what = if text(d, "verdict") == Some("partly_explained") { "What remains" } else { "The gap" };
+    (!others.is_empty()).then(|| format!("{what} may just as well lie in {}.", or_places(&others)))
 }
 
 /// Few recordings, or many curves of few recordings.
@@ -78,7 +80,7 @@ fn thin(input: &Input) -> Option<String> {
     }
     let many = |n: usize, what: &str| if n == 1 { format!("one {what}") } else { format!("{n} {what}s") };
     Some(if curves > recordings {
-        format!("All {curves} curves are engagements of {}: what they have in common is not tested.", many(recordings, "recording"))
+        format!("All {curves} curves are engagements of {}, so whatever they have in common is not tested.", many(recordings, "recording"))
     } else {
         format!(
             "Thin data: {}. With fewer than {FEW} a verdict rests on little, and what was held out resembles what was fitted.",
@@ -93,12 +95,20 @@ fn far_off(d: &Value) -> Option<String> {
     let mut far: Vec<(&String, f64)> = map.iter().filter_map(|(n, z)| Some((n, z.as_f64()?))).filter(|(_, z)| z.abs() > FAR).collect();
     far.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
     let named: Vec<String> = far.iter().take(3).map(|(n, z)| format!("<code>{}</code> by {}", escape(n), number(z.abs(), 2))).collect();
-    (!named.is_empty())
-        .then(|| format!("The fit had to move numbers of the vehicle file by many of their standard deviations: {}.", enumeration(&named)))
+    (!named.is_empty()).then(|| {
+        format!(
+            "The fit moved {} standard deviations: either the vehicle file is wrong there, or this makes up for something else.",
+            enumeration(&named)
+        )
+    })
 }
 
 /// Held-out speeds that stay outside of their noise.
 fn remains(input: &Input) -> Option<String> {
+    // Where nothing was retuned, it is the gap itself.
+    if !super::series::retuned(input.diagnosis) {
+        return None;
+    }
     let speeds = |c: &str| c.starts_with("omega");
     let worst =
         super::residuals::held_out(input).into_iter().filter(|r| speeds(r.column)).max_by(|a, b| a.longest_s.total_cmp(&b.longest_s))?;

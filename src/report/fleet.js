@@ -6,7 +6,7 @@ const VERDICTS = { no_gap: "no gap", explained: "explained", partly_explained: "
 const TONES = { no_gap: "good", explained: "", partly_explained: "warn", unexplained: "bad", inputs_do_not_fit: "bad", error: "bad" };
 const all = Array.from({ length: N }, (_, i) => i);
 const verdict = (i) => (F.error[i] ? "error" : F.verdict[i]);
-const found = (i) => F.error[i] || F.effects[i].map((e, k) => [e, ...F.rivals[i][k]].map((id) => F.names[id] ?? id).join(" or ")).join(", ") || (F.where[i] ? `in ${F.places[F.where[i]] ?? F.where[i]}` : "–");
+const found = (i) => F.error[i] || F.effects[i].map((e, k) => [e, ...F.rivals[i][k]].map((id) => F.names[id] ?? id).join(" or ")).join(", ") || (F.where[i] ? `in ${F.in[F.where[i]] ?? F.where[i]}` : "–");
 const text = all.map((i) => `${F.name[i]} ${F.error[i] ?? ""} ${(F.off[i] ?? []).join(" ")}`.toLowerCase());
 const percent = (v) => (v === null ? "–" : `${Math.floor(100 * v)} %`.replace("-", "−"));
 const figure = (v) => (v === null || v === undefined ? "–" : Number(v.toPrecision(3)).toString().replace("-", "−"));

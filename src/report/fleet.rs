@@ -9,8 +9,8 @@
 
 use super::json::{flag, list, real, text, texts};
 use super::names;
+use super::page;
 use super::text::{capitalised, enumeration, escape, number, signed, unit};
-use super::{POLICY, STYLE};
 use crate::vehicle::NUMBERS;
 use serde_json::{Map, Value, json};
 
@@ -31,30 +31,21 @@ pub fn row(name: &str, report: &str, diagnosis: &Value) -> Value {
 
 /// The whole page as one HTML document.
 pub fn html(title: &str, rows: &[Value], population: &Value) -> String {
-    let mut sections: Vec<(&str, &str, String)> = Vec::new();
+    let mut sections: Vec<page::Section> = Vec::new();
     if !list(population, "numbers").is_empty() {
         sections.push(("all", "What is wrong with all of them", numbers(population)));
     }
-    sections.push(("which", "What is wrong where", effects(rows, population)));
+    sections.push(("which", "What is wrong, and where", effects(rows, population)));
     sections.push(("spread", "How it is distributed", DISTRIBUTION.to_owned()));
     sections.push(("cars", "The cars", CARS.to_owned()));
-    let links: String = sections.iter().map(|(id, title, _)| format!("<li><a href=\"#{id}\">{title}</a></li>")).collect();
-    let body: String = sections
-        .iter()
-        .map(|(id, title, content)| {
-            format!("<section id=\"{id}\" aria-labelledby=\"{id}-title\"><h2 id=\"{id}-title\">{title}</h2>\n{content}</section>\n")
-        })
-        .collect();
-    format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n<meta name=\"color-scheme\" content=\"light dark\">\n\
-         <link rel=\"icon\" href=\"data:,\">\n<title>Kisspoint: {title}</title>\n<style>\n{STYLE}{FLEET_STYLE}</style>\n</head>\n<body>\n\
-         <a class=\"skip\" href=\"#main\">Skip to the result</a>\n<main id=\"main\" tabindex=\"-1\">\n{header}<nav aria-label=\"Contents\"><ol>{links}</ol></nav>\n{body}</main>\n\
-         <script type=\"application/json\" id=\"fleet\">{data}</script>\n<script>\n(() => {{\n\"use strict\";\n{SCRIPT}}})();\n</script>\n</body>\n</html>\n",
-        title = escape(title),
-        header = header(title, rows, population),
-        data = data(rows, population),
-    )
+    page::html(&page::Page {
+        title,
+        style: FLEET_STYLE,
+        header: &header(title, rows, population),
+        sections: &sections,
+        data: &[("fleet", data(rows, population))],
+        script: SCRIPT,
+    })
 }
 
 fn diagnosed(rows: &[Value]) -> usize {
@@ -88,8 +79,6 @@ fn header(title: &str, rows: &[Value], population: &Value) -> String {
         sentence += &format!(" {} {noun} of the vehicle file {verb} off for all of them.", capitalised(&count_word(off.len())));
     }
     let failed = rows.len() - all;
-    let top = counted(rows).into_iter().next();
-    let worst = places(rows).into_iter().next();
     let outliers = list(population, "outliers").len();
     let mut tiles = vec![
         (
@@ -101,16 +90,8 @@ fn header(title: &str, rows: &[Value], population: &Value) -> String {
                 "all were diagnosed".to_owned()
             },
         ),
-        (
-            "Where most often",
-            worst.as_ref().map_or("nowhere".to_owned(), |w| names::subsystem_title(&w.0)),
-            worst.map_or(String::new(), |w| plural(w.1, "car")),
-        ),
-        (
-            "Which most often",
-            top.as_ref().map_or("no effect".to_owned(), |t| names::effect_title(&t.0)),
-            top.map_or(String::new(), |t| plural(t.1, "car")),
-        ),
+        ("Where most often", most(&places(rows), names::subsystem, "nowhere").0, most(&places(rows), names::subsystem, "nowhere").1),
+        ("Which most often", most(&counted(rows), names::effect, "no effect").0, most(&counted(rows), names::effect, "no effect").1),
     ];
     if !list(population, "numbers").is_empty() {
         tiles.push((
@@ -131,6 +112,18 @@ fn header(title: &str, rows: &[Value], population: &Value) -> String {
         escape(title),
         escape(&sentence)
     )
+}
+
+/// What occurs most often, and how often; what occurs equally often is not told as if it led.
+fn most(counted: &[(String, usize)], name: fn(&str) -> String, none: &str) -> (String, String) {
+    let top = counted.first().map_or(0, |c| c.1);
+    let first: Vec<String> = counted.iter().take_while(|c| c.1 == top).map(|c| name(&c.0)).collect();
+    match first.len() {
+        0 => (capitalised(none), String::new()),
+        1 => (capitalised(&first[0]), plural(top, "car")),
+        2 => (capitalised(&enumeration(&first)), format!("{} each", plural(top, "car"))),
+        n => ("None stands out".to_owned(), format!("{} with {} each", count_word(n), plural(top, "car"))),
+    }
 }
 
 fn count_word(n: usize) -> String {
@@ -275,19 +268,23 @@ fn effects(rows: &[Value], population: &Value) -> String {
             });
             let sizes: Vec<String> = share.map_or(&[][..], |s| list(s, "parameters")).iter().map(size).collect();
             format!(
-                "<tr><th scope=\"row\"><button type=\"button\" class=\"pick\" data-effect=\"{0}\">{1}</button><br><code>{0}</code></th><td class=\"wide\">{2}</td><td class=\"num\">{count}</td><td class=\"num\">{told}</td><td>{3}</td></tr>",
+                "<tr><th scope=\"row\"><button type=\"button\" class=\"pick\" data-effect=\"{0}\">{1}</button><br><code>{4}</code></th><td class=\"wide\">{2}</td><td class=\"num\">{count}</td>{3}</tr>",
                 escape(id),
                 escape(&names::effect_title(id)),
                 bar(*count),
-                sizes.join("<br>")
+                if known.is_empty() { String::new() } else { format!("<td class=\"num\">{told}</td><td>{}</td>", sizes.join("<br>")) },
+                escape(id).replace('_', "_<wbr>")
             )
         })
         .collect();
-    let heads = if known.is_empty() { ["", ""] } else { ["Share of such cars (95 %)", "Size among them"] };
+    let heads = if known.is_empty() {
+        ""
+    } else {
+        "<th scope=\"col\" class=\"num\">Share of such cars (95 %)</th><th scope=\"col\">Size among them</th>"
+    };
     out + &format!(
-        "<h3>Which</h3><div class=\"scroll\"><table class=\"bars which\"><thead><tr><th scope=\"col\">Effect</th><th scope=\"col\"><span class=\"unseen\">Bar</span></th><th scope=\"col\" class=\"num\">Cars</th><th scope=\"col\" class=\"num\">{}</th><th scope=\"col\">{}</th></tr></thead><tbody>{lines}</tbody></table></div>\n\
-         <p class=\"hint live\">A click shows these cars in the list below.</p>\n",
-        heads[0], heads[1]
+        "<h3>Which</h3><div class=\"scroll\"><table class=\"bars which\"><thead><tr><th scope=\"col\">Effect</th><th scope=\"col\"><span class=\"unseen\">Bar</span></th><th scope=\"col\" class=\"num\">Cars</th>{heads}</tr></thead><tbody>{lines}</tbody></table></div>\n\
+         <p class=\"hint live\">A click shows these cars in the list below.</p>\n"
     )
 }
 
@@ -320,7 +317,7 @@ const DISTRIBUTION: &str = "<noscript><p class=\"absent\">The distributions are 
 
 const CARS: &str = "<noscript><p class=\"absent\">The list is drawn by a script, which this browser does not run; fleet.parquet holds the rows.</p></noscript>\n\
 <div class=\"live tools\"><label>Find <input type=\"search\" id=\"find\" placeholder=\"name or message\"></label><label>Verdict <select id=\"verdict\"></select></label>\
-<label>Where <select id=\"where-is\"></select></label><label>Effect <select id=\"effect\"></select></label><label class=\"check\"><input type=\"checkbox\" id=\"outliers\"> outliers alone</label>\
+<label>Where <select id=\"where-is\"></select></label><label>Effect <select id=\"effect\"></select></label><label class=\"check\"><input type=\"checkbox\" id=\"outliers\"> outliers only</label>\
 <button type=\"button\" id=\"clear\">All cars</button></div>\n\
 <p class=\"live shown\" id=\"count\" role=\"status\"></p>\n<div class=\"live\" id=\"list\" role=\"table\" aria-label=\"Cars\"><div role=\"row\" class=\"head\" id=\"head\"></div><div id=\"window\" tabindex=\"0\"><div id=\"rows\"></div></div></div>\n";
 
@@ -346,6 +343,7 @@ fn data(rows: &[Value], population: &Value) -> String {
         })
         .collect();
     let plain: Map<String, Value> = names::EFFECTS.iter().map(|(id, name)| ((*id).to_owned(), capitalised(name).into())).collect();
+    let within: Map<String, Value> = names::SUBSYSTEMS.iter().map(|(id, _)| ((*id).to_owned(), names::place(id).into())).collect();
     let places: Map<String, Value> = names::SUBSYSTEMS.iter().map(|(id, name)| ((*id).to_owned(), capitalised(name).into())).collect();
     let effects = column(&|r: &Value| list(r, "effects").iter().filter_map(|e| text(e, "id")).collect::<Vec<_>>().into());
     let rivals = column(&|r: &Value| list(r, "effects").iter().map(|e| Value::from(texts(e, "ambiguous_with"))).collect::<Vec<_>>().into());
@@ -353,7 +351,7 @@ fn data(rows: &[Value], population: &Value) -> String {
         "name": key("name"), "report": key("report"), "error": key("error"), "verdict": key("verdict"), "where": key("where"), "date": key("date"), "off": key("off"),
         "effects": effects, "rivals": rivals, "closed": real_column("closed"), "before": real_column("before"), "after": real_column("after"),
         "confidence": real_column("confidence"), "mileage_km": real_column("mileage_km"), "values": values, "units": numbers.iter().map(|n| (n.clone(), unit_of(n).into())).collect::<Map<_, _>>(),
-        "names": plain, "places": places, "outliers": list(population, "outliers").len(),
+        "names": plain, "places": places, "in": within, "outliers": list(population, "outliers").len(),
     });
     // Inside a script element no "<" may stand.
     all.to_string().replace('<', "\\u003c")
@@ -371,6 +369,15 @@ mod tests {
         let page = html("</title><i>", &rows, &Value::Null);
         assert!(!page.contains("</script><b>") && !page.contains("</title><i>"));
         assert!(page.contains("1 of 1 cars has a gap") && page.contains("data-effect=\"judder\""));
+    }
+
+    #[test]
+    fn what_occurs_equally_often_does_not_lead() {
+        let row = |place: &str| json!({"name": place, "verdict": "unexplained", "error": null, "where": place, "effects": []});
+        let tiles = |places: &[&str]| html("fleet", &places.iter().map(|p| row(p)).collect::<Vec<_>>(), &Value::Null);
+        assert!(tiles(&["friction", "engine", "driveline"]).contains("<strong>None stands out</strong><span>three with 1 car each"));
+        assert!(tiles(&["friction", "engine"]).contains("<strong>Engine torque and friction</strong><span>1 car each"));
+        assert!(tiles(&["friction", "engine", "friction"]).contains("<strong>Friction</strong><span>2 cars"));
     }
 
     #[test]

@@ -43,18 +43,28 @@ pub fn section(input: &Input) -> String {
     if input.laws.is_empty() {
         return String::new();
     }
-    let figures: String = input.laws.iter().map(drawn).collect();
+    let retuned = super::series::retuned(input.diagnosis);
+    let figures: String = input.laws.iter().map(|law| drawn(law, retuned)).collect();
+    let (heading, identified) = if retuned {
+        (
+            "The laws of the clutch, nominal and identified",
+            "\n<svg class=\"key\" aria-hidden=\"true\"><path class=\"c-after\" d=\"M0 7h26\"/></svg> identified",
+        )
+    } else {
+        ("The laws of the clutch as the model has them", "")
+    };
     format!(
-        "<h3>The laws of the clutch, nominal and identified</h3>\n<p class=\"keys\"><svg class=\"key\" aria-hidden=\"true\"><path class=\"c-before\" d=\"M0 7h26\"/></svg> nominal \
-         <svg class=\"key\" aria-hidden=\"true\"><path class=\"c-after\" d=\"M0 7h26\"/></svg> identified; thin lines cold, thick ones hot; dots are the recordings, slipping</p>\n\
-         <div class=\"figures\">{figures}</div>\n"
+        "<h3>{heading}</h3>\n<p class=\"keys\"><svg class=\"key\" aria-hidden=\"true\"><path class=\"c-before\" d=\"M0 7h26\"/></svg> nominal{identified}; \
+         thin lines: cold, thick lines: hot; dots: the recordings while the clutch slips</p>\n<div class=\"figures\">{figures}</div>\n"
     )
 }
 
-fn drawn(law: &Law) -> String {
+fn drawn(law: &Law, retuned: bool) -> String {
+    // Where nothing was retuned both cars are the same, and one would hide the other.
+    let shown: Vec<&Line> = law.lines.iter().filter(|l| retuned || !l.identified).collect();
     let step = law.cloud.len().div_ceil(DOTS).max(1);
     let cloud: Vec<(f64, f64)> = law.cloud.iter().copied().step_by(step).collect();
-    let lines = law.lines.iter().flat_map(|l| &l.points);
+    let lines = shown.iter().flat_map(|l| &l.points);
     let (low, high) = range(lines.clone().map(|p| &p.0));
     // The lines and all but the outermost dots.
     let mut heights: Vec<f64> = cloud.iter().map(|p| p.1).collect();
@@ -70,7 +80,7 @@ fn drawn(law: &Law) -> String {
     });
     write!(drawing, "<path class=\"dots d-real\" d=\"{dots}\"/>").expect("a String takes any text");
     let mut csv = format!("curve,{},{} {}\n", law.over.replace(',', ""), law.title, law.unit);
-    for line in &law.lines {
+    for line in shown {
         let class = format!("{}{}", if line.identified { "c-after" } else { "c-before" }, if line.hot { " hot" } else { "" });
         let points = line.points.iter().map(|p| (x.at(p.0), y.at(p.1)));
         write!(drawing, "<path class=\"{class}\" d=\"{}\"/>", path(points)).expect("a String takes any text");
@@ -80,6 +90,10 @@ fn drawn(law: &Law) -> String {
     cloud.iter().for_each(|p| writeln!(csv, "car,{},{}", plain(p.0), plain(p.1)).expect("a String takes any text"));
     figure(&law.title, law.unit, &drawing, &csv, &law.note)
 }
+
+/// Width of a figure, and the place from which a label is set against its edge, in user units.
+const WIDTH: f64 = 520.0;
+const LAST: f64 = 500.0;
 
 /// Grid, ticks and the name of the abscissa of a figure of 520 by 232 user units.
 pub fn frame(x: &Scale, y: &Scale, over: &str) -> String {
@@ -95,9 +109,11 @@ pub fn frame(x: &Scale, y: &Scale, over: &str) -> String {
     }
     for (t, text) in labelled(x, 6) {
         let p = x.at(t);
+        // A label in the middle of the last tick would reach beyond the drawing.
+        let (at, anchor) = if p > LAST { (WIDTH, "end") } else { (p, "middle") };
         write!(
             out,
-            "<path class=\"grid\" d=\"M{p:.1} 8v180\"/><text class=\"tick\" x=\"{p:.1}\" y=\"205\" text-anchor=\"middle\">{text}</text>"
+            "<path class=\"grid\" d=\"M{p:.1} 8v180\"/><text class=\"tick\" x=\"{at:.1}\" y=\"205\" text-anchor=\"{anchor}\">{text}</text>"
         )
         .expect("a String takes any text");
     }

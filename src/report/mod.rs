@@ -6,6 +6,7 @@
 //!
 //! - [`text`]: escaping and numbers as people read them
 //! - [`json`]: reading diagnosis.json leniently, since a part that is missing must be said and not guessed
+//! - [`page`]: the shell that the report shares with the pages of [`fleet`] and [`compare`]
 //! - [`chart`]: scales, ticks and paths of the still figures
 //! - [`series`]: curves as small integers, thinned where they are long
 //! - [`what_if`]: what the viewer needs to replay a recording with other sizes of an effect
@@ -25,6 +26,7 @@ pub mod json;
 pub mod laws;
 pub mod names;
 pub mod open_questions;
+pub mod page;
 pub mod plan;
 pub mod provenance;
 pub mod residual_map;
@@ -66,7 +68,6 @@ impl<'a> Input<'a> {
 
 pub use crate::gap::measure::{Overlay, OverlayChannel};
 
-const STYLE: &str = include_str!("report.css");
 const PLOT: &str = include_str!("plot.js");
 const VIEWER: &str = include_str!("viewer.js");
 const PLANT: &str = include_str!("plant.js");
@@ -74,48 +75,27 @@ const WHAT_IF: &str = include_str!("what_if.js");
 const INPUT: &str = include_str!("input.js");
 const EXPORT: &str = include_str!("export.js");
 
-/// Nothing may be loaded from anywhere, and the browser is told so. The plant in the page is code that is compiled there.
-const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline' 'wasm-unsafe-eval'; img-src data:";
-
-/// The sections below the verdict: anchor, title, content.
-type Section = (&'static str, &'static str, String);
-
 /// The whole report as one HTML document.
 pub fn html(input: &Input) -> String {
     let retuned = series::retuned(input.diagnosis);
-    let sections: [Section; 6] = [
+    let how_far = if retuned { "How far the gap shrinks" } else { "How large the gap is" };
+    let sections = [
         ("where", "Where the gap lies", residual_map::section(input)),
         ("curves", if retuned { "Car, before and after" } else { "Car and model" }, curves::section(input)),
         ("which", "Which effect causes it", causes::section(input.diagnosis) + &laws::section(input)),
-        ("how-far", "How far the gap shrinks", shrinkage::section(input.diagnosis) + &residuals::section(input)),
+        ("how-far", how_far, shrinkage::section(input.diagnosis) + &residuals::section(input)),
         ("open", "Not judged, and what to measure next", open_questions::section(input.diagnosis)),
         ("computed", "How this was computed", provenance::section(input)),
     ];
-    let links: String = sections.iter().map(|(id, title, _)| format!("<li><a href=\"#{id}\">{title}</a></li>")).collect();
-    let body: String = sections
-        .iter()
-        .map(|(id, title, content)| {
-            format!("<section id=\"{id}\" aria-labelledby=\"{id}-title\"><h2 id=\"{id}-title\">{title}</h2>\n{content}</section>\n")
-        })
-        .collect();
-    format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
-         <meta name=\"color-scheme\" content=\"light dark\">\n<link rel=\"icon\" href=\"data:,\">\n\
-         <title>Kisspoint: {title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
-         <a class=\"skip\" href=\"#main\">Skip to the result</a>\n\
-         <main id=\"main\" tabindex=\"-1\">\n{verdict}<nav aria-label=\"Contents\"><ol>{links}</ol></nav>\n{body}</main>\n\
-         <script type=\"application/json\" id=\"series\">{data}</script>\n\
-         <script type=\"application/json\" id=\"what-if-data\">{what_if}</script>\n\
-         <script>\n(() => {{\n\"use strict\";\n{PLOT}{EXPORT}{VIEWER}{PLANT}{WHAT_IF}{INPUT}}})();\n</script>\n</body>\n</html>\n",
-        title = text::escape(
-            &[input.name, &verdict::headline(input.diagnosis)].iter().filter(|t| !t.is_empty()).copied().collect::<Vec<_>>().join(": ")
-        ),
-        verdict = verdict::section(input),
-        data = series::embedded(input),
-        what_if = what_if::embedded(input),
-    )
+    let title = [input.name, &verdict::headline(input.diagnosis)].iter().filter(|t| !t.is_empty()).copied().collect::<Vec<_>>().join(": ");
+    page::html(&page::Page {
+        title: &title,
+        style: "",
+        header: &verdict::section(input),
+        sections: &sections,
+        data: &[("series", series::embedded(input)), ("what-if-data", what_if::embedded(input))],
+        script: &[PLOT, EXPORT, VIEWER, PLANT, WHAT_IF, INPUT].concat(),
+    })
 }
 
 /// A line that says that something is absent, so that nobody takes silence for a good result.

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::absent;
 use super::json::{list, text, texts};
-use super::text::{enumeration, escape, title};
+use super::text::{capitalised, enumeration, escape, title};
 use super::{names, plan};
 use crate::effects::{REGISTRY, find};
 
@@ -44,7 +44,7 @@ fn notes(all: &[&str]) -> Vec<String> {
     }
     let one = |(what, names): &(&str, Vec<&str>)| {
         let names: Vec<&str> = names.iter().copied().filter(|n| !n.is_empty()).collect();
-        if names.is_empty() { escape(what) } else { format!("<b>{}</b>: {}", escape(&names.join(", ")), escape(what)) }
+        if names.is_empty() { escape(&capitalised(what)) } else { format!("<b>{}</b>: {}", escape(&names.join(", ")), escape(what)) }
     };
     groups.iter().map(one).collect()
 }
@@ -59,12 +59,18 @@ fn items(heading: &str, items: &[String]) -> String {
 
 /// What shows more of a subsystem whose gap no effect of the library accounts for.
 const CLOSER_LOOKS: [(&str, &str); 7] = [
-    ("engine", "a torque meter behind the flywheel, or torque steps with the clutch open: is what the ECU reports what the engine gives?"),
-    ("actuator", "the bearing position by a sensor beside the command, in a chirp and in slow ramps both ways"),
-    ("clutch_force", "clutch torque by a transducer and bearing position by a sensor, in slow ramps both ways, cold and hot"),
-    ("friction", "clutch torque by a transducer at constant position, with slip and disc temperature varied one at a time"),
-    ("thermal", "the disc temperature by a thermocouple, in repeated launches and while cooling, open and locked"),
-    ("driveline", "the load by a coast-down with the clutch open, and wheel speed beside the disc speed for what lies between"),
+    (
+        "engine",
+        "the engine torque with a torque meter behind the flywheel, or torque steps with the clutch open, to check what the ECU reports",
+    ),
+    ("actuator", "the bearing position with a sensor beside the command, in a chirp and in slow ramps both ways"),
+    ("clutch_force", "the clutch torque with a transducer and the bearing position with a sensor, in slow ramps both ways, cold and hot"),
+    ("friction", "the clutch torque with a transducer at constant position, with slip and disc temperature varied one at a time"),
+    ("thermal", "the disc temperature with a thermocouple, in repeated launches and while cooling, open and locked"),
+    (
+        "driveline",
+        "the load in a coast-down with the clutch open, and the wheel speed beside the disc speed for whatever lies between them",
+    ),
     ("sensors", "both speeds against an encoder, or each other in a locked drive with steps: gain, delay and filtering"),
 ];
 
@@ -73,7 +79,7 @@ fn next(diagnosis: &Value) -> String {
     let which = &diagnosis["which"];
     let unknown = text(&diagnosis["where"], "unexplained_at");
     let look = CLOSER_LOOKS.iter().find(|(id, _)| Some(*id) == unknown);
-    let look = look.map(|(id, how)| format!("What is not in the library, in <b>{}</b>: measure {how}", escape(&names::place(id))));
+    let look = look.map(|(id, how)| format!("To find what the library lacks in <b>{}</b>, measure {how}.", escape(&names::place(id))));
     let splits = list(which, "effects").iter().filter_map(|e| {
         let group: Vec<String> = text(e, "id").into_iter().chain(texts(e, "ambiguous_with")).map(|id| escape(&names::effect(id))).collect();
         let how = text(e, "separated_by").filter(|_| group.len() > 1)?;
@@ -85,7 +91,7 @@ fn next(diagnosis: &Value) -> String {
 /// Grouped by what to measure, since that is what gets planned.
 fn not_assessable(entries: &[Value]) -> String {
     if entries.is_empty() {
-        return "<p>Every effect of the library could be judged from these recordings.</p>\n".to_owned();
+        return "<p>Every effect in the library could be judged from these recordings.</p>\n".to_owned();
     }
     let mut groups: Vec<(&str, Vec<String>)> = Vec::new();
     for entry in entries {

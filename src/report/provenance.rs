@@ -43,7 +43,7 @@ fn retuned(diagnosis: &Value) -> String {
         "<h3>What to set in <code>DrivelinePlant.fmu</code></h3>\n<p>Every other parameter keeps the number of the vehicle file. The FMU beside this report has them set; all digits are in plant.ssv and diagnosis.json.</p>\n\
          <table class=\"plain settings\"><thead><tr><th scope=\"col\">Variable</th><th scope=\"col\" class=\"num\">Nominal</th><th scope=\"col\" class=\"num\">Retuned</th></tr></thead>{}{}</table>\n",
         body("The effects", &effects),
-        body("Numbers that moved within their tolerances", &numbers)
+        body("Numbers of the vehicle file, as the fit moved them", &numbers)
     )
 }
 
@@ -60,20 +60,29 @@ fn row(name: &str, nominal: &Map<String, Value>, now: &Map<String, Value>) -> St
     )
 }
 
+/// A dot at its place, or an arrow at the edge beyond which the place lies.
+fn mark(z: f64, x: &Scale) -> String {
+    let (edge, tip) = if z < 0.0 { (x.at(x.low), -6.0) } else { (x.at(x.high), 6.0) };
+    if (x.low..=x.high).contains(&z) {
+        format!("<circle class=\"dot\" cx=\"{:.1}\" cy=\"7\" r=\"4.5\"/>", x.at(z))
+    } else {
+        format!("<path class=\"dot beyond\" d=\"M{:.1} 2v10l{tip:.0} -5z\"/>", edge - 0.5 * tip)
+    }
+}
+
 /// Where each number ended up, in its own standard deviations: what lies far out was pulled, and may be wrong in the vehicle file.
 fn tolerances(diagnosis: &Value) -> String {
     let Some(used) = diagnosis["which"]["tolerances"].as_object().filter(|map| !map.is_empty()) else { return String::new() };
-    let kept = if text(diagnosis, "verdict") == Some("unexplained") { ", in a fit of which nothing was kept" } else { "" };
+    let kept = if text(diagnosis, "verdict") == Some("unexplained") { ", in a fit that was discarded" } else { "" };
     let x = Scale { low: -4.0, high: 4.0, a: 6.0, b: 134.0 };
     let row = |(name, z): (&String, &Value)| {
         let z = z.as_f64()?;
         let drawn = format!(
-            "<svg viewBox=\"0 0 140 14\" aria-hidden=\"true\"><rect class=\"noise\" x=\"{:.1}\" width=\"{:.1}\" y=\"0\" height=\"14\"/><path class=\"null\" d=\"M{:.1} 0v14\"/>\
-             <circle class=\"dot\" cx=\"{:.1}\" cy=\"7\" r=\"4.5\"/></svg>",
+            "<svg viewBox=\"0 0 140 14\" aria-hidden=\"true\"><rect class=\"noise\" x=\"{:.1}\" width=\"{:.1}\" y=\"0\" height=\"14\"/><path class=\"null\" d=\"M{:.1} 0v14\"/>{}</svg>",
             x.at(-2.0),
             x.at(2.0) - x.at(-2.0),
             x.at(0.0),
-            x.at(z.clamp(-4.0, 4.0))
+            mark(z, &x)
         );
         let shown = if z.abs() < 1e4 { signed(z, 1) } else { fixed(z, 0) };
         Some(format!(
@@ -83,8 +92,8 @@ fn tolerances(diagnosis: &Value) -> String {
     };
     let rows: String = used.iter().filter_map(row).collect();
     format!(
-        "<h3>How far the tolerances were used</h3>\n<p>In standard deviations as the vehicle file declares them{kept}; the band is two of them wide on either side. \
-         A number far outside is wrong in the file, or stands in for something that no effect describes.</p>\n\
+        "<h3>How far the tolerances were used</h3>\n<p>In standard deviations as the vehicle file declares them{kept}; the band reaches two of them to either side, an arrow means more than four. \
+         A number far outside is wrong in the file, or makes up for something that no effect describes.</p>\n\
          <table class=\"plain tolerances\"><thead><tr><th scope=\"col\">Number</th><th scope=\"col\" class=\"num\">Moved by</th><th scope=\"col\"><span class=\"unseen\">Drawn</span></th></tr></thead><tbody>{rows}</tbody></table>\n"
     )
 }

@@ -54,8 +54,8 @@ const SWITCH: &str = "<div class=\"tools live\" role=\"group\" aria-label=\"Resi
     <button type=\"button\" data-map=\"map-after\" aria-pressed=\"false\">with the effects</button></div>\n";
 
 /// A gap of which the map shows nothing.
-const HIDDEN: &str = "<p>No cell stands out: spread over phases and regions, this gap is too faint for any one of them. What speaks for an effect \
-    are all recordings together.</p>\n";
+const HIDDEN: &str = "<p>No cell stands out: spread over phases and regions, this gap is too faint to show in any one of them. It takes all recordings \
+    together to see it.</p>\n";
 
 /// Subsystems in the order of their importance, the primary one first.
 pub fn subsystems(place: &Value) -> Vec<&str> {
@@ -119,13 +119,13 @@ fn map(entries: &[Value], place: &Value, id: &str) -> String {
     let rows = rows.trim_end_matches("<tbody>").trim_end_matches("</tbody>");
     format!(
         "<div class=\"map {id}\"><div class=\"scroll\" role=\"region\" aria-label=\"Residual map{}\" tabindex=\"0\"><table class=\"heat\">\
-         <caption><span>{} In standard deviations of the noise, below it the rms error; the model is corrected at every sample, so that each error is a new one.</span></caption>\
+         <caption><span>{} In standard deviations of the noise, with the rms error below. The model is corrected at every sample, so errors do not add up.</span></caption>\
          <thead><tr><th scope=\"col\">Phase</th><th scope=\"col\">Region</th>{head}</tr></thead><tbody>{rows}</tbody></table></div></div>\n{}",
         if id == "map-after" { ", with the effects" } else { "" },
         if id == "map-after" {
-            "What is left with the effects that were named."
+            "What is left with the effects named above."
         } else {
-            "What is left without any effect, with the tolerances that go with the verdict."
+            "Without any effect, at the vehicle numbers that go with the verdict."
         },
         if id == "map-before" { String::new() } else { scale(real(place, "family_wise_error")) }
     )
@@ -155,7 +155,7 @@ fn scale(error: Option<f64>) -> String {
     let bins = ["&lt;&#8201;2", "2–3", "3–5", "5–10", "10–30", "≥&#8201;30"];
     let bins: String = bins.iter().enumerate().map(|(k, label)| format!("<span class=\"bin h{k}\">{label}</span>")).collect();
     format!(
-        "<p class=\"scale\">{bins}<span>standard deviations</span><span class=\"bin hit\">frame</span><span>{rate}</span><span class=\"bin\">·</span><span>no samples</span></p>\n"
+        "<p class=\"scale\">{bins}<span>standard deviations</span><span class=\"pair\"><span class=\"bin hit\">framed</span> {rate}</span><span class=\"pair\"><span class=\"bin\">·</span> no samples</span></p>\n"
     )
 }
 
@@ -168,8 +168,8 @@ fn how_to_read(entries: &[Value], regions: &str) -> String {
     let columns: String = known.map(|(name, _, meaning)| format!("<div><dt>{}</dt><dd>{meaning}</dd></div>", title(name))).collect();
     let regions = if regions.is_empty() { String::new() } else { format!(" {}.", escape(&capitalised(regions))) };
     format!(
-        "<p class=\"hint\">Each column has the subsystems beside it whose error it shows first. A cell says where the gap shows, not where it comes from: a wrong clutch force also heats the disc wrongly and is seen in both balances. \
-         The subsystem is that of the effect that explains all cells together; without one, that of the balance that the gap cannot do without.{regions}</p>\n\
+        "<p class=\"hint\">Below each column’s name stand the subsystems whose errors it shows first. A cell says where the gap shows, not where it comes from: a wrong clutch force also heats the disc wrongly and shows in both balances. \
+         The subsystem named is that of the effect that explains all cells together or, without one, that of the balance that any explanation has to change.{regions}</p>\n\
          <dl class=\"columns\">{columns}</dl>\n"
     )
 }

@@ -139,9 +139,9 @@ pub fn section(input: &Input) -> String {
     };
     let rows: String = all.iter().map(row).collect();
     format!(
-        "<h3 id=\"residuals\">Does what is left look like noise?</h3>\n<p>Car minus model in the free replay of what was held out{}. In bold what noise alone would hardly do. \
-         A free replay adds up small errors, so that a residual that fails here is a small error of some law, and not yet another effect; \
-         the verdict rests on the <a href=\"#where\">residual map</a>, which corrects the model at every sample.</p>\n\
+        "<h3 id=\"residuals\">Does what is left look like noise?</h3>\n<p>Car minus model in the free replay of what was held out{}. Bold figures are more than noise alone would do. \
+         Errors add up over a free replay, so a residual that fails here may be a small error in some law rather than another effect; \
+         the verdict rests on the <a href=\"#where\">residual map</a>, where the model is corrected at every sample.</p>\n\
          <div class=\"scroll\" role=\"region\" aria-label=\"Tests of residuals\" tabindex=\"0\"><table class=\"plain tests\"><thead><tr><th scope=\"col\">Channel</th><th scope=\"col\" class=\"num\">rms</th>\
          <th scope=\"col\" class=\"num\">Outside ±2σ<small>noise: 5&#8239;%</small></th><th scope=\"col\" class=\"num\">Longest outside<small>in one piece</small></th>\
          <th scope=\"col\" class=\"num\">Not white<small>noise: 5&#8239;% of 25 lags</small></th><th scope=\"col\" class=\"num\">Depends most on<small>correlation</small></th></tr></thead><tbody>{rows}</tbody></table></div>\n{}",
@@ -196,17 +196,22 @@ fn lacking(input: &Input) -> String {
             }
         }
     }
-    let drawn: String = clouds.iter().filter(|c| c.2.len() > 20).map(|(name, unit, dots)| scatter(name, unit, dots)).collect();
+    let drawn: String = clouds
+        .iter()
+        .filter(|c| c.2.len() > 20)
+        .map(|(name, unit, dots)| scatter(name, unit, dots, series::retuned(input.diagnosis)))
+        .collect();
     if drawn.is_empty() {
         return String::new();
     }
     format!(
-        "<h3>Unexplained torque on the flywheel</h3>\n<p>J_f times the slope of car minus model over {SLOPE_S} s, of all recordings: what torque the car has on the flywheel that the model lacks. \
-         A cloud with a shape is a law that is wrong; a level one is noise. Over time it stands under the curves.</p>\n<div class=\"figures\">{drawn}</div>\n"
+        "<h3>Unexplained torque on the flywheel</h3>\n<p>The torque on the flywheel that the car has and the model lacks: J_f times the slope of car minus model over {SLOPE_S} s, for all recordings{}. \
+         A cloud with a shape points to a law that is wrong, a flat one is noise. The same torque over time stands below the curves.</p>\n<div class=\"figures\">{drawn}</div>\n",
+        if series::retuned(input.diagnosis) { ", before and after retuning" } else { "" }
     )
 }
 
-fn scatter(name: &str, unit: &str, dots: &[[f64; 3]]) -> String {
+fn scatter(name: &str, unit: &str, dots: &[[f64; 3]], retuned: bool) -> String {
     let step = dots.len().div_ceil(DOTS);
     let kept: Vec<&[f64; 3]> = dots.iter().step_by(step).collect();
     // A few dots of a replay that has left the car would squeeze all others.
@@ -217,15 +222,18 @@ fn scatter(name: &str, unit: &str, dots: &[[f64; 3]]) -> String {
     let x = Scale { low, high, a: 52.0, b: 512.0 };
     let y = Scale { low: -reach, high: reach, a: 188.0, b: 8.0 };
     let mut drawing = super::laws::frame(&x, &y, &format!("{name}{}", if unit.is_empty() { String::new() } else { format!(", {unit}") }));
-    for (class, k) in [("d-before", 1), ("d-after", 2)] {
+    let models: &[(&str, usize)] = if retuned { &[("d-before", 1), ("d-after", 2)] } else { &[("d-before", 1)] };
+    for &(class, k) in models {
         let marks: String = kept.iter().filter(|d| d[k].abs() <= reach).fold(String::new(), |mut out, d| {
             write!(out, "M{:.0} {:.0}h0", x.at(d[0]), y.at(d[k])).expect("a String takes any text");
             out
         });
         write!(drawing, "<path class=\"dots {class}\" d=\"{marks}\"/>").expect("a String takes any text");
     }
-    let csv: String = kept.iter().fold(format!("{name} {unit},before N·m,after N·m\n"), |mut out, d| {
-        writeln!(out, "{},{},{}", plain(d[0]), plain(d[1]), plain(d[2])).expect("a String takes any text");
+    let head = if retuned { "before N·m,after N·m" } else { "model N·m" };
+    let csv: String = kept.iter().fold(format!("{name} {unit},{head}\n"), |mut out, d| {
+        let values: Vec<String> = d[..=models.len()].iter().map(|v| plain(*v)).collect();
+        writeln!(out, "{}", values.join(",")).expect("a String takes any text");
         out
     });
     super::laws::figure(&format!("Unexplained torque over {}", name.to_lowercase()), "N·m", &drawing, &csv, "")
@@ -264,7 +272,7 @@ mod tests {
         let n = gap.len();
         let d = json!({"how_far": {"per_recording": [{"recording": "r", "channel": "omega_f_rad_s", "noise": 0.58}]}});
         let c = OverlayChannel { column: "omega_f_rad_s", unit: "rad/s", real: gap, before: vec![0.0; n], after: vec![0.0; n] };
-        let o = Overlay { recording: "r".into(), manoeuvre: String::new(), held_out: true, dt: 0.01, channels: vec![c] };
+        let o = Overlay { recording: "r".into(), manoeuvre: String::new(), held_out: true, dt: 0.01, theta: [25.0; 2], channels: vec![c] };
         let input = Input { overlays: &[o], ..Input::empty(&d) };
         held_out(&input).pop().expect("one channel")
     }
@@ -287,7 +295,7 @@ mod tests {
             before: vec![0.0; 200],
             after: vec![0.0; 200],
         };
-        let o = Overlay { recording: "r".into(), manoeuvre: String::new(), held_out: true, dt: 0.01, channels: vec![c] };
+        let o = Overlay { recording: "r".into(), manoeuvre: String::new(), held_out: true, dt: 0.01, theta: [25.0; 2], channels: vec![c] };
         let torque = unexplained_torque(&o, |c| &c.after, 0.2, 0.0);
         assert!(torque.iter().all(|t| (t - 4.0).abs() < 1e-9), "0.2 kg·m² at 20 rad/s²");
     }

@@ -1,7 +1,7 @@
 //! Curves as small integers, so that a usual campaign fits into a mail.
 //!
 //! The measured curve is stored as steps between samples, the models' as steps of what the measurement has over them, both in units of a
-//! decimal quantum `q` far below the noise, as bytes of variable length in base 64. All samples go in up to [`WHOLE`]; more are thinned: of each
+//! quantum `q` below the noise, as bytes of variable length in base 64. All samples go in up to [`WHOLE`]; more are thinned: of each
 //! stretch of time the least and the greatest measured value and the greatest gap are kept, so that no peak is lost.
 
 use serde_json::{Value, json};
@@ -185,12 +185,15 @@ pub(super) fn base64(bytes: &[u8]) -> String {
     out
 }
 
-/// A power of ten, about one part in twenty thousand of the range.
+/// One, two or five times a power of ten: one part in 8 000 to 20 000 of the range, below the noise also of a speed that runs from 0 to 250 rad/s.
 fn quantum(values: &[f64]) -> f64 {
     let (low, high) = super::chart::range(values.iter());
-    let exponent = ((high - low) / 2e4).log10().ceil().clamp(-9.0, 9.0) as i32;
+    let finest = ((high - low) / 2e4).clamp(1e-9, 1e9);
+    let exponent = finest.log10().floor() as i32;
     // Through text, since 10^-3 as a product of floats is not the float nearest to 0.001.
-    format!("1e{exponent}").parse().expect("a power of ten is a number")
+    let steps = [(1, exponent), (2, exponent), (5, exponent), (1, exponent + 1)].map(|(m, e)| format!("{m}e{e}"));
+    let steps = steps.map(|text| text.parse::<f64>().expect("digits with an exponent are a number"));
+    steps.into_iter().find(|q| *q >= finest).unwrap_or(finest)
 }
 
 #[cfg(test)]
@@ -213,13 +216,21 @@ mod tests {
 
     #[test]
     fn bytes_hold_steps_and_gaps() {
-        // 10000 is 20000 doubled, 20001 with one added: 33, 28, 1 in sevens; a step of 12 is 25; nothing is 0; 15038 is a step of 5026.
+        // 20000 is 40000 doubled, 40001 with one added: 65, 56, 2 in sevens; a step of 24 is 49; nothing is 0; 30076 is a step of 10052.
         let c = channel_of(vec![100.0, 100.12, f64::NAN, 150.38]);
         let stored = channel(&c, None, 100);
-        assert_eq!(stored["q"], 0.01);
-        assert_eq!(stored["real"], base64(&[0xA1, 0x9C, 1, 25, 0, 0xC5, 0x4E]));
-        assert_eq!(stored["before"], base64(&[0xC8, 1, 1, 0, 1]), "−100 is 199 with its sign in the last bit, 200 with one added");
+        assert_eq!(stored["q"], 0.005);
+        assert_eq!(stored["real"], base64(&[0xC1, 0xB8, 2, 49, 0, 0x89, 0x9D, 1]));
+        assert_eq!(stored["before"], base64(&[0x90, 3, 1, 0, 1]), "−200 is 399 with its sign in the last bit, 400 with one added");
         assert_eq!([base64(b"kiss"), base64(b"poi"), base64(b"nt")], ["a2lzcw==", "cG9p", "bnQ="]);
+    }
+
+    #[test]
+    fn rounding_is_below_the_noise() {
+        for top in [99.0, 150.0, 182.0, 201.0, 249.0, 1000.0] {
+            let q = quantum(&[0.0, top]);
+            assert!((1.1 * top / 2e4..=1.1 * top / 8e3).contains(&q), "{top}: {q}");
+        }
     }
 
     #[test]
@@ -229,6 +240,7 @@ mod tests {
             manoeuvre: String::new(),
             held_out: true,
             dt: 1e-3,
+            theta: [25.0; 2],
             channels: vec![channel_of(vec![1.5; 100_000])],
         };
         let d = json!({});

@@ -10,15 +10,16 @@ use super::text::{capitalised, channel, escape, fixed, number, percent, signed, 
 /// The section.
 pub fn section(diagnosis: &Value) -> String {
     let far = &diagnosis["how_far"];
+    let retuned = super::series::retuned(diagnosis);
     let untouched = match text(diagnosis, "verdict") {
-        Some("unexplained" | "inputs_do_not_fit") => "<p>Nothing was retuned: after is the nominal model, as before.</p>\n",
-        Some("no_gap") => "<p>After is the nominal vehicle with its numbers moved within their tolerances; no effect was added.</p>\n",
+        _ if !retuned => "<p>Nothing was retuned, so there is one model: that of the vehicle file.</p>\n",
+        Some("no_gap") => "<p><b>After</b> is the same vehicle with its numbers moved within their tolerances; no effect was added.</p>\n",
         _ => "",
     };
-    format!("{untouched}{}{}{}", summary(far), per_recording(far), engagement(far))
+    format!("{untouched}{}{}{}", summary(far, retuned), per_recording(far, retuned), engagement(far, retuned))
 }
 
-fn summary(far: &Value) -> String {
+fn summary(far: &Value, retuned: bool) -> String {
     let (Some(before), Some(after)) = (real(far, "before"), real(far, "after")) else {
         return absent("The gap before and after is missing.");
     };
@@ -33,10 +34,8 @@ fn summary(far: &Value) -> String {
             if most > 0.0 { (100.0 * value / most).clamp(0.0, 100.0) } else { 0.0 }
         )
     };
-    let noise = floor.map_or_else(
-        || absent("What the true car would be expected to leave was not stated."),
-        |f| row("To be expected of the true car", "floor", f),
-    );
+    let noise =
+        floor.map_or_else(|| absent("How much even the true car would leave was not stated."), |f| row("True car, expected", "floor", f));
     let (row_noise, said) = if floor.is_some() { (noise, String::new()) } else { (String::new(), noise) };
     let held = texts(far, "held_out");
     let held = if held.is_empty() { "No recording was held out.".to_owned() } else { format!("Held out: {}.", escape(&held.join(", "))) };
@@ -46,25 +45,31 @@ fn summary(far: &Value) -> String {
         String::new()
     };
     let less = if after > before { " The free replay is off by <b>more</b> than before.".to_owned() } else { less };
+    let less = if retuned { less } else { String::new() };
     // Of one that is closed to its floor no share is told beyond that: what is left cannot be told from what the true car would leave.
     let closed = match (real(far, "closed_fraction"), floor) {
         (Some(_), Some(f)) if before <= f => {
-            format!(" Before, it was already within the {} {unit} that the true car would be expected to leave.", number(f, 3))
+            format!(
+                " {} within the {} {unit} that even the true car would leave.",
+                if retuned { "Before, it was already" } else { "It is" },
+                number(f, 3)
+            )
         }
-        (Some(c), Some(f)) if c >= 1.0 => format!(" It is below the {} {unit} that the true car would be expected to leave.", number(f, 3)),
-        (Some(c), _) => format!(" Of what stood above what the true car would be expected to leave, {} is gone.", percent(c)),
+        _ if !retuned => String::new(),
+        (Some(c), Some(f)) if c >= 1.0 => format!(" That is below the {} {unit} that even the true car would leave.", number(f, 3)),
+        (Some(c), _) => format!(" Leaving aside what even the true car would leave, {} of the gap is gone.", percent(c)),
         _ => String::new(),
     };
     format!(
         "<p>{held}{less}{closed}</p>\n<table class=\"bars\"><caption>{}</caption><thead class=\"unseen\"><tr><th scope=\"col\">Model</th><th scope=\"col\">Gap</th>\
          <th scope=\"col\">Bar</th></tr></thead><tbody>{}{}{row_noise}</tbody></table>\n{said}",
         escape(&capitalised(&metric.replace("real minus simulated", "car minus model"))),
-        row("Before", "before", before),
-        row("After", "after", after),
+        row(if retuned { "Before" } else { "Model" }, "before", before),
+        if retuned { row("After", "after", after) } else { String::new() },
     )
 }
 
-fn per_recording(far: &Value) -> String {
+fn per_recording(far: &Value, retuned: bool) -> String {
     let entries = list(far, "per_recording");
     if entries.is_empty() {
         return absent("The gap per recording is missing.");
@@ -82,13 +87,22 @@ fn per_recording(far: &Value) -> String {
     let high = ratios.iter().fold(3.0, |a: f64, b| a.max(*b));
     let x = Scale { low: low.ln(), high: high.ln(), a: 8.0, b: 232.0 };
     let held = texts(far, "held_out");
-    let rows = grouped(entries, &held, &x);
+    let rows = grouped(entries, &held, &x, retuned);
     format!(
         "<h3>Per recording and channel</h3>\n<div class=\"scroll\" role=\"region\" aria-label=\"Gap per recording\" tabindex=\"0\"><table class=\"shrink\"><thead><tr>\
-         <th scope=\"col\">Recording</th><th scope=\"col\">Channel</th><th scope=\"col\"><span class=\"t-before\">Before</span></th>\
-         <th scope=\"col\"><span class=\"t-after\">After</span></th><th scope=\"col\">Noise</th><th scope=\"col\">In multiples of noise{}</th></tr></thead>{rows}</table></div>\n",
+         <th scope=\"col\">Recording</th><th scope=\"col\">Channel</th>{}<th scope=\"col\" class=\"num\">Noise</th><th scope=\"col\">In multiples of noise{}</th></tr></thead>{rows}</table></div>\n",
+        heads(retuned),
         ruler(&x)
     )
+}
+
+/// Heads of the columns of the models.
+fn heads(retuned: bool) -> &'static str {
+    if retuned {
+        "<th scope=\"col\" class=\"num\"><span class=\"t-before\">Before</span></th><th scope=\"col\" class=\"num\"><span class=\"t-after\">After</span></th>"
+    } else {
+        "<th scope=\"col\" class=\"num\"><span class=\"t-before\">Model</span></th>"
+    }
 }
 
 /// Decades of the logarithmic scale.
@@ -104,46 +118,54 @@ fn ruler(x: &Scale) -> String {
             )
         })
         .collect();
-    format!("<svg class=\"ruler\" viewBox=\"0 0 240 16\" aria-hidden=\"true\">{texts}</svg>")
+    // A label in the middle of a mark at the end reaches beyond it.
+    format!("<svg class=\"ruler\" viewBox=\"0 0 240 16\" overflow=\"visible\" aria-hidden=\"true\">{texts}</svg>")
 }
 
 /// One body per recording, its name once.
-fn grouped(entries: &[Value], held: &[&str], x: &Scale) -> String {
+fn grouped(entries: &[Value], held: &[&str], x: &Scale, retuned: bool) -> String {
     let mut out = String::new();
     for group in entries.chunk_by(|a, b| a["recording"] == b["recording"]) {
         let name = text(&group[0], "recording").unwrap_or("unnamed");
-        let mark = if held.contains(&name) { " <em>held out</em>" } else { "" };
+        let mark = mark(name, held);
         let mut head = format!("<th scope=\"rowgroup\" rowspan=\"{}\">{}{mark}</th>", group.len(), escape(name));
         out += "<tbody>";
         for entry in group {
-            out += &format!("<tr>{}{}</tr>", std::mem::take(&mut head), recording_row(entry, x));
+            out += &format!("<tr>{}{}</tr>", std::mem::take(&mut head), recording_row(entry, x, retuned));
         }
         out += "</tbody>";
     }
     out
 }
 
-fn recording_row(e: &Value, x: &Scale) -> String {
+/// Of a bench campaign a recording is held out, of drives one engagement: both are told.
+fn mark(name: &str, held: &[&str]) -> &'static str {
+    if held.iter().any(|h| *h == name || h.ends_with(&format!(" of {name}"))) { " <em>held out</em>" } else { "" }
+}
+
+fn recording_row(e: &Value, x: &Scale, retuned: bool) -> String {
     let unit = escape(&unit(text(e, "unit").unwrap_or("")));
     let value = |key: &str| real(e, key).map_or_else(|| "–".to_owned(), |v| number(v, 2));
     let drawn = match (real(e, "before"), real(e, "after"), real(e, "noise")) {
-        (Some(b), Some(a), Some(n)) if n > 0.0 && a > 0.0 && b > 0.0 => dumbbell(b / n, a / n, x),
+        (Some(b), Some(a), Some(n)) if n > 0.0 && a > 0.0 && b > 0.0 => dumbbell(b / n, retuned.then_some(a / n), x),
         _ => String::new(),
     };
     format!(
-        "<th scope=\"row\">{}</th><td class=\"num\">{}</td><td class=\"num\">{}</td><td class=\"num\">{} {unit}</td><td class=\"drawn\">{drawn}</td>",
+        "<th scope=\"row\">{}</th><td class=\"num\">{}</td>{}<td class=\"num\">{} {unit}</td><td class=\"drawn\">{drawn}</td>",
         escape(&channel(text(e, "channel").unwrap_or("unnamed"))),
         value("before"),
-        value("after"),
+        if retuned { format!("<td class=\"num\">{}</td>", value("after")) } else { String::new() },
         value("noise"),
     )
 }
 
-fn dumbbell(before: f64, after: f64, x: &Scale) -> String {
-    let (b, a, one) = (x.at(before.ln()), x.at(after.ln()), x.at(0.0));
+fn dumbbell(before: f64, after: Option<f64>, x: &Scale) -> String {
+    let (b, one) = (x.at(before.ln()), x.at(0.0));
+    let end = x.at(after.map_or(0.0, f64::ln));
+    let dot = after.map_or_else(String::new, |_| format!("<circle class=\"f-after\" cx=\"{end:.1}\" cy=\"9\" r=\"4.5\"/>"));
     format!(
-        "<svg viewBox=\"0 0 240 18\" aria-hidden=\"true\"><path class=\"null\" d=\"M{one:.1} 0v18\"/><path class=\"link\" d=\"M{b:.1} 9H{a:.1}\"/>\
-         <rect class=\"f-before\" x=\"{:.1}\" y=\"5\" width=\"8\" height=\"8\"/><circle class=\"f-after\" cx=\"{a:.1}\" cy=\"9\" r=\"4.5\"/></svg>",
+        "<svg viewBox=\"0 0 240 18\" aria-hidden=\"true\"><path class=\"null\" d=\"M{one:.1} 0v18\"/><path class=\"link\" d=\"M{b:.1} 9H{end:.1}\"/>\
+         <rect class=\"f-before\" x=\"{:.1}\" y=\"5\" width=\"8\" height=\"8\"/>{dot}</svg>",
         b - 4.0
     )
 }
@@ -155,7 +177,7 @@ pub const FIGURES: [(&str, &str, &str, f64); 3] = [
     ("slip_acceleration_rad_s2", "Slip acceleration at lock-up", "rad/s²", 1.0),
 ];
 
-fn engagement(far: &Value) -> String {
+fn engagement(far: &Value, retuned: bool) -> String {
     let some = |figure: &Value| ["real", "before", "after"].iter().any(|k| real(figure, k).is_some());
     let engages = |figures: &Value| FIGURES.iter().any(|f| some(&figures[f.0]));
     let recordings: Vec<(&String, &Value)> = far["kpi"].as_object().into_iter().flatten().filter(|(_, figures)| engages(figures)).collect();
@@ -167,30 +189,34 @@ fn engagement(far: &Value) -> String {
     for (name, figures) in recordings {
         let found: Vec<_> = FIGURES.iter().filter(|f| figures[f.0].is_object()).collect();
         for (k, (key, title, unit, factor)) in found.iter().enumerate() {
-            let mark = if held.contains(&name.as_str()) { " <em>held out</em>" } else { "" };
+            let mark = mark(name, &held);
             let group = if k == 0 {
                 format!("<th scope=\"rowgroup\" rowspan=\"{}\">{}{mark}</th>", found.len(), escape(name))
             } else {
                 String::new()
             };
             let values = ["real", "before", "after"].map(|k| real(&figures[*key], k).map(|v| v * factor));
-            rows += &format!("<tr>{group}<th scope=\"row\">{title}, {unit}</th>{}</tr>", cells(values));
+            rows += &format!("<tr>{group}<th scope=\"row\">{title}, {unit}</th>{}</tr>", cells(values, retuned));
         }
         rows += "</tbody><tbody>";
     }
     let rows = rows.trim_end_matches("<tbody>").trim_end_matches("</tbody>");
     format!(
         "<h3>Engagement figures</h3>\n<div class=\"scroll\" role=\"region\" aria-label=\"Engagement figures\" tabindex=\"0\"><table class=\"figures-table\"><thead><tr>\
-         <th scope=\"col\">Recording</th><th scope=\"col\">Figure</th><th scope=\"col\">Car</th><th scope=\"col\"><span class=\"t-before\">Before</span></th>\
-         <th scope=\"col\"><span class=\"t-after\">After</span></th></tr></thead><tbody>{rows}</tbody></table></div>\n"
+         <th scope=\"col\">Recording</th><th scope=\"col\">Figure</th><th scope=\"col\" class=\"num\">Car</th>{}</tr></thead><tbody>{rows}</tbody></table></div>\n",
+        heads(retuned)
     )
 }
 
 /// The model's values with how far they are off the car's.
-fn cells(values: [Option<f64>; 3]) -> String {
+fn cells(values: [Option<f64>; 3], retuned: bool) -> String {
     let real = values[0];
     let off = |v: f64| match real {
-        Some(r) if r.abs() > 1e-9 => format!("<small>{}&#8239;%</small>", signed(100.0 * (v / r - 1.0), 1)),
+        // Beyond a factor of ten a decimal says nothing.
+        Some(r) if r.abs() > 1e-9 => {
+            let p = 100.0 * (v / r - 1.0);
+            format!("<small>{}&#8239;%</small>", signed(p, usize::from(p.abs() < 1000.0)))
+        }
         _ => String::new(),
     };
     let worse = matches!(values, [Some(r), Some(b), Some(a)] if (a - r).abs() > (b - r).abs() + 0.01 * r.abs());
@@ -204,5 +230,5 @@ fn cells(values: [Option<f64>; 3]) -> String {
     } else {
         after
     };
-    cell(real, false) + &cell(values[1], true) + &after
+    cell(real, false) + &cell(values[1], true) + if retuned { &after } else { "" }
 }

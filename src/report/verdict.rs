@@ -14,6 +14,9 @@ const MARK: char = '\u{1}';
 /// Nats from which an explanation is ahead of all others for certain, as far as the library goes.
 const AHEAD: f64 = 7.0;
 
+/// Nats below which two explanations are as probable as each other: odds of 1.05 to one.
+const EQUAL: f64 = 0.05;
+
 /// The sentence that stands above everything, as plain text.
 pub fn headline(diagnosis: &Value) -> String {
     marked(diagnosis).replace(MARK, "")
@@ -73,20 +76,25 @@ pub fn replayed(diagnosis: &Value) -> Option<String> {
     let unit = unit_of(far);
     let held = texts(far, "held_out");
     let on = if held.is_empty() {
-        "On the recordings that were fitted".to_owned()
+        "In a free replay of the recordings that were fitted, the model".to_owned()
     } else {
-        format!("On {}, which took no part in the fit,", held.join(", "))
+        format!(
+            "In a free replay of {}, which took no part in the fit, the model",
+            enumeration(&held.iter().map(|h| (*h).to_owned()).collect::<Vec<_>>())
+        )
     };
     let with_unit = |v: f64| format!("{} {unit}", number(v, 3)).trim_end().to_owned();
     let (b, a) = (with_unit(before), with_unit(after));
     Some(match text(diagnosis, "verdict") {
-        Some("unexplained" | "inputs_do_not_fit") => format!("{on} a free replay is off by {b} (rms); nothing was retuned."),
+        Some("unexplained" | "inputs_do_not_fit") => format!("{on} is off by {b} (rms); nothing was retuned."),
         Some("no_gap") if after > before => {
-            format!("{on} a free replay is off by {a} (rms) with the numbers that fit the other recordings best, and by {b} with those of the vehicle file.")
+            format!(
+                "{on} is off by {a} (rms) with the numbers that fit the other recordings best, and by {b} with those of the vehicle file."
+            )
         }
-        Some("no_gap") => format!("{on} a free replay is off by {a} (rms); with the numbers of the vehicle file as they stand, by {b}."),
-        _ if after > before => format!("{on} a free replay got worse: it is off by {a} (rms), before by {b}."),
-        _ => format!("{on} a free replay is off by {a} (rms) instead of {b}."),
+        Some("no_gap") => format!("{on} is off by {a} (rms); with the numbers of the vehicle file as they stand, by {b}."),
+        _ if after > before => format!("{on} got worse: it is now off by {a} (rms), before by {b}."),
+        _ => format!("{on} is off by {a} (rms) instead of {b}."),
     })
 }
 
@@ -99,7 +107,7 @@ pub fn next_best(diagnosis: &Value) -> Option<(String, f64)> {
     // What only adds to the best says so.
     let adds = !kept.is_empty() && kept.iter().all(|id| ids.contains(id)) && best["missing_law"] == Value::Null;
     let mut parts: Vec<String> = ids.into_iter().filter(|id| !(adds && kept.contains(id))).map(names::effect).collect();
-    parts.extend(text(other, "missing_law").map(|s| format!("a law missing in {}", names::place(s))));
+    parts.extend(text(other, "missing_law").map(|s| format!("a missing law in {}", names::place(s))));
     let name = match (parts.is_empty(), adds) {
         (true, _) => "no effect at all".to_owned(),
         (_, true) => format!("the same, and {} beside it", enumeration(&parts)),
@@ -113,7 +121,6 @@ pub fn confidence(diagnosis: &Value) -> Option<String> {
     let (name, behind) = next_best(diagnosis)?;
     let odds = match behind.exp() {
         r if r > 1e6 => "more than a million to one".to_owned(),
-        r if r < 1.05 => "even".to_owned(),
         r if r < 10.0 => format!("{} to one", number(r, 2)),
         r => {
             let unit = 10f64.powf(r.log10().floor() - 1.0);
@@ -126,6 +133,9 @@ pub fn confidence(diagnosis: &Value) -> Option<String> {
         b if b < AHEAD => "Likely",
         _ => "Clear within the library",
     };
+    if behind < EQUAL {
+        return Some(format!("{said}. Next best: {name}, which is just as probable."));
+    }
     Some(format!(
         "{said}. Next best: {name}, {} nats behind; odds of {odds}, if the true cause is among those compared.",
         number(behind, 2)
@@ -180,13 +190,20 @@ fn bold(text: &str) -> String {
 fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
     let (place, far) = (&diagnosis["where"], &diagnosis["how_far"]);
     let or = format!(" {MARK}or{MARK} ");
-    let doubts: Vec<&str> = texts(place, "ambiguous_with");
+    // Of a gap that is explained in part, what is doubtful is the place of the rest.
+    let partly = text(diagnosis, "verdict") == Some("partly_explained");
+    let doubts: Vec<&str> = if partly { Vec::new() } else { texts(place, "ambiguous_with") };
     let primary = match text(place, "primary") {
         Some(id) => std::iter::once(id).chain(doubts.iter().copied()).map(names::subsystem).collect::<Vec<_>>().join(&or),
         None => "no subsystem".to_owned(),
     };
     let others: Vec<String> = super::residual_map::subsystems(place).iter().skip(1).map(|id| names::subsystem(id)).collect();
-    let then = if others.is_empty() { String::new() } else { format!("then {}", enumeration(&others)) };
+    let then = if others.is_empty() { None } else { Some(format!("then {}", enumeration(&others))) };
+    let rest = text(place, "unexplained_at").filter(|_| partly).map(|id| {
+        let all: Vec<String> = std::iter::once(id).chain(texts(place, "ambiguous_with")).map(names::subsystem).collect();
+        format!("what remains: {}", alternatives(&all))
+    });
+    let then = then.into_iter().chain(rest).collect::<Vec<_>>().join("; ");
     let effects = list(&diagnosis["which"], "effects");
     let which = if effects.is_empty() { "no effect added".to_owned() } else { named(effects) };
     let ids: Vec<String> = effects.iter().filter_map(|e| text(e, "id")).map(str::to_owned).collect();
@@ -203,8 +220,8 @@ fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
             } else {
                 format!("{} more", percent(a / b - 1.0))
             };
-            let floor = real(far, "noise_floor")
-                .map_or_else(String::new, |f| format!("; about {} is to be expected of the true car", number(f, 3)));
+            let floor =
+                real(far, "noise_floor").map_or_else(String::new, |f| format!("; even the true car would leave about {}", number(f, 3)));
             (format!("{} → {} {unit}", number(b, 3), number(a, 3)), format!("{change}{floor}"))
         }
         _ => ("not stated".to_owned(), String::new()),

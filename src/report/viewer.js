@@ -145,7 +145,7 @@ function moveCursor(time) {
   state.cursor = time;
   const recording = RECORDINGS[state.recording];
   const place = time === null ? (zoomed() ? `${state.view.map((t) => t.toFixed(2)).join(" to ")} s` : "") : `t = ${time.toFixed(recording.dt < 0.005 ? 3 : 2)} s`;
-  document.getElementById("shown").textContent = [recording.name, recording.manoeuvre.replaceAll("_", " "), place].filter(Boolean).join(" · ");
+  document.getElementById("shown").textContent = [recording.name, recording.manoeuvre.replaceAll("_", " "), recording.held_out ? "held out" : "", place].filter(Boolean).join(" · ");
   for (const p of panels) mark(p, time);
 }
 

@@ -115,15 +115,15 @@ pub fn control(input: &Input) -> String {
     };
     let how = match what_if.player {
         Player::Plant(_) => {
-            "The plant itself runs in this page, as the FMU does, and replays the recording that is shown below with the sizes that you choose."
+            "The plant itself runs in this page, exactly as the FMU does, and replays the recording shown below with the sizes that you choose."
         }
         Player::Replays(_) => {
-            "Replays that were made beforehand with the plant, at the sizes at which the slider stops; nothing is interpolated."
+            "The replays were computed beforehand with the plant, at the sizes at which the slider stops; nothing is interpolated."
         }
     };
     format!(
-        "<details class=\"what-if\" id=\"what-if\"><summary>What if an effect were larger or smaller?</summary>\n<p class=\"hint\">{how} It starts where the car does and at the \
-         temperatures noted for the recording.</p>\n<div class=\"tools\"><label>Effect <select id=\"what-if-effect\">{}{}</select></label> \
+        "<details class=\"what-if\" id=\"what-if\"><summary>What if an effect were larger or smaller?</summary>\n<p class=\"hint\">{how} It starts at the speeds and temperatures at which \
+         the retuned model does.</p>\n<div class=\"tools\"><label>Effect <select id=\"what-if-effect\">{}{}</select></label> \
          <button type=\"button\" data-size=\"found\">As found</button><button type=\"button\" data-size=\"null\">Without it</button></div>\n\
          <div id=\"what-if-sizes\"></div>\n<p id=\"what-if-said\" class=\"hint\" aria-live=\"polite\"></p></details>\n",
         group(true, "found in this campaign"),

@@ -67,7 +67,7 @@ pub fn find(engine: Trace<'_>, road: Trace<'_>, known: &Known, shaft: bool, rema
     let mut gears = Gears { given: !known.ratios.is_empty(), ..Gears::default() };
     if gears.given {
         let Some(common) = common_factor(&teachers, known, shaft) else {
-            remarks.push("no stretch with a steady ratio of engine to road speed: the given ratios can't be laid over anything".into());
+            remarks.push("no stretch with a steady ratio of engine to road speed: the given ratios cannot be matched to anything".into());
             return gears;
         };
         gears.common = Some(common);

@@ -1,6 +1,7 @@
 """Both FMUs as `kisspoint fmu` writes them, and the command itself."""
 
 import os
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -10,6 +11,30 @@ import pytest
 from lxml import etree
 
 ROOT = Path(__file__).resolve().parents[2]
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+DRIVER = shutil.which("chromedriver")
+
+
+def chromium():
+    """Headless Chromium by its driver, which hears the console and the network."""
+    from selenium import webdriver
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = BROWSER
+    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=1280,900"):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    return webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A browser of the module's own; what is silent in a page stays so until the end."""
+    if not (BROWSER and DRIVER):
+        pytest.skip("no Chromium with chromedriver on the path: apt-get install chromium chromium-driver")
+    driver = chromium()
+    yield driver
+    driver.quit()
 
 
 def find_command() -> Path:

@@ -2,15 +2,12 @@
 
 import json
 import random
-import shutil
 import subprocess
 
 import pytest
 from conftest import find_command
 from test_report_browser import CONTRAST
 
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-DRIVER = shutil.which("chromedriver")
 CARS = 10_000
 
 
@@ -37,36 +34,26 @@ def page(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def browser(page):
-    webdriver = pytest.importorskip("selenium.webdriver")
-    if not (BROWSER and DRIVER):
-        pytest.skip("Chromium is not installed")
-    options = webdriver.ChromeOptions()
-    options.binary_location = BROWSER
-    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=1280,900"):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
-    driver.get(page.as_uri())
-    yield driver
-    assert driver.get_log("browser") == []
-    driver.quit()
+def shown(page, browser):
+    browser.get(page.as_uri())
+    yield browser
+    assert browser.get_log("browser") == []
 
 
-def test_ten_thousand_cars_are_a_few_megabytes_and_few_elements(page, browser):
+def test_ten_thousand_cars_are_a_few_megabytes_and_few_elements(page, shown):
     assert page.stat().st_size < 6_000_000
-    assert browser.execute_script("return document.querySelectorAll('*').length") < 1500
-    assert browser.execute_script("return document.getElementById('count').textContent") == "10000 cars"
+    assert shown.execute_script("return document.querySelectorAll('*').length") < 1500
+    assert shown.execute_script("return document.getElementById('count').textContent") == "10000 cars"
 
 
-def test_the_list_scrolls_to_the_last_car(browser):
-    browser.execute_script("const w = document.getElementById('window'); w.scrollTop = w.scrollHeight;")
-    names = browser.execute_async_script("const done = arguments[0]; setTimeout(() => done([...document.querySelectorAll('#rows a')].map((a) => a.textContent)), 300)")
+def test_the_list_scrolls_to_the_last_car(shown):
+    shown.execute_script("const w = document.getElementById('window'); w.scrollTop = w.scrollHeight;")
+    names = shown.execute_async_script("const done = arguments[0]; setTimeout(() => done([...document.querySelectorAll('#rows a')].map((a) => a.textContent)), 300)")
     assert names[-1] == "car_9999" and len(names) < 60
 
 
-def test_filters_sorting_and_links_work(browser):
-    js = browser.execute_script
+def test_filters_sorting_and_links_work(shown):
+    js = shown.execute_script
     js("document.querySelector('[data-effect=friction_fade]').click()")
     assert js("return document.getElementById('count').textContent") == "1000 of 10000 cars"
     js("[...document.querySelectorAll('#head button')].find((b) => b.textContent.startsWith('Gap')).click()")
@@ -80,8 +67,8 @@ def test_filters_sorting_and_links_work(browser):
     js("document.getElementById('clear').click()")
 
 
-def test_a_point_is_reached_by_keys_and_named(browser):
-    js = browser.execute_script
+def test_a_point_is_reached_by_keys_and_named(shown):
+    js = shown.execute_script
     for over in ("", "mileage_km"):
         js("const o = document.getElementById('over'); o.value = arguments[0]; o.onchange()", over)
         assert js("return document.getElementById('hint').textContent") == "10000 cars have a value"
@@ -92,16 +79,16 @@ def test_a_point_is_reached_by_keys_and_named(browser):
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_text_has_contrast(browser, scheme):
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]})
-    low = [one for one in browser.execute_script(CONTRAST) if one[0] < 4.5]
+def test_text_has_contrast(shown, scheme):
+    shown.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]})
+    low = [one for one in shown.execute_script(CONTRAST) if one[0] < 4.5]
     assert not low, low[:5]
 
 
-def test_a_narrow_screen_scrolls_one_way(browser):
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": 360, "height": 740, "deviceScaleFactor": 1, "mobile": True})
-    assert browser.execute_script("return document.documentElement.scrollWidth") <= 360
-    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+def test_a_narrow_screen_scrolls_one_way(shown):
+    shown.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": 360, "height": 740, "deviceScaleFactor": 1, "mobile": True})
+    assert shown.execute_script("return document.documentElement.scrollWidth") <= 360
+    shown.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
 def answer(effects, tolerance=0.0):

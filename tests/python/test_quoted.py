@@ -3,12 +3,14 @@
     python tests/python/test_quoted.py     writes the integrator's numbers into docs/importers.md; packaging/docs.sh makes the rest
 """
 
+import math
 import re
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
+import pytest
 from conftest import ROOT, find_command
 from master import Model
 
@@ -31,13 +33,37 @@ def test_the_integrator_s_first_curve_is_as_the_page_says(fmus):
     assert FIRST_CURVE.search(IMPORTERS.read_text(encoding="utf-8")).groups() == first_curve(fmus["DrivelinePlant"]), "packaging/docs.sh writes it anew"
 
 
+BOUND = re.compile(r"\|[^|]*?\b(\d+) of (\d+)\b[^|\n]*\| at (most|least) ([\d.]+) %")
+VALIDATION = ROOT / "docs/validation.md"
+
+
 def test_the_counts_of_the_readme_are_those_of_the_validation():
-    """Each "n of m" there stands in the table that says how it was found."""
+    """Each "n of m" there stands in the tables that say how it was found."""
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    (said,) = re.findall(r"\*\*How often it is right\*\*(.*?)\n(?:\n|-)", readme, re.S)
-    validation = (ROOT / "docs/validation.md").read_text(encoding="utf-8")
+    (said,) = re.findall(r"## How often it is right\n(.*?)\n## ", readme, re.S)
+    validation = VALIDATION.read_text(encoding="utf-8")
     counts = re.findall(r"[\d.]+ of \d+", said)
     assert len(counts) >= 4 and not [count for count in counts if not re.search(rf"\b{re.escape(count)}\b", validation)]
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", VALIDATION])
+def test_bounds_follow_from_their_counts(page):
+    """The share at which so few, or so many, would be found once in twenty times; bounds are rounded away from what was found."""
+
+    def at_most(found, all_):
+        low, high = found / all_, 1.0
+        for _ in range(50):
+            middle = 0.5 * (low + high)
+            tail = sum(math.comb(all_, k) * middle**k * (1 - middle) ** (all_ - k) for k in range(found + 1))
+            low, high = (middle, high) if tail > 0.05 else (low, middle)
+        return high
+
+    rows = BOUND.findall(page.read_text(encoding="utf-8"))
+    assert len(rows) >= 5
+    for found, all_, side, said in rows:
+        found, all_, said = int(found), int(all_), float(said)
+        bound = 100 * (at_most(found, all_) if side == "most" else 1 - at_most(all_ - found, all_))
+        assert said == (math.ceil(bound) if side == "most" else math.floor(bound)), f"{found} of {all_}: {bound:.2f} %"
 
 
 def words(head):

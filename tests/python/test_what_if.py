@@ -1,5 +1,7 @@
 """What if: the plant in the report replays a recording as the FMU does, and without it the page holds replays that were made beforehand."""
 
+import base64
+import gzip
 import json
 import shutil
 import subprocess
@@ -9,10 +11,8 @@ from urllib.parse import unquote
 import pytest
 from conftest import ROOT, find_command
 from master import Model
-from test_diagnosis import EXAMPLE, recording, starts
-from test_report_browser import BROWSER, DRIVER, NO_BROWSER
+from test_diagnosis import EXAMPLE, recording, starts, subset
 
-pytestmark = pytest.mark.skipif(not (BROWSER and DRIVER), reason=NO_BROWSER)
 COLUMNS = ("omega_f", "omega_c")
 EFFECT = "kiss_point_thermal"
 
@@ -22,20 +22,6 @@ def module():
     beside = find_command().resolve().parent
     places = (beside / "libraries/wasm32/kisspoint.wasm", beside / "../fmu-sources/kisspoint.wasm")
     return next((place for place in places if place.is_file()), None)
-
-
-@pytest.fixture(scope="module")
-def driver():
-    from selenium import webdriver
-
-    options = webdriver.ChromeOptions()
-    options.binary_location = BROWSER
-    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--window-size=1280,900"):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
-    yield driver
-    driver.quit()
 
 
 class Page:
@@ -118,10 +104,10 @@ def by_the_fmu(fmu, name, parameters):
 
 @pytest.mark.parametrize("share", [0.1, 0.95])
 @pytest.mark.parametrize("shown", ["r01", "held out"])
-def test_the_plant_in_the_page_is_the_fmu(answer, driver, shown, share):
+def test_the_plant_in_the_page_is_the_fmu(answer, browser, shown, share):
     if shown == "held out":
         shown = json.loads((answer / "diagnosis.json").read_text())["how_far"]["held_out"][0]
-    page = Page(driver, answer / "report.html", shown)
+    page = Page(browser, answer / "report.html", shown)
     value = page.drag(share)
     expected = by_the_fmu(answer / "DrivelinePlant.fmu", shown, {f"effect.{EFFECT}.slope": value})
     for column, table in zip(COLUMNS, page.curves(), strict=True):
@@ -129,43 +115,62 @@ def test_the_plant_in_the_page_is_the_fmu(answer, driver, shown, share):
         assert table["what if"] == pytest.approx(expected[column], rel=1e-9, abs=1e-9)
         # It is another plant than that of the verdict, or the slider would do nothing.
         assert max(abs(a - b) for a, b in zip(table["what if"], table["after"])) > 0.5
-    assert driver.get_log("browser") == []
+    assert browser.get_log("browser") == []
 
 
-def test_as_found_it_is_what_the_report_shows(answer, driver):
+def test_as_found_it_is_what_the_report_shows(answer, browser):
     shown = json.loads((answer / "diagnosis.json").read_text())["how_far"]["held_out"][0]
-    page = Page(driver, answer / "report.html", shown)
+    page = Page(browser, answer / "report.html", shown)
     page.drag(0.9)
     page.press("found")
     for table in page.curves():
         assert table["what if"] == pytest.approx(table["after"], abs=0.05)
-    driver.execute_script("document.getElementById('what-if').open = false")
-    driver.implicitly_wait(0)
-    assert driver.execute_async_script("setTimeout(() => arguments[0](document.querySelectorAll('#stage .c-whatif').length), 200)") == 0
+    browser.execute_script("document.getElementById('what-if').open = false")
+    browser.implicitly_wait(0)
+    assert browser.execute_async_script("setTimeout(() => arguments[0](document.querySelectorAll('#stage .c-whatif').length), 200)") == 0
 
 
-def test_every_effect_can_be_tried_on_every_recording(answer, driver):
-    page = Page(driver, answer / "report.html", "r01")
-    effects = driver.execute_script("return [...document.querySelectorAll('#what-if-effect option')].map((o) => o.value)")
+def test_as_found_it_is_what_the_report_shows_also_where_the_start_temperature_was_fitted(browser, kisspoint, tmp_path):
+    if module() is None:
+        pytest.skip("packaging/sources.sh has not made the plant for browsers")
+    campaign = subset(["r01", "r02", "r04", "r05"], tmp_path / "campaign")
+    noted = json.loads((campaign / "recordings.json").read_text())
+    noted["r05"].update(theta_c0_degC=noted["r05"]["theta_c0_degC"] + 30.0, theta_c0_sigma_K=30.0)
+    (campaign / "recordings.json").write_text(json.dumps(noted))
+    kisspoint("diagnose", campaign, "--out", tmp_path / "out")
+    assert "r05" not in json.loads((tmp_path / "out/diagnosis.json").read_text())["how_far"]["held_out"]
+    page = Page(browser, tmp_path / "out/report.html", "r05")
+    drives = json.loads(browser.execute_script("return document.getElementById('what-if-data').textContent"))["drives"]
+    start = json.loads(gzip.decompress(base64.b64decode(drives[list(noted).index("r05")])))["start"]
+    assert abs(start[2] - noted["r05"]["theta_c0_degC"]) > 10.0, "the fit has found that the temperature noted is wrong"
+    page.drag(0.9)
+    page.press("found")
+    for table in page.curves():
+        assert table["what if"] == pytest.approx(table["after"], abs=0.1)
+
+
+def test_every_effect_can_be_tried_on_every_recording(answer, browser):
+    page = Page(browser, answer / "report.html", "r01")
+    effects = browser.execute_script("return [...document.querySelectorAll('#what-if-effect option')].map((o) => o.value)")
     assert len(effects) == 24 and effects[0] == EFFECT
     for effect in effects:
-        driver.execute_script(
+        browser.execute_script(
             "const s = document.getElementById('what-if-effect'); s.value = arguments[0]; s.dispatchEvent(new Event('change'))", effect
         )
         page.drag(0.6)
-    for k in range(len(driver.find_elements("css selector", ".card"))):
-        driver.execute_script("document.getElementById('what-if-said').textContent = ''; document.querySelectorAll('.card')[arguments[0]].click()", k)
+    for k in range(len(browser.find_elements("css selector", ".card"))):
+        browser.execute_script("document.getElementById('what-if-said').textContent = ''; document.querySelectorAll('.card')[arguments[0]].click()", k)
         assert page.said().startswith("Car minus model")
 
 
-def test_without_the_plant_there_are_replays_made_beforehand(driver, tmp_path):
+def test_without_the_plant_there_are_replays_made_beforehand(browser, tmp_path):
     command = find_command().resolve()
     for file in (command, command.with_name("libkisspoint.so")):
         shutil.copy(file, tmp_path)
     out = tmp_path / "out"
     subprocess.run([tmp_path / command.name, "diagnose", EXAMPLE, "--out", out], check=True, capture_output=True)
-    page = Page(driver, out / "report.html", json.loads((out / "diagnosis.json").read_text())["how_far"]["held_out"][0])
-    assert "nothing is interpolated" in driver.find_element("id", "what-if").text
+    page = Page(browser, out / "report.html", json.loads((out / "diagnosis.json").read_text())["how_far"]["held_out"][0])
+    assert "nothing is interpolated" in browser.find_element("id", "what-if").text
     assert page.drag(0.5) == 100
     for table in page.curves():
         assert table["what if"] == pytest.approx(table["after"], abs=0.05)

@@ -64,7 +64,14 @@ pub fn campaign() -> Campaign {
         if manoeuvre == "launch" {
             kpi.insert(name.to_owned(), engagement([&real, &before, &after]));
         }
-        overlays.push(Overlay { recording: name.to_owned(), manoeuvre: manoeuvre.to_owned(), held_out, dt: DT, channels });
+        overlays.push(Overlay {
+            recording: name.to_owned(),
+            manoeuvre: manoeuvre.to_owned(),
+            held_out,
+            dt: DT,
+            theta: [25.0; 2],
+            channels,
+        });
     }
     Campaign { diagnosis: diagnosis(per_recording, kpi), overlays, provenance: provenance() }
 }

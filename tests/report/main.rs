@@ -2,6 +2,7 @@
 
 mod campaign;
 
+use kisspoint::report::laws::{Law, Line};
 use kisspoint::report::{Input, Overlay, OverlayChannel, html};
 use serde_json::{Value, json};
 
@@ -49,7 +50,7 @@ fn the_answers_of_a_campaign_are_all_there() {
         "explains the gap.",
         "Not settled. Next best: thermal change of the cushion stiffness, 0.52 nats behind",
         "≈",
-        "took no part in the fit, a free replay is off by",
+        "which took no part in the fit, the model is off by",
         "car 17",
         "Cold is below 70 °C.",
         "may just as well lie in",
@@ -62,7 +63,7 @@ fn the_answers_of_a_campaign_are_all_there() {
         "thermal change of the cushion stiffness",
         "slip at constant clutch torque on a hot disc",
         "held out",
-        "To be expected of the true car",
+        "True car, expected",
         "Dissipated energy, kJ",
         "a creep at 5 to 30 rad/s of slip, recorded at 1 kHz",
         "r11",
@@ -93,6 +94,7 @@ fn a_usual_campaign_stays_below_two_and_a_half_megabytes() {
         manoeuvre: "launch".to_owned(),
         held_out: false,
         dt: 0.01,
+        theta: [25.0; 2],
         channels: (0..5).map(|j| channel(j, n)).collect(),
     };
     let usual: Vec<Overlay> = (0..10).map(|r| overlay(r, 450)).collect();
@@ -206,11 +208,81 @@ fn curves_may_be_empty_constant_or_broken() {
             manoeuvre: String::new(),
             held_out: true,
             dt: 0.01,
+            theta: [25.0; 2],
             channels: vec![channel(real)],
         })
-        .chain([Overlay { recording: "none".to_owned(), manoeuvre: String::new(), held_out: true, dt: 0.01, channels: vec![] }])
+        .chain([Overlay {
+            recording: "none".to_owned(),
+            manoeuvre: String::new(),
+            held_out: true,
+            dt: 0.01,
+            theta: [25.0; 2],
+            channels: vec![],
+        }])
         .collect();
     let page = render(&json!({}), &overlays);
     let page = body(&page);
     assert!(!page.contains("NaN") && !page.contains("inf "), "no coordinate is other than a number");
+}
+
+/// Where nothing was retuned there is one model, and no column, bar or curve repeats it.
+#[test]
+fn an_unexplained_gap_is_shown_once() {
+    let mut made = campaign::campaign();
+    made.diagnosis["verdict"] = json!("unexplained");
+    made.diagnosis["where"]["unexplained_at"] = json!("friction");
+    let points = vec![(0.0, 1.0), (1.0, 2.0)];
+    let line = |identified| Line { identified, hot: false, points: points.clone() };
+    let law = Law {
+        title: "Friction".to_owned(),
+        over: "slip, rad/s".to_owned(),
+        unit: "",
+        lines: vec![line(false), line(true)],
+        cloud: points.clone(),
+        note: String::new(),
+    };
+    let laws = [law];
+    let page = |diagnosis: &Value| html(&Input { overlays: &made.overlays, laws: &laws, ..Input::empty(diagnosis) });
+    let section = |page: &str, id: &str| {
+        let from = page.find(&format!("<section id=\"{id}\"")).expect(id);
+        page[from..from + page[from..].find("</section>").expect("an end")].to_owned()
+    };
+    let (once, mut retuned) = (page(&made.diagnosis), made.diagnosis.clone());
+    retuned["verdict"] = json!("explained");
+    for id in ["curves", "which", "how-far"] {
+        for word in ["c-after", "d-after", ">After<", "identified"] {
+            assert!(!section(&once, id).contains(word), "{id}: {word}");
+        }
+    }
+    let twice = page(&retuned);
+    assert!(section(&twice, "how-far").contains(">After<") && section(&twice, "which").contains("c-after"), "else the test proves nothing");
+    assert!(visible(&once).contains("How large the gap is") && !visible(&once).contains("is gone"));
+}
+
+/// Of a gap that is explained in part, the doubt about the rest is no doubt about what was named.
+#[test]
+fn the_place_of_the_rest_is_told_apart_from_the_place_of_the_gap() {
+    let mut made = campaign::campaign();
+    made.diagnosis["verdict"] = json!("partly_explained");
+    let place = &mut made.diagnosis["where"];
+    place["primary"] = json!("actuator");
+    place["unexplained_at"] = json!("engine");
+    place["ambiguous_with"] = json!(["driveline"]);
+    let page = render(&made.diagnosis, &made.overlays);
+    assert!(page.contains("<dt>Where</dt><dd><strong>Actuator</strong>"), "the named effect lies in the actuator and nowhere else");
+    assert!(visible(&page).contains("what remains: engine torque or driveline"));
+    assert!(visible(&page).contains("What remains may just as well lie in"));
+}
+
+/// Numbers that the fit moved farther than the drawing reaches are told from those at its edge.
+#[test]
+fn a_number_beyond_the_scale_is_drawn_as_an_arrow() {
+    let mut made = campaign::campaign();
+    made.diagnosis["which"]["tolerances"] = json!({"a": -3.9, "b": -19.2, "c": 5.0});
+    let page = render(&made.diagnosis, &made.overlays);
+    let row = |name: &str| {
+        page[page.find(&format!("<code>{name}</code></th><td class=\"num\">")).expect(name)..].split("</tr>").next().unwrap().to_owned()
+    };
+    assert!(row("a").contains("<circle") && row("b").contains("beyond") && row("c").contains("beyond"));
+    assert!(visible(&page).contains("by 19, "), "the doubts name it");
 }

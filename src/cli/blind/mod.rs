@@ -34,9 +34,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
     kisspoint blind --plan --cars 24 --seed 1 --curve limits.svg\n  \
     kisspoint blind --road --cars 20 --seed 3 --draw-only --keep drawn")]
 pub struct Args {
-    /// Cars to draw
-    #[arg(long, value_name = "N", default_value = "20")]
-    cars: std::num::NonZeroUsize,
+    /// Cars to draw, at least one
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..))]
+    cars: u32,
     /// Seed of the draw; without one, the clock gives it
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
@@ -98,7 +98,7 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
     let clock = || std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).map_or(0, |d| d.as_secs());
     let seed = args.seed.unwrap_or_else(clock);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build()?;
-    let cars = args.cars.get();
+    let cars = args.cars as usize;
     if args.plan {
         let options = planned::Options { cars, seed, json: args.json, curve: args.curve.as_ref() };
         return planned::run(&options, &pool);
