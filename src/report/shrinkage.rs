@@ -11,6 +11,9 @@ use super::text::{capitalised, channel, escape, fixed, number, percent, signed, 
 pub fn section(diagnosis: &Value) -> String {
     let far = &diagnosis["how_far"];
     let untouched = match text(diagnosis, "verdict") {
+        Some("unexplained") if super::series::holds_law(diagnosis) => {
+            "<p>No effect was added: after is the nominal model, as before. What the empirical law closes stands beside it.</p>\n"
+        }
         Some("unexplained" | "inputs_do_not_fit") => "<p>Nothing was retuned: after is the nominal model, as before.</p>\n",
         Some("no_gap") => "<p>After is the nominal vehicle with its numbers moved within their tolerances; no effect was added.</p>\n",
         _ => "",
@@ -25,6 +28,7 @@ fn summary(far: &Value) -> String {
     let metric = text(far, "metric").unwrap_or("metric not named");
     let unit = super::verdict::unit_of(far);
     let floor = real(far, "noise_floor");
+    let law = real(&far["empirical"], "after").filter(|_| far["empirical"]["taken"] == true);
     let most = before.max(after).max(floor.unwrap_or(0.0));
     let row = |name: &str, class: &str, value: f64| {
         format!(
@@ -57,10 +61,11 @@ fn summary(far: &Value) -> String {
     };
     format!(
         "<p>{held}{less}{closed}</p>\n<table class=\"bars\"><caption>{}</caption><thead class=\"unseen\"><tr><th scope=\"col\">Model</th><th scope=\"col\">Gap</th>\
-         <th scope=\"col\">Bar</th></tr></thead><tbody>{}{}{row_noise}</tbody></table>\n{said}",
+         <th scope=\"col\">Bar</th></tr></thead><tbody>{}{}{}{row_noise}</tbody></table>\n{said}",
         escape(&capitalised(&metric.replace("real minus simulated", "car minus model"))),
         row("Before", "before", before),
         row("After", "after", after),
+        law.map_or_else(String::new, |with| row("With the empirical law", "after", with)),
     )
 }
 

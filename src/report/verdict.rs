@@ -80,9 +80,15 @@ pub fn replayed(diagnosis: &Value) -> Option<String> {
     let with_unit = |v: f64| format!("{} {unit}", number(v, 3)).trim_end().to_owned();
     let (b, a) = (with_unit(before), with_unit(after));
     Some(match text(diagnosis, "verdict") {
+        Some("unexplained") if super::series::holds_law(diagnosis) => {
+            let with = real(&far["empirical"], "after").map_or_else(String::new, |v| with_unit(v));
+            format!("{on} a free replay is off by {b} (rms); with an empirical law, which is no cause, by {with}.")
+        }
         Some("unexplained" | "inputs_do_not_fit") => format!("{on} a free replay is off by {b} (rms); nothing was retuned."),
         Some("no_gap") if after > before => {
-            format!("{on} a free replay is off by {a} (rms) with the numbers that fit the other recordings best, and by {b} with those of the vehicle file.")
+            format!(
+                "{on} a free replay is off by {a} (rms) with the numbers that fit the other recordings best, and by {b} with those of the vehicle file."
+            )
         }
         Some("no_gap") => format!("{on} a free replay is off by {a} (rms); with the numbers of the vehicle file as they stand, by {b}."),
         _ if after > before => format!("{on} a free replay got worse: it is off by {a} (rms), before by {b}."),
