@@ -58,8 +58,7 @@ fn rivals(effect: &Value) -> Option<String> {
     if rivals.is_empty() {
         return None;
     }
-    let how =
-        text(effect, "separated_by").map_or_else(String::new, |how| format!(" To tell them apart: {}.", escape(how.trim_end_matches('.'))));
+    let how = text(effect, "separated_by").map_or_else(String::new, |how| format!(" To tell them apart: {}.", escape(how.trim_end_matches('.'))));
     Some(format!("These recordings cannot tell <b>{own}</b> from {}.{how}", alternatives(&rivals)))
 }
 

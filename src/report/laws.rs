@@ -7,7 +7,7 @@ use super::chart::{Scale, path, range};
 use super::json::{real, text};
 use super::names;
 use super::residuals::{labelled, plain};
-use super::text::{escape, percent};
+use super::text::{capitalised, escape, percent};
 
 /// One curve of a law.
 #[derive(Clone, Debug)]
@@ -55,18 +55,19 @@ fn beyond(input: &Input, figures: &str) -> String {
     let far = &input.diagnosis["how_far"];
     let found = &far["empirical"];
     let (Some(law), Some(reason)) = (text(found, "law"), text(found, "reason")) else { return String::new() };
-    let name = escape(&names::subsystem(law));
-    let reason = escape(reason);
+    let name = escape(&names::place(law));
     if found["taken"] != true {
         return format!(
-            "<h3>No empirical law was taken</h3>\n<p>For what no effect of the library accounts for, a law of the {name} was learned and tried on recordings that did not teach it: {reason}.</p>\n"
+            "<h3>No empirical law was taken</h3>\n<p>For what no effect of the library accounts for, a law of {name} was learned and tried on recordings that did not teach it: {}.</p>\n",
+            escape(reason)
         );
     }
+    let reason = escape(&capitalised(reason));
     let closed = real(found, "closed_fraction")
         .map_or_else(String::new, |c| format!(" Of the gap that stood above what the true car would leave, {} is gone.", percent(c)));
     format!(
-        "<h3>An empirical law of the {name}</h3>\n<p>For what no effect of the library accounts for, the retuned plant holds a law that was learned from these recordings. It says how the car \
-         behaves where it was driven, not why, and is no cause: {reason}.{closed} Its curves are added; as tables they are <code>effect.empirical.*</code> of the FMU, held constant outside their breakpoints.</p>\n\
+        "<h3>An empirical law of {name}</h3>\n<p>For what no effect of the library accounts for, the retuned plant holds a law that was learned from these recordings. It says how the car \
+         behaves where it was driven, not why; it is no cause. {reason}.{closed} Its curves are added; as tables they are <code>effect.empirical.*</code> of the FMU, held constant outside their breakpoints.</p>\n\
          <p class=\"keys\"><svg class=\"key\" aria-hidden=\"true\"><path class=\"c-before\" d=\"M0 7h26\"/></svg> no law \
          <svg class=\"key\" aria-hidden=\"true\"><path class=\"c-after\" d=\"M0 7h26\"/></svg> learned, with its 95\u{202f}% band; dots are the recordings, less what the other curves say</p>\n\
          <div class=\"figures\">{figures}</div>\n"

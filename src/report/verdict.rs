@@ -79,11 +79,10 @@ pub fn replayed(diagnosis: &Value) -> Option<String> {
     };
     let with_unit = |v: f64| format!("{} {unit}", number(v, 3)).trim_end().to_owned();
     let (b, a) = (with_unit(before), with_unit(after));
-    Some(match text(diagnosis, "verdict") {
-        Some("unexplained") if super::series::holds_law(diagnosis) => {
-            let with = real(&far["empirical"], "after").map_or_else(String::new, |v| with_unit(v));
-            format!("{on} a free replay is off by {b} (rms); with an empirical law, which is no cause, by {with}.")
-        }
+    let law = real(&far["empirical"], "after").filter(|_| super::series::holds_law(diagnosis));
+    let law = law.map_or_else(String::new, |v| format!(" With an empirical law, which is no cause, it is off by {}.", with_unit(v)));
+    let said = match text(diagnosis, "verdict") {
+        Some("unexplained") if !law.is_empty() => format!("{on} a free replay is off by {b} (rms)."),
         Some("unexplained" | "inputs_do_not_fit") => format!("{on} a free replay is off by {b} (rms); nothing was retuned."),
         Some("no_gap") if after > before => {
             format!(
@@ -93,7 +92,8 @@ pub fn replayed(diagnosis: &Value) -> Option<String> {
         Some("no_gap") => format!("{on} a free replay is off by {a} (rms); with the numbers of the vehicle file as they stand, by {b}."),
         _ if after > before => format!("{on} a free replay got worse: it is off by {a} (rms), before by {b}."),
         _ => format!("{on} a free replay is off by {a} (rms) instead of {b}."),
-    })
+    };
+    Some(said + &law)
 }
 
 /// The explanation that comes next after the best, and how many nats it lies behind.
