@@ -215,6 +215,9 @@ fn number_table(what: &str, table: &str, of: &str, fields: &[(&str, &Variable)])
     text + "];\n"
 }
 
+/// Tables that were learned from recordings: parameters of the plant, but no effect of the library.
+const EMPIRICAL: &str = "empirical";
+
 fn effect_registry(variables: &[Variable], root: &str) -> String {
     let parameters: Vec<(&str, &str, &Variable)> = variables
         .iter()
@@ -251,9 +254,14 @@ fn effect_registry(variables: &[Variable], root: &str) -> String {
         )
         .unwrap();
     }
-    writeln!(text, "];\n/// Every effect, in the order of the model description.\npub static REGISTRY: [Entry; {}] = [", ids.len())
-        .unwrap();
-    for id in &ids {
+    let library: Vec<&&str> = ids.iter().filter(|id| **id != EMPIRICAL).collect();
+    writeln!(
+        text,
+        "];\n/// The library: every effect, in the order of the model description.\npub static REGISTRY: [Entry; {}] = [",
+        library.len()
+    )
+    .unwrap();
+    for id in library {
         let first = parameters.iter().position(|p| p.0 == *id).expect("an id comes from its parameters");
         let count = parameters.iter().filter(|p| p.0 == *id).count();
         assert!(parameters[first..first + count].iter().all(|p| p.0 == *id), "the parameters of effect {id} must stand together");

@@ -1,5 +1,6 @@
 //! One law for every registered effect: at its null value it leaves the plant bit-identical, and at its starts it does not.
 
+use kisspoint::effects::empirical::CURVES;
 use kisspoint::effects::{self, Act, Entry, PARAMETERS, Parameters, REGISTRY, Subsystem};
 use kisspoint::plant::{Inputs, Phase, Plant, Start};
 use kisspoint::vehicle::Vehicle;
@@ -110,12 +111,52 @@ fn every_start_of_every_effect_changes_the_plant() {
     }
 }
 
+/// Laws that were learned: each curve changes the plant, and none of them leaves a trace once it is zero again.
+#[test]
+fn a_learned_law_is_bit_identical_at_zero_and_each_of_its_curves_changes_the_plant() {
+    let nominal = nominal();
+    for curve in &CURVES {
+        let mut p = effects::null();
+        curve.parameters().for_each(|k| p[k] = 0.2 * PARAMETERS[k].max);
+        assert!(run(&p, |_| None).0 != nominal, "{} changes nothing", curve.name);
+        curve.parameters().for_each(|k| p[k] = -0.0);
+        assert!(run(&p, |_| None).0 == nominal, "{}: a negative zero is no law", curve.name);
+    }
+    let zero = run(&effects::null(), |k| (k % 13 == 5).then(effects::null)).0;
+    assert!(zero == nominal);
+}
+
+/// However wild a law is, faces that slip brake, the books of energy close, and nothing comes to be out of nothing.
+#[test]
+fn the_books_of_energy_close_under_any_learned_law() {
+    for seed in 0..12 {
+        let mut p = effects::null();
+        for k in CURVES.iter().flat_map(|c| c.parameters()) {
+            p[k] = PARAMETERS[k].min + share(seed * 1000 + k as u64) * (PARAMETERS[k].max - PARAMETERS[k].min);
+        }
+        let mut plant = Plant::new(&Vehicle::paper(), &p, &START, &inputs(0));
+        plant.config().pace.check().unwrap();
+        let begin = plant.energy();
+        let mut heat = 0.0;
+        for k in 0..STEPS {
+            plant.step(&inputs(k), STEP);
+            let now = plant.energy();
+            assert!(now.dissipated >= heat - 1e-9, "seed {seed}: faces gave {} J back in step {k}", heat - now.dissipated);
+            heat = now.dissipated;
+        }
+        let end = plant.energy();
+        let turned = end.work_in.abs() + end.dissipated + end.losses.abs() + begin.stored;
+        let off = end.work_in - (end.stored - begin.stored + end.dissipated + end.losses);
+        assert!(off.abs() < 1e-5 * turned, "seed {seed}: {off} J of {turned} J");
+    }
+}
+
 #[test]
 fn every_number_of_an_effect_is_within_its_bounds() {
     for (k, p) in PARAMETERS.iter().enumerate() {
         assert!(p.min < p.max && (p.min..=p.max).contains(&p.null), "{}: {} in {} to {}", p.variable, p.null, p.min, p.max);
         assert!(p.nominal > 0.0, "{}: a nominal size of {}", p.variable, p.nominal);
-        assert_eq!(effects::owner(k).id, p.effect);
+        assert_eq!(effects::owner(k).map_or("empirical", |entry| entry.id), p.effect);
         assert_eq!(p.variable, format!("effect.{}.{}", p.effect, p.name));
     }
     for entry in &REGISTRY {

@@ -1,5 +1,6 @@
 //! The communication step does not matter with effects either, and effects are continuous at their null values.
 
+use kisspoint::effects::empirical::CURVES;
 use kisspoint::effects::{self, Parameters, REGISTRY, param};
 use kisspoint::plant::{Inputs, Outputs, Plant, Start};
 use kisspoint::vehicle::Vehicle;
@@ -39,6 +40,20 @@ fn the_step_does_not_matter_with_any_effect() {
             println!("{}: {speed:.1e} rad/s, {torque:.1e} N·m", entry.id);
             assert!(speed < 1e-6 && torque < 1e-6, "{}: {speed:.1e} rad/s, {torque:.1e} N·m", entry.id);
         }
+    }
+}
+
+/// A table has kinks, where a step of fourth order is one of second: what that costs stays far below any sensor's noise.
+#[test]
+fn the_step_hardly_matters_with_a_learned_law() {
+    for curve in &CURVES {
+        let mut p = effects::null();
+        for (i, k) in curve.parameters().enumerate() {
+            p[k] = 0.3 * effects::PARAMETERS[k].max * [1.0, -0.6, 0.4][i % 3];
+        }
+        let (speed, torque) = distance(&run(&p, 1e-3), &run(&p, 2.5e-4));
+        println!("{}: {speed:.1e} rad/s, {torque:.1e} N·m", curve.name);
+        assert!(speed < 1e-4 && torque < 1e-4, "{}: {speed:.1e} rad/s, {torque:.1e} N·m", curve.name);
     }
 }
 

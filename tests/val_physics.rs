@@ -150,7 +150,7 @@ fn the_registry_finds_its_effects_and_says_how_large_they_are() {
     let ids = ["engine", "actuator", "clutch_force", "friction", "thermal", "driveline", "sensors"];
     assert_eq!(Subsystem::ALL.map(Subsystem::id), ids);
     assert_eq!(effects::find("no_such_effect"), None);
-    let scale = |k: usize| effects::owner(k).scale(k);
+    let scale = |k: usize| effects::owner(k).unwrap().scale(k);
     close("of the larger start", scale(param::actuator_delay::delay), 0.05);
     close("of a departure", scale(param::cushion_hysteresis::stroke), 0.2);
     close("of either sign", scale(param::friction_level::factor), 0.15);

@@ -36,7 +36,7 @@ const PROCEDURE: &str = "Instantiate DrivelinePlant.fmu. Set omega_f_start and o
 effect.clutch_speed_gain.gain; both to their mean if they differ by less than 0.6 rad/s with the clutch more than half closed), theta_c_start and \
 theta_b_start to the temperatures noted in recordings.json, and the inputs to the first row. At every row compare the outputs, then set x_to, T_e_ref and \
 theta_h to the row's x_to_cmd_mm, T_e_Nm and theta_h_degC and step to the next row. The root mean square of the differences is how_far.per_recording.after of \
-diagnosis.json; with plant.nominal_parameters set before initialization it is before.";
+diagnosis.json, or how_far.empirical.per_recording.after where a learned law was taken; with plant.nominal_parameters set before initialization it is before.";
 
 /// Why no archive was made.
 #[derive(Debug, thiserror::Error)]

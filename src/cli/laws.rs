@@ -1,13 +1,18 @@
 //! What the report shows beside the answer: the clutch's laws, nominal and identified, and what drove each recording.
 
 use crate::campaign::{Campaign, Recording};
+use crate::effects::Subsystem;
+use crate::effects::empirical::{Curve, curves};
 use crate::gap::diagnosis::Diagnosis;
 use crate::gap::measure::Overlay;
+use crate::physics::cushion;
+use crate::physics::driveline::load_torque;
 use crate::physics::map::torque_of;
 use crate::plant::clutch::{self, Branch, Found};
 use crate::plant::config::Config;
 use crate::plant::motion::{Motion, index};
 use crate::report::laws::{Law, Line};
+use crate::report::names;
 use crate::report::series::{Signal, Trace};
 use crate::vehicle::Vehicle;
 
@@ -88,8 +93,8 @@ fn trace(car: &Config, r: &Recording, begin: usize, o: &Overlay) -> Trace {
     }
 }
 
-/// Torque over position, friction over slip and over temperature.
-pub fn laws(found: &Diagnosis, traces: &[Trace]) -> Vec<Law> {
+/// Torque over position, friction over slip and over temperature; and what was learned where the library ends.
+pub fn laws(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law> {
     let cars = [Config::new(&found.nominal, &crate::effects::null()), Config::new(&found.vehicle, &found.effects)];
     let measured = found.overlays.iter().any(|o| o.channels.iter().any(|c| c.column == "T_fc_Nm"));
     let all: Vec<Sample> = found.overlays.iter().zip(traces).flat_map(|(o, t)| samples(o, t, &found.nominal)).collect();
@@ -121,6 +126,8 @@ pub fn laws(found: &Diagnosis, traces: &[Trace]) -> Vec<Law> {
         lines: lines(&|car, theta| (0..POINTS).map(|k| (x(k), capacity(car, x(k), SLIP, theta))).collect()),
         cloud: all.iter().map(|s| (s.x, s.torque)).collect(),
         note: format!("{cold:.0} and {hot:.0} °C, {SLIP:.0} rad/s; {torque_from}"),
+        band: Vec::new(),
+        learned: false,
     }];
     // The friction that the data show needs the temperature for the force; without a thermocouple the laws stand alone.
     let friction = |s: &Sample| {
@@ -143,6 +150,8 @@ pub fn laws(found: &Diagnosis, traces: &[Trace]) -> Vec<Law> {
         }),
         cloud: cloud(|s| Some(s.slip)),
         note: format!("{cold:.0} and {hot:.0} °C; {from}"),
+        band: Vec::new(),
+        learned: false,
     });
     laws.push(Law {
         title: "Friction coefficient over disc temperature".to_owned(),
@@ -159,8 +168,117 @@ pub fn laws(found: &Diagnosis, traces: &[Trace]) -> Vec<Law> {
             .collect(),
         cloud: cloud(|s| s.theta),
         note: format!("at {SLIP:.0} rad/s; {from}"),
+        band: Vec::new(),
+        learned: false,
     });
+    laws.extend(learned(campaign, found, traces));
     laws
+}
+
+/// Half width of a 95 % band in standard deviations.
+const BAND: f64 = 1.96;
+/// Torque that the model transmits below which a relative change is mostly noise, N·m.
+const LOADED: f64 = 15.0;
+
+/// What the recordings show of a law's sum at one sample, and where on each of the law's axes.
+struct Shown {
+    sum: f64,
+    at: Vec<f64>,
+}
+
+/// Curves of a law that was learned and taken, each with its band and what the recordings show of it once the other curves are taken off.
+fn learned(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law> {
+    let Some(l) = found.learned.as_ref().filter(|l| l.refused.is_none()) else { return Vec::new() };
+    let all: Vec<&'static Curve> = curves(l.law).collect();
+    let mut without = found.effects;
+    all.iter().flat_map(|c| c.parameters()).for_each(|k| without[k] = 0.0);
+    let car = Config::new(&found.vehicle, &without);
+    let with_data = found.overlays.iter().zip(traces);
+    let shown: Vec<Shown> =
+        with_data.flat_map(|(o, t)| source(campaign, o).map_or_else(Vec::new, |(r, _)| law_shown(&car, l.law, o, t, r.theta_c0))).collect();
+    // The direction is a factor on its curve, which the recordings hardly show by themselves.
+    let apart = |c: &Curve| c.name == "force_direction";
+    l.learned
+        .curves
+        .iter()
+        .map(|c| {
+            let place = all.iter().position(|other| other.name == c.name).expect("a learned curve is one of its law's");
+            let others = |s: &Shown| {
+                all.iter()
+                    .zip(&s.at)
+                    .enumerate()
+                    .filter(|(k, (c, _))| *k != place && !apart(c))
+                    .map(|(_, (c, x))| c.value(&found.effects, *x))
+                    .sum::<f64>()
+            };
+            let values = c.parameters().map(|k| found.effects[k]);
+            let points: Vec<(f64, f64)> = c.breakpoints.iter().copied().zip(values).collect();
+            let band = points.iter().zip(l.learned.sigma(c)).map(|((x, y), s)| (*x, y - BAND * s, y + BAND * s)).collect();
+            let (first, last) = (c.breakpoints[0], c.breakpoints[c.breakpoints.len() - 1]);
+            let cloud = if apart(c) { Vec::new() } else { shown.iter().map(|s| (s.at[place], s.sum - others(s))).collect() };
+            Law {
+                title: names::curve(c.name),
+                over: c.over.to_owned(),
+                unit: if c.unit() == "1" { "relative" } else { "N·m" },
+                lines: vec![
+                    Line { identified: false, hot: false, points: vec![(first, 0.0), (last, 0.0)] },
+                    Line { identified: true, hot: false, points },
+                ],
+                cloud,
+                note: String::new(),
+                band,
+                learned: true,
+            }
+        })
+        .collect()
+}
+
+/// What an overlay shows of a law, by the balances: torque over that of the car without it, or torque that is left.
+fn law_shown(car: &Config, law: Subsystem, o: &Overlay, t: &Trace, theta_0: f64) -> Vec<Shown> {
+    let of = |column: &str| o.channels.iter().find(|c| c.column == column).map(|c| c.real.as_slice());
+    let (Some(f), Some(c)) = (of("omega_f_rad_s"), of("omega_c_rad_s")) else { return Vec::new() };
+    let signal = |column: &str| t.signals.iter().find(|s| s.column == column).map_or(&[][..], |s| s.values.as_slice());
+    let (t_e, x_cmd) = (signal("T_e_Nm"), signal("x_to_cmd_mm"));
+    let d = &car.constants.driveline;
+    let reach = ((0.5 * SLOPE_S / o.dt).round() as usize).max(1);
+    let n = t.phases.len().min(f.len()).min(c.len()).min(t_e.len()).min(x_cmd.len());
+    let mut work = 0.0;
+    let mut all = Vec::new();
+    for i in reach..n.saturating_sub(reach) {
+        let slope = |v: &[f64]| (v[i + reach] - v[i - reach]) / (2.0 * reach as f64 * o.dt);
+        let (slip, theta) = (f[i] - c[i], of("theta_c_degC").map_or(theta_0, |v| v[i]));
+        let engine = car.constants.engine_gain * t_e[i] + car.constants.engine_bias - d.b_f * f[i];
+        let balance = engine - d.J_f * slope(f);
+        let measured = of("T_fc_Nm").map(|v| v[i]);
+        let torque = measured.unwrap_or(balance);
+        let slipping = t.phases[i] == 1 && slip > 3.0 * LOCKED;
+        if slipping && torque.is_finite() {
+            work += (torque * slip).max(0.0) * o.dt;
+        }
+        let shown = match law {
+            Subsystem::Friction | Subsystem::ClutchForce if slipping => {
+                let x = of("x_to_mm").map_or(x_cmd[i], |v| v[i]);
+                let modelled = capacity(car, x, slip, theta);
+                let force = clutch::force(car, &Found::NOTHING, x, Branch { x, z: 0.0 }, theta);
+                let closed = cushion::force(&car.vehicle.cushion_spring, car.xi_0, 1.0);
+                let xi = clutch::normalised_position(car, x, theta);
+                let at = if law == Subsystem::Friction { vec![slip, theta, force / closed, 1e-3 * work] } else { vec![xi, xi, theta] };
+                (modelled > LOADED).then(|| Shown { sum: torque / modelled - 1.0, at })
+            }
+            // The clutch's torque has to be known: nothing, or measured.
+            Subsystem::Engine if t.phases[i] == 0 || measured.is_some() => {
+                Some(Shown { sum: measured.filter(|_| t.phases[i] != 0).unwrap_or(0.0) - balance, at: vec![f[i], t_e[i]] })
+            }
+            Subsystem::Driveline if slipping || t.phases[i] == 2 => {
+                let resisted = if slipping { torque } else { engine - (d.J_f) * slope(f) };
+                let known = d.b_c * c[i] + load_torque(d, c[i]) + d.J_c * slope(c);
+                (c[i] > 2.0 * d.omega_L).then(|| Shown { sum: resisted - known, at: vec![c[i]] })
+            }
+            _ => None,
+        };
+        all.extend(shown.filter(|s| s.sum.is_finite() && s.at.iter().all(|x| x.is_finite())));
+    }
+    all
 }
 
 fn motion(theta: f64) -> Motion {

@@ -4,6 +4,8 @@
 //! every `effect.<id>.<parameter>` there belongs to `src/effects/<id>.rs`, and `build.rs` derives [`REGISTRY`] from it. A new
 //! effect is therefore one new file and its line there.
 //!
+//! [`empirical`] alone is in that list and not in the registry: a law that was learned is no cause, and is never searched for.
+//!
 //! An effect does one of a few things to the plant ([`Act`]). While all its amplitudes are at their null values it takes no part at all,
 //! which leaves the plant bit-identical.
 
@@ -130,9 +132,9 @@ impl Entry {
     }
 }
 
-/// Registry entry that owns parameter `k`.
-pub fn owner(k: usize) -> &'static Entry {
-    REGISTRY.iter().find(|entry| entry.parameters.contains(&k)).expect("every parameter belongs to an effect")
+/// Registry entry that owns parameter `k`; none of a learned law's.
+pub fn owner(k: usize) -> Option<&'static Entry> {
+    REGISTRY.iter().find(|entry| entry.parameters.contains(&k))
 }
 
 /// Index in [`REGISTRY`] of the effect `id`.

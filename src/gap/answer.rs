@@ -323,6 +323,50 @@ pub struct HowFar {
     pub per_recording: Vec<PerRecording>,
     /// Engagement figures.
     pub kpi: BTreeMap<String, BTreeMap<&'static str, Figures>>,
+    /// What a law that was learned closes beside all that, which the numbers above leave out; none where nothing is left without a cause or no law acts there.
+    pub empirical: Option<Empirical>,
+}
+
+/// A law that was learned: no cause, and no part of the verdict.
+#[derive(Clone, Debug, Serialize)]
+pub struct Empirical {
+    /// Subsystem in which something is missing.
+    pub place: &'static str,
+    /// Subsystem of the law.
+    pub law: &'static str,
+    /// Whether the retuned plant holds it.
+    pub taken: bool,
+    /// Why, or why not.
+    pub reason: String,
+    /// Gap of what was held out without the law.
+    pub without: Real,
+    /// The same with it.
+    pub after: Real,
+    /// Share of what the nominal car leaves above the floor that is gone with it.
+    pub closed_fraction: Real,
+    /// Share of what is left without it that it closes on the other recordings, each by a law that was learned from the rest.
+    pub left_out_fraction: Real,
+    /// Gap of what was held out by channel, with the law.
+    pub per_recording: Vec<PerRecording>,
+    /// Its curves.
+    pub curves: Vec<EmpiricalCurve>,
+}
+
+/// A curve of it.
+#[derive(Clone, Debug, Serialize)]
+pub struct EmpiricalCurve {
+    /// Name: that of the FMU's variables without `effect.empirical.` and their number.
+    pub id: &'static str,
+    /// What it is over, with the unit.
+    pub over: &'static str,
+    /// Unit of its values.
+    pub unit: &'static str,
+    /// Breakpoints.
+    pub breakpoints: &'static [f64],
+    /// Values there.
+    pub values: Vec<Real>,
+    /// Their standard deviations.
+    pub sigma: Vec<Real>,
 }
 
 /// Gap of one channel.

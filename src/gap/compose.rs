@@ -1,9 +1,10 @@
 //! From what was found to the answer, in the answer's words.
 
 use super::answer::{
-    Answer, Correlation, Effect, Equation, Figures, HowFar, Interval, LeftOut, MeasureNext, NotAssessable, PerRecording, Planned, Plant,
-    Ranked, Real, RivalSet, Share, Visible, Weighed, Where, Which, plant_parameters,
+    Answer, Correlation, Effect, Empirical, EmpiricalCurve, Equation, Figures, HowFar, Interval, LeftOut, MeasureNext, NotAssessable,
+    PerRecording, Planned, Plant, Ranked, Real, RivalSet, Share, Visible, Weighed, Where, Which, plant_parameters,
 };
+use super::empirical::{LEAST_CLOSED, Refusal, Tried};
 use super::infer::coordinate::Coordinate;
 use super::infer::density::{Problem, size};
 use super::infer::posterior::Posterior;
@@ -46,6 +47,8 @@ pub struct Findings<'a> {
     pub floor: f64,
     /// The retuned car.
     pub retuned: (&'a Vehicle, &'a Parameters),
+    /// The law that was learned where the library ends.
+    pub learned: Option<&'a Tried>,
     /// What a reader has to know.
     pub notes: Vec<String>,
 }
@@ -63,7 +66,7 @@ pub fn answer(f: &Findings) -> Answer {
         verdict: f.conclusion.verdict,
         confidence: Real(f.conclusion.probability),
         sentence: sentence(f, closed.fraction()),
-        notes: f.notes.iter().cloned().chain(below_floor(f, &closed)).collect(),
+        notes: f.notes.iter().cloned().chain(below_floor(f, &closed)).chain(f.learned.map(|l| law_note(f, l))).collect(),
         left_out: f.campaign.left_out.iter().map(|l| LeftOut { recording: l.recording.clone(), reason: l.reason.clone() }).collect(),
         place: place(f),
         which: which(f),
@@ -345,6 +348,85 @@ fn ranked(f: &Findings, too_large: &dyn Fn(usize) -> bool) -> Vec<Ranked> {
         .collect()
 }
 
+/// What a learned law closes of the gap on what was held out.
+fn with_law(f: &Findings, l: &Tried) -> Closed {
+    Closed { noise: f.floor, ..Closed::of(&l.held_out) }
+}
+
+/// Why a law was taken, or not.
+fn reason(f: &Findings, l: &Tried) -> String {
+    let [held, others] = [&f.held_out_name, &format!("the {} other recordings, each with a law learned from the rest", l.recordings)];
+    let closed = with_law(f, l);
+    let least = percent(LEAST_CLOSED);
+    match l.refused {
+        None => format!("on {held} a free replay is off by {:.2} rad/s with it and by {:.2} without", closed.after, l.without),
+        Some(Refusal::LeftOut) => {
+            let share = l.share_left_out();
+            let does = if share > 0.0 { format!("closes {} of what is left", percent(share)) } else { "closes nothing".to_owned() };
+            format!("it {does} on {others}; more than {least} is asked for, so it does not carry over")
+        }
+        Some(Refusal::HeldOut) => {
+            format!(
+                "on {held} a free replay is off by {:.2} rad/s with it and by {:.2} without; more than {least} of that has to go",
+                closed.after, l.without
+            )
+        }
+        Some(Refusal::NothingToJudge) => {
+            format!(
+                "on {held} nothing is left above the {:.2} rad/s that the true car would be expected to leave, so it cannot be judged",
+                f.floor
+            )
+        }
+    }
+}
+
+fn empirical(f: &Findings, l: &Tried) -> Empirical {
+    let closed = with_law(f, l);
+    let values = l.learned.fit.point.effects;
+    let curve = |c: &&'static effects::empirical::Curve| EmpiricalCurve {
+        id: c.name,
+        over: c.over,
+        unit: c.unit(),
+        breakpoints: c.breakpoints,
+        values: c.parameters().map(|k| Real(values[k])).collect(),
+        sigma: l.learned.sigma(c).into_iter().map(Real).collect(),
+    };
+    Empirical {
+        place: l.place.id(),
+        law: l.law.id(),
+        taken: l.refused.is_none(),
+        reason: reason(f, l),
+        without: Real(l.without),
+        after: Real(closed.after),
+        closed_fraction: Real(closed.fraction()),
+        left_out_fraction: Real(l.share_left_out()),
+        per_recording: per_recording(&l.held_out),
+        curves: l.learned.curves.iter().map(curve).collect(),
+    }
+}
+
+/// Says beside the verdict what a learned law does.
+fn law_note(f: &Findings, l: &Tried) -> String {
+    let (law, reason) = (l.law.id(), reason(f, l));
+    if l.refused.is_none() {
+        format!("the retuned plant holds an empirical law of {law}, learned from the recordings and no cause: {reason}")
+    } else {
+        format!("an empirical law of {law} was learned and not taken: {reason}")
+    }
+}
+
+fn per_recording(held_out: &[HeldOut]) -> Vec<PerRecording> {
+    let one = |h: &HeldOut| PerRecording {
+        recording: h.recording.clone(),
+        channel: h.channel.column(),
+        unit: h.channel.unit(),
+        before: Real(h.before),
+        after: Real(h.after),
+        noise: Real(h.noise),
+    };
+    held_out.iter().map(one).collect()
+}
+
 fn how_far(f: &Findings, closed: Closed) -> HowFar {
     HowFar {
         metric: "root mean square of real minus simulated speed, free replay, mean of flywheel and disc, rad/s",
@@ -353,19 +435,9 @@ fn how_far(f: &Findings, closed: Closed) -> HowFar {
         noise_floor: Real(closed.noise),
         closed_fraction: Real(closed.fraction()),
         held_out: vec![f.held_out_name.clone()],
-        per_recording: f
-            .held_out
-            .iter()
-            .map(|h| PerRecording {
-                recording: h.recording.clone(),
-                channel: h.channel.column(),
-                unit: h.channel.unit(),
-                before: Real(h.before),
-                after: Real(h.after),
-                noise: Real(h.noise),
-            })
-            .collect(),
+        per_recording: per_recording(f.held_out),
         kpi: f.held_out.iter().filter(|h| h.channel == Channel::OmegaF).map(|h| (h.recording.clone(), kpi(h))).collect(),
+        empirical: f.learned.map(|l| empirical(f, l)),
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::answer::Answer;
 use super::compose::{self, Findings};
+use super::empirical::{self, Tried};
 use super::held_out::{Split, split};
 use super::infer::density::{Point, Problem};
 use super::infer::posterior::posterior;
@@ -57,6 +58,8 @@ pub struct Diagnosis {
     pub nominal: Vehicle,
     /// What is open, and what could be measured about it.
     pub outlook: Outlook,
+    /// The law that was learned where the library ends, taken or not.
+    pub learned: Option<Tried>,
 }
 
 /// Diagnoses a campaign. `progress` is told what is being done, with the share of the work done.
@@ -121,6 +124,20 @@ pub fn diagnose_with(
     let held_out = measure::evaluate_part(judge, before, after, split.last_engagement);
     let declared: Vec<_> = tolerances.own.iter().filter(|n| n.declared).cloned().collect();
     let floor = measure::floor(judge, after, &declared, tolerances.declared_report, split.last_engagement);
+    progress("a law beyond the library", 0.92);
+    let judge = empirical::Judge {
+        taught: &split.taught,
+        held_out: judge,
+        last_engagement: split.last_engagement,
+        floor,
+        nominal: &vehicle,
+        tuned: after,
+    };
+    let learned = empirical::learn_law(&problem, &conclusion, alone, &judge);
+    let handed = match learned.as_ref().filter(|l| l.refused.is_none()) {
+        Some(l) => (&l.vehicle, &l.effects),
+        None => after,
+    };
     progress("residual map", 0.95);
     let [cells, cells_after] = cells(&problem, &conclusion);
     progress("what to measure next", 0.97);
@@ -141,13 +158,15 @@ pub fn diagnose_with(
         held_out: &held_out,
         held_out_name: split.name.clone(),
         floor,
-        retuned: after,
+        retuned: handed,
+        learned: learned.as_ref(),
         notes,
     });
     let json = serde_json::to_value(&answer).expect("an answer is plain data");
-    let overlays = overlays(campaign, &split, &problem, point, before, after, &tolerances);
+    let overlays = overlays(campaign, &split, &problem, point, before, handed, &tolerances);
     progress("done", 1.0);
-    Ok(Diagnosis { answer, json, overlays, vehicle: tuned.vehicle, effects: tuned.effects, nominal: vehicle, outlook })
+    let (handed, effects) = (*handed.0, *handed.1);
+    Ok(Diagnosis { answer, json, overlays, vehicle: handed, effects, nominal: vehicle, outlook, learned })
 }
 
 /// Intervals of the logger from which a sensor's delay changes when the clutch is seen to lock.

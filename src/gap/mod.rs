@@ -14,6 +14,7 @@
 pub mod answer;
 pub mod compose;
 pub mod diagnosis;
+pub mod empirical;
 pub mod held_out;
 pub mod infer;
 pub mod joint;

@@ -202,7 +202,7 @@ pub fn carry_over(old: &Config, new: &Config, state: &mut State) {
         state.y[index::OMEGA_V] = state.y[index::OMEGA_C];
         state.y[index::TWIST] = motion::twist_under(new, carried_behind_disc(old, new, state));
     }
-    if old.constants.hysteresis_width == 0.0 && new.constants.hysteresis_width != 0.0 {
+    if !old.remembers() && new.remembers() {
         state.memory = Branch { x: state.bearing, z: 0.0 };
     }
 }

@@ -2,6 +2,7 @@
 
 use super::config::Config;
 use super::motion::{Motion, index};
+use crate::effects::empirical;
 use crate::physics::{cushion, friction, map};
 
 /// Normalised position at the bearing position `x` in mm and the disc temperature `theta` in °C; eq. (2).
@@ -114,6 +115,10 @@ pub fn force(config: &Config, found: &Found, x: f64, memory: Branch, theta: f64)
     for effect in config.force.iter() {
         force *= effect(&config.parameters, theta);
     }
+    if config.empirical.force {
+        let direction = if config.empirical.direction { advance_branch(config, memory, x).z } else { 0.0 };
+        force *= empirical::force(&config.parameters, xi, direction, theta);
+    }
     force
 }
 
@@ -134,6 +139,10 @@ pub fn capacity_under(config: &Config, found: &Found, force: f64, slip: f64, y: 
     }
     for effect in config.pulsation.iter() {
         torque *= effect(&config.parameters, y[index::ANGLE], slip);
+    }
+    if config.empirical.friction {
+        let closed = cushion::force(&config.vehicle.cushion_spring, config.xi_0, 1.0);
+        torque *= empirical::friction(&config.parameters, slip, theta, force / closed, y[index::E_D]);
     }
     torque.max(0.0)
 }

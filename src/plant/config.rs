@@ -1,6 +1,7 @@
 //! Vehicle and effects compiled for the step: constants, and short lists of the effects that act in it.
 
 use super::pace::Pace;
+use crate::effects::empirical::{self, Active};
 use crate::effects::{Act, Constants, Parameters, REGISTRY};
 use crate::physics::cushion;
 use crate::vehicle::Vehicle;
@@ -56,6 +57,8 @@ pub struct Config {
     pub drag: List<fn(&Parameters, f64, f64) -> f64>,
     /// See [`Act::Load`].
     pub load: List<fn(&Parameters, &Vehicle, f64) -> f64>,
+    /// Laws that were learned.
+    pub empirical: Active,
 }
 
 impl PartialEq for Config {
@@ -80,6 +83,7 @@ impl Config {
             pulsation: List::new(|_, _, _| 1.0),
             drag: List::new(|_, _, _| 0.0),
             load: List::new(|_, _, _| 0.0),
+            empirical: Active::of(parameters),
         };
         for entry in REGISTRY.iter().filter(|entry| !entry.is_null(parameters)) {
             match entry.effect.act {
@@ -93,8 +97,17 @@ impl Config {
                 Act::Load(apply) => config.load.push(apply),
             }
         }
+        if config.empirical.direction && config.constants.hysteresis_width == 0.0 {
+            config.constants.hysteresis_stroke = empirical::STROKE_MM;
+        }
         config.pace = Pace::of(&config);
         config
+    }
+
+    /// Whether the force remembers which way the bearing moved.
+    #[inline]
+    pub fn remembers(&self) -> bool {
+        self.constants.hysteresis_width != 0.0 || self.empirical.direction
     }
 
     /// Whether the shafts twist.

@@ -243,7 +243,7 @@ fn accept(config: &Config, state: &mut State, y: Motion, chain: &Chain, h: f64) 
     state.y = y;
     state.time += h;
     chain.store(state);
-    if config.constants.hysteresis_width != 0.0 {
+    if config.remembers() {
         state.memory = clutch::advance_branch(config, state.memory, state.bearing);
     }
 }

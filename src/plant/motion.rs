@@ -7,6 +7,7 @@
 use super::actuation::Drive;
 use super::clutch::{self, Branch, Found, Slipping};
 use super::config::Config;
+use crate::effects::empirical;
 use crate::physics::{driveline, thermal};
 
 /// Number of continuous states.
@@ -62,11 +63,12 @@ pub struct Setting {
 /// Speed in rad/s below which an accessory takes constant torque, not constant power.
 const ACCESSORY_SPEED: f64 = 50.0;
 
-/// Torque in N·m that accessories leave of the engine's `t_e` at the crankshaft.
+/// Torque in N·m that accessories, and a law that was learned, leave of the engine's `t_e` at the crankshaft.
 #[inline(always)]
 fn crankshaft_torque(config: &Config, t_e: f64, omega_f: f64) -> f64 {
     let power = config.constants.accessory_power;
-    if power == 0.0 { t_e } else { t_e - power / omega_f.max(ACCESSORY_SPEED) }
+    let given = if power == 0.0 { t_e } else { t_e - power / omega_f.max(ACCESSORY_SPEED) };
+    if config.empirical.engine { given + empirical::engine(&config.parameters, omega_f, t_e) } else { given }
 }
 
 /// Torque in N·m that the driveline behind the disc puts up against it.
@@ -96,7 +98,10 @@ pub fn twist_under(config: &Config, torque: f64) -> f64 {
 /// Torque in N·m that damping and load put up against the vehicle at `omega` rad/s.
 #[inline(always)]
 pub fn vehicle_resistance(config: &Config, omega: f64, t_load: f64) -> f64 {
-    let added: f64 = config.load.iter().map(|effect| effect(&config.parameters, &config.vehicle, omega)).sum();
+    let mut added: f64 = config.load.iter().map(|effect| effect(&config.parameters, &config.vehicle, omega)).sum();
+    if config.empirical.load {
+        added += empirical::load(&config.parameters, omega, config.constants.driveline.omega_L);
+    }
     driveline::resistance(&config.constants.driveline, omega, t_load + added)
 }
 

@@ -10,6 +10,7 @@ use super::MAX_SUBSTEP;
 use super::clutch::{self, Branch, Found};
 use super::config::Config;
 use super::motion::{self, Motion, index};
+use crate::effects::empirical;
 
 /// Shortest substep that a plant can ask for, s: it bounds the work of a step.
 pub const SHORTEST_SUBSTEP: f64 = 2e-5;
@@ -66,6 +67,7 @@ impl Pace {
     pub fn of(config: &Config) -> Self {
         let c = &config.constants;
         let (slip, load) = (steepest_friction(config), steepest_load(config));
+        let engine = if config.empirical.engine { empirical::steepest_engine(&config.parameters) } else { 0.0 };
         let disc = config.disc_inertia();
         let (behind, shafts, vehicle) = if config.compliant() {
             let beyond = c.driveline.J_c - disc;
@@ -77,7 +79,7 @@ impl Pace {
         };
         let t = &c.thermal;
         Self {
-            motion: [(c.driveline.b_f + slip) / c.driveline.J_f, (behind + slip) / disc, vehicle, shafts],
+            motion: [(c.driveline.b_f + engine + slip) / c.driveline.J_f, (behind + slip) / disc, vehicle, shafts],
             heat: [t.gamma_1.max(t.gamma_2) / t.C_1, (t.gamma_1 + 2.0 * t.gamma_2) / t.C_b],
             order: fastest_pulsation(config),
         }
@@ -135,7 +137,8 @@ fn steepest_friction(config: &Config) -> f64 {
         let closed = crate::physics::map::contact(&config.vehicle.actuator, theta).x_cls;
         let found = Found::NOTHING.with_position(config, closed, theta);
         let torque = |slip| clutch::slipping(config, &found, closed, Branch { x: closed, z: 1.0 }, 1.0, slip, &y).total();
-        for slip in SLIPS {
+        let tabled = config.empirical.friction.then(|| empirical::slips_and_speeds().0);
+        for slip in SLIPS.into_iter().chain(tabled.into_iter().flatten()) {
             let step = 0.01 + 0.01 * slip;
             most = most.max(((torque(slip + step) - torque(slip)) / step).abs());
         }
@@ -163,9 +166,10 @@ fn fastest_pulsation(config: &Config) -> f64 {
 fn steepest_load(config: &Config) -> f64 {
     const SPEEDS: [f64; 4] = [0.0, 1.0, 300.0, 2000.0];
     let resistance = |speed| motion::vehicle_resistance(config, speed, 0.0);
-    SPEEDS.iter().fold(0.0, |most, speed| {
+    let tabled = config.empirical.load.then(|| empirical::slips_and_speeds().1);
+    SPEEDS.into_iter().chain(tabled.into_iter().flatten()).fold(0.0, |most: f64, speed| {
         let step = 1e-3 * (1.0 + speed);
-        most.max(((resistance(speed + step) - resistance(*speed)) / step).abs())
+        most.max(((resistance(speed + step) - resistance(speed)) / step).abs())
     })
 }
 

@@ -4,8 +4,10 @@ use std::fmt::Write as _;
 
 use super::Input;
 use super::chart::{Scale, path, range};
+use super::json::{real, text};
+use super::names;
 use super::residuals::{labelled, plain};
-use super::text::escape;
+use super::text::{capitalised, escape, percent};
 
 /// One curve of a law.
 #[derive(Clone, Debug)]
@@ -33,6 +35,10 @@ pub struct Law {
     pub cloud: Vec<(f64, f64)>,
     /// Where the cloud comes from.
     pub note: String,
+    /// 95 % band of the identified curve: abscissa, low, high; may be empty.
+    pub band: Vec<(f64, f64, f64)>,
+    /// Whether it was learned, where the library ends.
+    pub learned: bool,
 }
 
 /// Dots of a cloud.
@@ -40,11 +46,39 @@ const DOTS: usize = 1500;
 
 /// The section: all laws, or nothing.
 pub fn section(input: &Input) -> String {
-    if input.laws.is_empty() {
+    let retuned = super::series::retuned(input.diagnosis);
+    let figures = |learned: bool| input.laws.iter().filter(|l| l.learned == learned).map(|l| drawn(l, retuned)).collect::<String>();
+    clutch(&figures(false), retuned) + &beyond(input, &figures(true))
+}
+
+/// What was learned where the library ends.
+fn beyond(input: &Input, figures: &str) -> String {
+    let far = &input.diagnosis["how_far"];
+    let found = &far["empirical"];
+    let (Some(law), Some(reason)) = (text(found, "law"), text(found, "reason")) else { return String::new() };
+    let name = escape(&names::place(law));
+    if found["taken"] != true {
+        return format!(
+            "<h3>No empirical law was taken</h3>\n<p>For what no effect of the library accounts for, a law of {name} was learned and tried on recordings that did not teach it: {}.</p>\n",
+            escape(reason)
+        );
+    }
+    let reason = escape(&capitalised(reason));
+    let closed = real(found, "closed_fraction")
+        .map_or_else(String::new, |c| format!(" Of the gap that stood above what the true car would leave, {} is gone.", percent(c)));
+    format!(
+        "<h3>An empirical law of {name}</h3>\n<p>For what no effect of the library accounts for, the retuned plant holds a law that was learned from these recordings. It says how the car \
+         behaves where it was driven, not why; it is no cause. {reason}.{closed} Its curves are added; as tables they are <code>effect.empirical.*</code> of the FMU, held constant outside their breakpoints.</p>\n\
+         <p class=\"keys\"><svg class=\"key\" aria-hidden=\"true\"><path class=\"c-before\" d=\"M0 7h26\"/></svg> no law \
+         <svg class=\"key\" aria-hidden=\"true\"><path class=\"c-after\" d=\"M0 7h26\"/></svg> learned, with its 95\u{202f}% band; dots are the recordings, less what the other curves say</p>\n\
+         <div class=\"figures\">{figures}</div>\n"
+    )
+}
+
+fn clutch(figures: &str, retuned: bool) -> String {
+    if figures.is_empty() {
         return String::new();
     }
-    let retuned = super::series::retuned(input.diagnosis);
-    let figures: String = input.laws.iter().map(|law| drawn(law, retuned)).collect();
     let (heading, identified) = if retuned {
         (
             "The laws of the clutch, nominal and identified",
@@ -70,7 +104,7 @@ fn drawn(law: &Law, retuned: bool) -> String {
     let mut heights: Vec<f64> = cloud.iter().map(|p| p.1).collect();
     heights.sort_by(f64::total_cmp);
     let inner = heights.get(heights.len() / 50..heights.len() - heights.len() / 50).unwrap_or_default();
-    let (bottom, top) = range(lines.map(|p| &p.1).chain(inner));
+    let (bottom, top) = range(lines.map(|p| &p.1).chain(inner).chain(law.band.iter().flat_map(|b| [&b.1, &b.2])));
     let x = Scale { low, high, a: 52.0, b: 512.0 };
     let y = Scale { low: bottom, high: top, a: 188.0, b: 8.0 };
     let mut drawing = frame(&x, &y, &law.over);
@@ -78,6 +112,11 @@ fn drawn(law: &Law, retuned: bool) -> String {
         write!(out, "M{:.0} {:.0}h0", x.at(p.0), y.at(p.1)).expect("a String takes any text");
         out
     });
+    if !law.band.is_empty() {
+        let there = law.band.iter().map(|b| (x.at(b.0), y.at(b.2)));
+        let back = law.band.iter().rev().map(|b| (x.at(b.0), y.at(b.1)));
+        write!(drawing, "<path class=\"noise\" d=\"{}z\"/>", path(there.chain(back))).expect("a String takes any text");
+    }
     write!(drawing, "<path class=\"dots d-real\" d=\"{dots}\"/>").expect("a String takes any text");
     let mut csv = format!("curve,{},{} {}\n", law.over.replace(',', ""), law.title, law.unit);
     for line in shown {
@@ -86,6 +125,9 @@ fn drawn(law: &Law, retuned: bool) -> String {
         write!(drawing, "<path class=\"{class}\" d=\"{}\"/>", path(points)).expect("a String takes any text");
         let name = format!("{} {}", if line.identified { "identified" } else { "nominal" }, if line.hot { "hot" } else { "cold" });
         line.points.iter().for_each(|p| writeln!(csv, "{name},{},{}", plain(p.0), plain(p.1)).expect("a String takes any text"));
+    }
+    for (x, low, high) in &law.band {
+        writeln!(csv, "95 % low,{0},{1}\n95 % high,{0},{2}", plain(*x), plain(*low), plain(*high)).expect("a String takes any text");
     }
     cloud.iter().for_each(|p| writeln!(csv, "car,{},{}", plain(p.0), plain(p.1)).expect("a String takes any text"));
     figure(&law.title, law.unit, &drawing, &csv, &law.note)

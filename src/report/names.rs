@@ -46,6 +46,25 @@ pub fn effect(id: &str) -> String {
     EFFECTS.iter().find(|(known, _)| *known == id).map_or_else(|| words(id), |(_, name)| (*name).to_owned())
 }
 
+/// What each curve of a learned law is called.
+pub const CURVES: [(&str, &str); 10] = [
+    ("friction_slip", "Friction over slip"),
+    ("friction_temperature", "Friction over disc temperature"),
+    ("friction_pressure", "Friction over pressure"),
+    ("friction_work", "Friction over work done"),
+    ("force_position", "Clutch force over position"),
+    ("force_direction", "Clutch force, closing against opening"),
+    ("force_temperature", "Clutch force over disc temperature"),
+    ("engine_speed", "Engine torque over speed"),
+    ("engine_torque", "Engine torque over torque asked for"),
+    ("load_speed", "Load over speed"),
+];
+
+/// The title of a learned curve.
+pub fn curve(id: &str) -> String {
+    CURVES.iter().find(|(known, _)| *known == id).map_or_else(|| words(id), |(_, name)| (*name).to_owned())
+}
+
 /// The plain name of a subsystem.
 pub fn subsystem(id: &str) -> String {
     SUBSYSTEMS.iter().find(|(known, _)| *known == id).map_or_else(|| words(id), |(_, name)| (*name).to_owned())
@@ -88,6 +107,7 @@ mod tests {
             assert!(row.contains(&format!("| {name} |")), "docs/effects.md: {} is called {name}", entry.id);
         }
         assert_eq!(EFFECTS.len(), REGISTRY.len());
+        assert_eq!(CURVES.map(|c| c.0), crate::effects::empirical::CURVES.each_ref().map(|c| c.name));
         for s in Subsystem::ALL {
             assert!(SUBSYSTEMS.iter().any(|(id, _)| *id == s.id()), "{} has no plain name", s.id());
         }

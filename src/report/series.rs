@@ -56,7 +56,12 @@ pub(super) fn viewer_limit(overlays: &[Overlay]) -> usize {
 
 /// Whether there is a retuned model beside the nominal one: otherwise its curves would only be drawn twice.
 pub fn retuned(diagnosis: &Value) -> bool {
-    !matches!(text(diagnosis, "verdict"), Some("unexplained" | "inputs_do_not_fit"))
+    !matches!(text(diagnosis, "verdict"), Some("unexplained" | "inputs_do_not_fit")) || holds_law(diagnosis)
+}
+
+/// Whether the retuned plant holds a law that was learned.
+pub fn holds_law(diagnosis: &Value) -> bool {
+    diagnosis["how_far"]["empirical"]["taken"] == true
 }
 
 /// Points that each channel may have if all share `total`.

@@ -10,8 +10,12 @@ use super::text::{capitalised, channel, escape, fixed, number, percent, signed, 
 /// The section.
 pub fn section(diagnosis: &Value) -> String {
     let far = &diagnosis["how_far"];
-    let retuned = super::series::retuned(diagnosis);
+    // A learned law is told beside what effects close.
+    let retuned = super::series::retuned(diagnosis) && text(diagnosis, "verdict") != Some("unexplained");
     let untouched = match text(diagnosis, "verdict") {
+        _ if !retuned && super::series::holds_law(diagnosis) => {
+            "<p>No effect was added: the model is that of the vehicle file. What the empirical law closes stands beside it.</p>\n"
+        }
         _ if !retuned => "<p>Nothing was retuned, so there is one model: that of the vehicle file.</p>\n",
         Some("no_gap") => "<p><b>After</b> is the same vehicle with its numbers moved within their tolerances; no effect was added.</p>\n",
         _ => "",
@@ -26,6 +30,7 @@ fn summary(far: &Value, retuned: bool) -> String {
     let metric = text(far, "metric").unwrap_or("metric not named");
     let unit = super::verdict::unit_of(far);
     let floor = real(far, "noise_floor");
+    let law = real(&far["empirical"], "after").filter(|_| far["empirical"]["taken"] == true);
     let most = before.max(after).max(floor.unwrap_or(0.0));
     let row = |name: &str, class: &str, value: f64| {
         format!(
@@ -62,10 +67,11 @@ fn summary(far: &Value, retuned: bool) -> String {
     };
     format!(
         "<p>{held}{less}{closed}</p>\n<table class=\"bars\"><caption>{}</caption><thead class=\"unseen\"><tr><th scope=\"col\">Model</th><th scope=\"col\">Gap</th>\
-         <th scope=\"col\">Bar</th></tr></thead><tbody>{}{}{row_noise}</tbody></table>\n{said}",
+         <th scope=\"col\">Bar</th></tr></thead><tbody>{}{}{}{row_noise}</tbody></table>\n{said}",
         escape(&capitalised(&metric.replace("real minus simulated", "car minus model"))),
         row(if retuned { "Before" } else { "Model" }, "before", before),
         if retuned { row("After", "after", after) } else { String::new() },
+        law.map_or_else(String::new, |with| row("With the empirical law", "after", with)),
     )
 }
 

@@ -85,7 +85,10 @@ pub fn replayed(diagnosis: &Value) -> Option<String> {
     };
     let with_unit = |v: f64| format!("{} {unit}", number(v, 3)).trim_end().to_owned();
     let (b, a) = (with_unit(before), with_unit(after));
-    Some(match text(diagnosis, "verdict") {
+    let law = real(&far["empirical"], "after").filter(|_| super::series::holds_law(diagnosis));
+    let law = law.map_or_else(String::new, |v| format!(" With an empirical law, which is no cause, it is off by {}.", with_unit(v)));
+    let said = match text(diagnosis, "verdict") {
+        Some("unexplained") if !law.is_empty() => format!("{on} is off by {b} (rms)."),
         Some("unexplained" | "inputs_do_not_fit") => format!("{on} is off by {b} (rms); nothing was retuned."),
         Some("no_gap") if after > before => {
             format!(
@@ -95,7 +98,8 @@ pub fn replayed(diagnosis: &Value) -> Option<String> {
         Some("no_gap") => format!("{on} is off by {a} (rms); with the numbers of the vehicle file as they stand, by {b}."),
         _ if after > before => format!("{on} got worse: it is now off by {a} (rms), before by {b}."),
         _ => format!("{on} is off by {a} (rms) instead of {b}."),
-    })
+    };
+    Some(said + &law)
 }
 
 /// The explanation that comes next after the best, and how many nats it lies behind.

@@ -47,7 +47,7 @@ impl Coordinate {
     /// Whether the parameter is a factor on a number. A factor and the relative tolerance of the same number move by their logarithms, so that
     /// the valley in which only their product counts is straight.
     fn is_factor(self) -> bool {
-        matches!(self, Self::Effect(k) if PARAMETERS[k].null == 1.0 && effects::owner(k).effect.amplitudes.contains(&k))
+        matches!(self, Self::Effect(k) if PARAMETERS[k].null == 1.0 && effects::owner(k).is_some_and(|e| e.effect.amplitudes.contains(&k)))
     }
 
     fn bounds(self, problem: &Problem) -> (f64, f64) {

@@ -10,6 +10,7 @@
 //! e the whitened innovations of the corrected replay, ρ Huber's loss, all nuisances in units of their standard deviation, p_0 and s_p an effect
 //! parameter's null value and the size that a noticeable effect has.
 
+use crate::effects::empirical::{CURVES, Curve};
 use crate::effects::{self, PARAMETERS, Parameters};
 use crate::gap::model::filter::Filter;
 use crate::gap::model::replay::{self, Missing};
@@ -18,6 +19,7 @@ use crate::gap::model::track::Track;
 use crate::plant::config::Config;
 use crate::vehicle::Vehicle;
 use rayon::prelude::*;
+use std::sync::LazyLock;
 
 /// Where Huber's loss turns linear, in standard deviations.
 pub const HUBER: f64 = 4.0;
@@ -151,12 +153,14 @@ pub fn prior(point: &Point) -> f64 {
     let square = |x: &f64| x * x;
     let nuisances: f64 = point.shared.iter().chain(point.own.iter().flatten()).chain(&point.missing).map(square).sum();
     let effects: f64 = (0..PARAMETERS.len()).map(|k| ((point.effects[k] - PARAMETERS[k].null) / size(k)).powi(2)).sum();
-    nuisances + effects + STRAINS.iter().map(|t| t.strain(&point.effects).powi(2)).sum::<f64>()
+    let strains = STRAINS.iter().map(|t| t.strain(&point.effects).powi(2)).sum::<f64>();
+    let bends = BENDS.iter().map(|b| b.strain(&point.effects).powi(2)).sum::<f64>();
+    nuisances + effects + strains + bends
 }
 
 /// Size that effect parameter `k` has in a noticeable effect: the standard deviation of its prior.
 pub fn size(k: usize) -> f64 {
-    effects::owner(k).scale(k)
+    effects::owner(k).map_or(PARAMETERS[k].nominal, |entry| entry.scale(k))
 }
 
 /// Two parameters of an effect of which the second goes with the first, more or less.
@@ -185,6 +189,38 @@ impl Strain {
     /// How far apart they are, in standard deviations.
     pub fn strain(&self, effects: &Parameters) -> f64 {
         (effects[self.follower] - self.share * effects[self.leader]) / self.sigma
+    }
+}
+
+/// How much a learned curve bends from breakpoint to breakpoint: standard deviation of its second differences, in sizes of its values.
+pub const BEND: f64 = 0.5;
+
+/// A second difference of a learned curve.
+#[derive(Clone, Copy, Debug)]
+pub struct Bend {
+    /// Places of three neighbouring values.
+    values: [usize; 3],
+    sigma: f64,
+}
+
+/// All of them.
+pub static BENDS: LazyLock<Vec<Bend>> = LazyLock::new(|| {
+    let of = |c: &'static Curve| {
+        let all: Vec<usize> = c.parameters().collect();
+        all.windows(3).map(|w| Bend { values: [w[0], w[1], w[2]], sigma: BEND * size(w[0]) }).collect::<Vec<_>>()
+    };
+    CURVES.iter().flat_map(of).collect()
+});
+
+impl Bend {
+    /// The difference, in standard deviations.
+    pub fn strain(&self, effects: &Parameters) -> f64 {
+        self.slopes().map(|(k, a)| a * effects[k]).sum()
+    }
+
+    /// Each value with the strain's derivative along it.
+    pub fn slopes(&self) -> impl Iterator<Item = (usize, f64)> {
+        self.values.into_iter().zip([1.0 / self.sigma, -2.0 / self.sigma, 1.0 / self.sigma])
     }
 }
 

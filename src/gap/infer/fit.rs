@@ -168,6 +168,11 @@ fn moved(problem: &Problem, frame: &Frame, equations: &Normal, point: &Point, st
     trial
 }
 
+/// Where a step within the bounds leads from a point; none where the model is not positive.
+pub fn stepped(problem: &Problem, frame: &Frame, equations: &Normal, point: &Point) -> Option<Point> {
+    bounded_step(problem, equations, frame, point).map(|step| moved(problem, frame, equations, point, &step))
+}
+
 /// Gauss–Newton step within the bounds: the least of the quadratic model over the box that they leave, by the primal active-set method (Nocedal and Wright,
 /// "Numerical Optimization", 2nd edition, algorithm 16.3). A coordinate that is stopped at its bound is let go where the model then falls inwards.
 fn bounded_step(problem: &Problem, equations: &Normal, frame: &Frame, point: &Point) -> Option<DVector<f64>> {

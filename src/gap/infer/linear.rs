@@ -10,7 +10,7 @@
 //! so that the work is linear in the number of recordings.
 
 use super::coordinate::Coordinate;
-use super::density::{Basis, Point, Problem, Residuals, STRAINS, TEMPERATURES, weight};
+use super::density::{BENDS, Basis, Point, Problem, Residuals, STRAINS, TEMPERATURES, weight};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
@@ -181,6 +181,14 @@ pub fn assemble(point: &Point, frame: &Frame, parts: &[(DMatrix<f64>, DVector<f6
                 gradient[i] += a * t.strain(&point.effects);
                 slopes.iter().for_each(|&(j, b)| curvature[(i, j)] += a * b);
             }
+        }
+    }
+    for bend in BENDS.iter() {
+        let place = |parameter: usize| frame.shared.iter().position(|c| *c == Coordinate::Effect(parameter));
+        let slopes: Vec<(usize, f64)> = bend.slopes().filter_map(|(k, a)| Some((place(k)?, a))).collect();
+        for &(i, a) in &slopes {
+            gradient[i] += a * bend.strain(&point.effects);
+            slopes.iter().for_each(|&(j, b)| curvature[(i, j)] += a * b);
         }
     }
     let mut eliminated = Vec::with_capacity(parts.len());

@@ -1,0 +1,288 @@
+//! What is missing, as curves: a law that was learned from recordings and that nobody has a formula for.
+//!
+//! It is no cause, and the library of effects does not hold it. Each curve is a table over one variable, linear between its breakpoints and held constant
+//! outside them; the curves of one law are added:
+//!
+//! | law | acts as | curves over |
+//! |---|---|---|
+//! | friction | T (1 + Σ) on the torque of the faces | slip, disc temperature, pressure, friction work since the start |
+//! | clutch force | F (1 + Σ) on the spring's force | normalised position, its direction, disc temperature |
+//! | engine | T_e + Σ at the crankshaft | speed, torque asked for |
+//! | driveline | T_L + Σ tanh(ω/ω_L) against the motion | speed |
+//!
+//! A factor is never less than [`LEAST_FACTOR`], so that faces that slip always brake. Parameters are the values at the breakpoints,
+//! `<curve>_1` and on; while all of a law are zero it takes no part.
+
+use super::{PARAMETERS, Parameters, Subsystem, param::empirical as at};
+use std::ops::Range;
+
+/// Least factor on friction or force.
+pub const LEAST_FACTOR: f64 = 0.1;
+
+/// Travel in mm over which the bearing's direction is forgotten, where the force hysteresis of the library gives none.
+pub const STROKE_MM: f64 = 0.3;
+
+/// One table over one variable.
+#[derive(Debug)]
+pub struct Curve {
+    /// Name: that of its parameters without their number.
+    pub name: &'static str,
+    /// Subsystem whose law it is a part of.
+    pub subsystem: Subsystem,
+    /// What it is a function of, in words and with its unit.
+    pub over: &'static str,
+    /// Breakpoints.
+    pub breakpoints: &'static [f64],
+    /// Place of its first value in [`PARAMETERS`].
+    first: usize,
+    /// Breakpoint at which it is zero in a fit, so that the law's level stands in one of its curves alone.
+    pub reference: Option<usize>,
+}
+
+impl Curve {
+    /// Places of its values in [`PARAMETERS`].
+    pub fn parameters(&self) -> Range<usize> {
+        self.first..self.first + self.breakpoints.len()
+    }
+
+    /// Unit of its values.
+    pub fn unit(&self) -> &'static str {
+        PARAMETERS[self.first].unit
+    }
+
+    /// Interval of the breakpoints that holds `x`, and how far in it is: 0 to 1.
+    #[inline]
+    pub fn place(&self, x: f64) -> (usize, f64) {
+        let b = self.breakpoints;
+        let mut k = 0;
+        while k + 2 < b.len() && x > b[k + 1] {
+            k += 1;
+        }
+        (k, ((x - b[k]) / (b[k + 1] - b[k])).clamp(0.0, 1.0))
+    }
+
+    /// Value at `x`.
+    #[inline]
+    pub fn value(&self, p: &Parameters, x: f64) -> f64 {
+        let (k, share) = self.place(x);
+        let (a, b) = (p[self.first + k], p[self.first + k + 1]);
+        a + share * (b - a)
+    }
+
+    /// Greatest slope of the curve.
+    pub fn steepest(&self, p: &Parameters) -> f64 {
+        let b = self.breakpoints;
+        let slope = |k: usize| ((p[self.first + k + 1] - p[self.first + k]) / (b[k + 1] - b[k])).abs();
+        (0..b.len() - 1).map(slope).fold(0.0, f64::max)
+    }
+
+    fn is_null(&self, p: &Parameters) -> bool {
+        self.parameters().all(|k| p[k] == 0.0)
+    }
+}
+
+/// Places in [`CURVES`].
+const FRICTION: [usize; 4] = [0, 1, 2, 3];
+const FORCE: [usize; 3] = [4, 5, 6];
+const DIRECTION: usize = FORCE[1];
+const ENGINE: [usize; 2] = [7, 8];
+const LOAD: usize = 9;
+
+const fn curve(name: &'static str, subsystem: Subsystem, over: &'static str, breakpoints: &'static [f64], first: usize) -> Curve {
+    Curve { name, subsystem, over, breakpoints, first, reference: None }
+}
+
+const fn pinned(curve: Curve, reference: usize) -> Curve {
+    Curve { reference: Some(reference), ..curve }
+}
+
+use Subsystem::{ClutchForce, Driveline, Engine, Friction};
+
+/// All curves.
+pub static CURVES: [Curve; 10] = [
+    curve("friction_slip", Friction, "slip, rad/s", &[0.0, 4.0, 12.0, 30.0, 60.0, 110.0, 180.0], at::friction_slip_1),
+    pinned(
+        curve(
+            "friction_temperature",
+            Friction,
+            "disc temperature, °C",
+            &[20.0, 60.0, 100.0, 150.0, 200.0, 260.0],
+            at::friction_temperature_1,
+        ),
+        1,
+    ),
+    pinned(
+        curve(
+            "friction_pressure",
+            Friction,
+            "force, share of the closed clutch's",
+            &[0.0, 0.05, 0.12, 0.25, 0.5],
+            at::friction_pressure_1,
+        ),
+        2,
+    ),
+    pinned(curve("friction_work", Friction, "friction work since the start, kJ", &[0.0, 1.0, 3.0, 8.0, 20.0], at::friction_work_1), 2),
+    curve(
+        "force_position",
+        ClutchForce,
+        "normalised position",
+        &[0.25, 0.35, 0.45, 0.55, 0.65, 0.8, 1.0],
+        at::force_position_1,
+    ),
+    curve("force_direction", ClutchForce, "normalised position, closing", &[0.3, 0.5, 0.7, 0.9], at::force_direction_1),
+    pinned(
+        curve("force_temperature", ClutchForce, "disc temperature, °C", &[20.0, 60.0, 100.0, 150.0, 220.0], at::force_temperature_1),
+        1,
+    ),
+    curve("engine_speed", Engine, "engine speed, rad/s", &[50.0, 80.0, 110.0, 150.0, 200.0, 270.0, 360.0], at::engine_speed_1),
+    pinned(curve("engine_torque", Engine, "torque asked for, N·m", &[-20.0, 0.0, 20.0, 45.0, 75.0, 110.0], at::engine_torque_1), 2),
+    curve("load_speed", Driveline, "disc speed, rad/s", &[0.0, 5.0, 20.0, 50.0, 100.0, 170.0, 260.0], at::load_speed_1),
+];
+
+/// Curves of a subsystem's law.
+pub fn curves(of: Subsystem) -> impl Iterator<Item = &'static Curve> {
+    CURVES.iter().filter(move |c| c.subsystem == of)
+}
+
+/// Whether parameter `k` is one of a curve's.
+pub fn holds(k: usize) -> bool {
+    PARAMETERS[k].effect == "empirical"
+}
+
+/// Which laws take part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Active {
+    /// [`friction`].
+    pub friction: bool,
+    /// [`force`].
+    pub force: bool,
+    /// The part of it that asks for the bearing's direction.
+    pub direction: bool,
+    /// [`engine`].
+    pub engine: bool,
+    /// [`load`].
+    pub load: bool,
+}
+
+impl Active {
+    /// Those of which any value is not zero.
+    pub fn of(p: &Parameters) -> Self {
+        let any = |curves: &[usize]| curves.iter().any(|&c| !CURVES[c].is_null(p));
+        Self { friction: any(&FRICTION), force: any(&FORCE), direction: any(&[DIRECTION]), engine: any(&ENGINE), load: any(&[LOAD]) }
+    }
+}
+
+/// Factor on friction at a slip ≥ 0 in rad/s, a disc temperature in °C, a force as share of the closed clutch's, and a friction work in J.
+pub fn friction(p: &Parameters, slip: f64, theta: f64, pressure: f64, work: f64) -> f64 {
+    let x = [slip, theta, pressure, 1e-3 * work];
+    let sum: f64 = FRICTION.iter().zip(x).map(|(&c, x)| CURVES[c].value(p, x)).sum();
+    (1.0 + sum).max(LEAST_FACTOR)
+}
+
+/// Factor on the force at a normalised position, a direction from −1 (opening) to +1 (closing), and a disc temperature in °C.
+pub fn force(p: &Parameters, xi: f64, direction: f64, theta: f64) -> f64 {
+    let [over_position, over_direction, over_temperature] = FORCE.map(|c| &CURVES[c]);
+    let sum = over_position.value(p, xi) + direction * over_direction.value(p, xi) + over_temperature.value(p, theta);
+    (1.0 + sum).max(LEAST_FACTOR)
+}
+
+/// Torque in N·m added at the crankshaft at a speed in rad/s where `torque` N·m is asked for.
+pub fn engine(p: &Parameters, omega_f: f64, torque: f64) -> f64 {
+    let [over_speed, over_torque] = ENGINE.map(|c| &CURVES[c]);
+    over_speed.value(p, omega_f) + over_torque.value(p, torque)
+}
+
+/// Torque in N·m against the motion at a speed in rad/s; `omega_l` is the speed scale of the rolling load.
+pub fn load(p: &Parameters, omega: f64, omega_l: f64) -> f64 {
+    CURVES[LOAD].value(p, omega.abs()) * (omega / omega_l).tanh()
+}
+
+/// Greatest slope of the engine's law over speed, N·m·s/rad.
+pub fn steepest_engine(p: &Parameters) -> f64 {
+    CURVES[ENGINE[0]].steepest(p)
+}
+
+/// Slips in rad/s, one within each interval of friction's breakpoints; and the speeds of the load's.
+pub fn slips_and_speeds() -> (impl Iterator<Item = f64>, impl Iterator<Item = f64>) {
+    let inside = |c: usize| CURVES[c].breakpoints.windows(2).map(|b| 0.5 * (b[0] + b[1]));
+    (inside(FRICTION[0]), inside(LOAD))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::null;
+    use super::*;
+
+    fn close(found: f64, expected: f64) {
+        assert!((found - expected).abs() < 1e-12, "{found} against {expected}");
+    }
+
+    /// Every curve's values are numbered from 1, stand together, and say their breakpoint in the model description.
+    #[test]
+    fn breakpoints_are_those_that_the_model_description_states() {
+        let mut all = Vec::new();
+        for c in &CURVES {
+            assert!(c.breakpoints.is_sorted() && c.reference.is_none_or(|r| r < c.breakpoints.len()));
+            for (i, k) in c.parameters().enumerate() {
+                let p = &PARAMETERS[k];
+                assert_eq!((p.name.to_owned(), p.null), (format!("{}_{}", c.name, i + 1), 0.0));
+                let told = p.meaning.split(' ').filter_map(|w| w.parse::<f64>().ok()).collect::<Vec<_>>();
+                assert_eq!(told, [c.breakpoints[i]], "{}: {}", p.name, p.meaning);
+                all.push(k);
+            }
+        }
+        all.sort_unstable();
+        let expected: Vec<usize> = (0..PARAMETERS.len()).filter(|&k| holds(k)).collect();
+        assert_eq!(all, expected);
+    }
+
+    #[test]
+    fn a_table_is_linear_between_its_breakpoints_and_constant_outside() {
+        let mut p = null();
+        (p[at::load_speed_1], p[at::load_speed_2], p[at::load_speed_3]) = (2.0, 4.0, -5.0);
+        let c = &CURVES[LOAD];
+        for (x, expected) in [(-3.0, 2.0), (0.0, 2.0), (2.5, 3.0), (5.0, 4.0), (10.0, 1.0), (20.0, -5.0), (35.0, -2.5), (50.0, 0.0), (900.0, 0.0)] {
+            close(c.value(&p, x), expected);
+        }
+        p[at::load_speed_7] = 8.0;
+        close(c.value(&p, 215.0), 4.0);
+        close(c.value(&p, 1e9), 8.0);
+        close(c.steepest(&p), 0.6);
+    }
+
+    #[test]
+    fn curves_of_a_law_are_added() {
+        let mut p = null();
+        (p[at::friction_slip_3], p[at::friction_temperature_3]) = (0.1, -0.3);
+        (p[at::friction_pressure_5], p[at::friction_work_5]) = (0.2, 0.12);
+        // 21 rad/s is half-way to the next breakpoint, 80 °C half-way from the last; 14 kJ half-way from 8 to 20.
+        close(friction(&p, 21.0, 80.0, 0.5, 14e3), 1.0 + 0.05 - 0.15 + 0.2 + 0.06);
+        p[at::friction_temperature_3] = -0.6;
+        (p[at::friction_slip_3], p[at::friction_pressure_1]) = (-0.6, -0.6);
+        close(friction(&p, 12.0, 100.0, 0.0, 0.0), LEAST_FACTOR);
+        (p[at::force_position_4], p[at::force_direction_2], p[at::force_temperature_1]) = (0.1, 0.04, 0.02);
+        close(force(&p, 0.55, 1.0, 20.0), 1.0 + 0.1 + 0.03 + 0.02);
+        close(force(&p, 0.55, -1.0, 20.0), 1.0 + 0.1 - 0.03 + 0.02);
+        (p[at::engine_speed_1], p[at::engine_torque_6]) = (3.0, -12.0);
+        close(engine(&p, 65.0, 92.5), 1.5 - 6.0);
+        p[at::load_speed_4] = 6.0;
+        close(load(&p, 50.0, 2.0), 6.0);
+        close(load(&p, -50.0, 2.0), -6.0);
+        assert_eq!(load(&p, 0.0, 2.0), 0.0);
+    }
+
+    #[test]
+    fn a_law_takes_part_if_any_of_its_values_does() {
+        assert_eq!(Active::of(&null()), Active::default());
+        for c in &CURVES {
+            for k in c.parameters() {
+                let mut p = null();
+                p[k] = 0.01;
+                let a = Active::of(&p);
+                let of = [(Friction, a.friction), (ClutchForce, a.force), (Engine, a.engine), (Driveline, a.load)];
+                of.iter().for_each(|(s, on)| assert_eq!(*on, *s == c.subsystem, "{}", PARAMETERS[k].name));
+                assert_eq!(a.direction, c.name == "force_direction");
+            }
+        }
+    }
+}

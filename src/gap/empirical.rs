@@ -1,0 +1,175 @@
+//! Where the library ends: a law that is learned from the recordings, and whether it is worth anything.
+//!
+//! A verdict that leaves something without a cause names a place. The curves of `effects::empirical` that act there are fitted beside whatever was named, and a
+//! law is taken only if free replays say so of recordings that did not teach it: of each recording in turn with a law that was learned from the others, and of what
+//! was held out from everything. Either time it has to close more than it leaves. It is never a cause, and changes no verdict.
+
+use super::infer::density::{Point, Problem};
+use super::infer::learned::{Learned, learn};
+use super::measure::{self, Closed, HeldOut};
+use super::verdict::{Conclusion, Verdict};
+use crate::campaign::Recording;
+use crate::effects::empirical::{Curve, curves};
+use crate::effects::{self, Parameters, Subsystem};
+use crate::vehicle::Vehicle;
+use rayon::prelude::*;
+
+/// Share of what is left that a law has to close: more than it leaves.
+pub const LEAST_CLOSED: f64 = 0.5;
+
+/// A law that was tried, and what became of it.
+#[derive(Clone, Debug)]
+pub struct Tried {
+    /// Where something is missing.
+    pub place: Subsystem,
+    /// Subsystem of the law.
+    pub law: Subsystem,
+    /// What was learned.
+    pub learned: Learned,
+    /// The car with it.
+    pub vehicle: Vehicle,
+    /// Its effects, the learned values among them.
+    pub effects: Parameters,
+    /// Gap of the recordings that taught it, each with a law learned from the others, rad/s: without and with.
+    pub left_out: [f64; 2],
+    /// Their number.
+    pub recordings: usize,
+    /// Gap of what was held out, before and with the law.
+    pub held_out: Vec<HeldOut>,
+    /// The same without the law, as one number, rad/s.
+    pub without: f64,
+    /// Whether it is taken, or why not.
+    pub refused: Option<Refusal>,
+}
+
+/// Why a law was not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// It does not carry over from recording to recording.
+    LeftOut,
+    /// It does not close the gap on what was held out.
+    HeldOut,
+    /// Nothing on what was held out stands above what the true car would leave, so that it cannot be judged there.
+    NothingToJudge,
+}
+
+impl Tried {
+    /// Share of the gap that it closes on recordings that did not teach it, of those that taught the others.
+    pub fn share_left_out(&self) -> f64 {
+        let [without, with] = self.left_out;
+        if without > 0.0 { 1.0 - with / without } else { 0.0 }
+    }
+}
+
+/// Laws that act on the car as one that is missing at this place may: they are tried in this order.
+pub fn laws_for(place: Subsystem) -> &'static [Subsystem] {
+    use Subsystem::{Actuator, ClutchForce, Driveline, Engine, Friction, Sensors, Thermal};
+    match place {
+        Engine => &[Engine],
+        Actuator => &[ClutchForce],
+        ClutchForce => &[ClutchForce, Friction],
+        Friction | Thermal => &[Friction, ClutchForce],
+        Driveline => &[Driveline],
+        // Curves over a state of the plant are no law of a sensor.
+        Sensors => &[],
+    }
+}
+
+/// What a law is judged on, and by.
+pub struct Judge<'a> {
+    /// Recordings that taught, in the order of the problem's.
+    pub taught: &'a [Recording],
+    /// What was held out.
+    pub held_out: &'a Recording,
+    /// Whether only its last engagement was.
+    pub last_engagement: bool,
+    /// What the true car would leave there, rad/s.
+    pub floor: f64,
+    /// The car as its file gives it.
+    pub nominal: &'a Vehicle,
+    /// The car as it would be handed out without a law.
+    pub tuned: measure::Car<'a>,
+}
+
+/// Gap of both speeds in free replays of one recording, rad/s: of the first car and of the second.
+fn gap(recording: &Recording, before: measure::Car, after: measure::Car) -> [f64; 2] {
+    let c = Closed::of(&measure::evaluate(recording, before, after));
+    [c.before, c.after]
+}
+
+/// Learns a law where something is left without a cause; none if nothing is, or if no law acts there. `start` is the point that goes with the tuned car.
+pub fn learn_law(problem: &Problem, conclusion: &Conclusion, start: &Point, judge: &Judge) -> Option<Tried> {
+    if !matches!(conclusion.verdict, Verdict::Unexplained | Verdict::PartlyExplained) {
+        return None;
+    }
+    let start =
+        if conclusion.verdict == Verdict::Unexplained { Point { effects: effects::null(), ..start.clone() } } else { start.clone() };
+    let mut laws: Vec<(Subsystem, Subsystem)> = Vec::new();
+    for &place in conclusion.unexplained_at.iter().chain(&conclusion.or_at) {
+        for &law in laws_for(place) {
+            if laws.iter().all(|(_, known)| *known != law) {
+                laws.push((place, law));
+            }
+        }
+    }
+    let mut best: Option<Tried> = None;
+    for (place, law) in laws {
+        let all: Vec<&'static Curve> = curves(law).collect();
+        let mut from = start.clone();
+        // The first curve alone, then all: what few numbers say carries further.
+        for count in if all.len() > 1 { vec![1, all.len()] } else { vec![1] } {
+            let learned = learn(problem, &all[..count], &from);
+            from = learned.fit.point.clone();
+            let tried = tried(problem, place, law, learned, judge);
+            if best.as_ref().is_none_or(|b| tried.left_out[1] < b.left_out[1]) {
+                best = Some(tried);
+            }
+        }
+    }
+    best.map(|mut tried| {
+        tried.judge(judge);
+        tried
+    })
+}
+
+fn tried(problem: &Problem, place: Subsystem, law: Subsystem, learned: Learned, judge: &Judge) -> Tried {
+    let car = problem.car(&learned.fit.point, None);
+    let points = learned.without_each(problem);
+    let one = |(recording, point): (&Recording, &Point)| {
+        let other = problem.car(point, None);
+        gap(recording, judge.tuned, (&other.vehicle, &other.effects))
+    };
+    let gaps: Vec<[f64; 2]> = judge.taught.par_iter().zip(&points).map(one).collect();
+    let left_out = [0, 1].map(|k| gaps.iter().map(|g| g[k]).sum::<f64>() / gaps.len().max(1) as f64);
+    Tried {
+        place,
+        law,
+        learned,
+        vehicle: car.vehicle,
+        effects: car.effects,
+        left_out,
+        recordings: gaps.len(),
+        held_out: Vec::new(),
+        without: 0.0,
+        refused: Some(Refusal::LeftOut),
+    }
+}
+
+impl Tried {
+    fn judge(&mut self, judge: &Judge) {
+        let null = effects::null();
+        let of = |car: measure::Car| measure::evaluate_part(judge.held_out, (judge.nominal, &null), car, judge.last_engagement);
+        self.held_out = of((&self.vehicle, &self.effects));
+        self.without = Closed::of(&of(judge.tuned)).after;
+        let left = Closed { before: self.without, noise: judge.floor, ..Closed::of(&self.held_out) };
+        self.refused = if self.share_left_out() <= LEAST_CLOSED {
+            Some(Refusal::LeftOut)
+        } else if left.is_below_floor() {
+            Some(Refusal::NothingToJudge)
+        } else if left.fraction() <= LEAST_CLOSED {
+            Some(Refusal::HeldOut)
+        } else {
+            None
+        };
+    }
+}

@@ -1,0 +1,64 @@
+//! A law that was learned: curves of `effects::empirical` as unknowns of the same density, beside a set of effects that stay as they were fitted.
+//!
+//! What is fitted is what the FMU steps: the values at the curves' breakpoints. Their prior is normal around zero, with the model description's nominal size,
+//! and smooth: second differences from breakpoint to breakpoint have the size `density::BEND` of that.
+
+use super::coordinate::{Coordinate, coordinates};
+use super::density::{Point, Problem};
+use super::fit::{Fit, along, stepped};
+use super::linear::{Frame, assemble, products};
+use crate::effects::empirical::Curve;
+use nalgebra::{DMatrix, DVector};
+
+/// Iterations of a fit.
+const ITERATIONS: usize = 8;
+
+/// A learned law.
+#[derive(Clone, Debug)]
+pub struct Learned {
+    /// Its curves.
+    pub curves: Vec<&'static Curve>,
+    /// The fit, whose point holds the curves' values among its effects.
+    pub fit: Fit,
+    frame: Frame,
+}
+
+/// Learns these curves from a point, whose effects stay as they are.
+pub fn learn(problem: &Problem, curves: &[&'static Curve], start: &Point) -> Learned {
+    let (mut shared, own) = coordinates(problem, &[], 0);
+    let free = |c: &&'static Curve| {
+        let c = *c;
+        c.parameters().enumerate().filter(|(i, _)| Some(*i) != c.reference).map(|(_, k)| Coordinate::Effect(k))
+    };
+    shared.extend(curves.iter().flat_map(free));
+    let frame = Frame { shared, own };
+    let start = Point { missing: Vec::new(), ..start.clone() };
+    let fit = along(problem, frame.clone(), None, &start, ITERATIONS, None);
+    Learned { curves: curves.to_vec(), fit, frame }
+}
+
+impl Learned {
+    /// Standard deviations of a curve's values; zero at its reference.
+    pub fn sigma(&self, curve: &Curve) -> Vec<f64> {
+        let covariance = self.fit.covariance();
+        let of = |k: usize| {
+            let place = self.fit.shared.iter().position(|c| *c == Coordinate::Effect(k));
+            place.zip(covariance.as_ref()).map_or(0.0, |(i, c)| c[(i, i)].max(0.0).sqrt())
+        };
+        curve.parameters().map(of).collect()
+    }
+
+    /// The points that a fit without one of the recordings would have come to, one for each: a Newton step on what the others say.
+    pub fn without_each(&self, problem: &Problem) -> Vec<Point> {
+        let columns = self.fit.derivatives(problem, &self.frame, None);
+        let parts: Vec<(DMatrix<f64>, DVector<f64>)> = columns.iter().zip(&self.fit.residuals).map(|(c, r)| products(c, r)).collect();
+        let one = |k: usize| {
+            let mut others = parts.clone();
+            others[k].0.fill(0.0);
+            others[k].1.fill(0.0);
+            let equations = assemble(&self.fit.point, &self.frame, &others, 0.0);
+            equations.and_then(|e| stepped(problem, &self.frame, &e, &self.fit.point)).unwrap_or_else(|| self.fit.point.clone())
+        };
+        (0..parts.len()).map(one).collect()
+    }
+}

@@ -1,0 +1,113 @@
+//! Laws that are learned where the library ends: what they close on recordings that did not teach them, and when they are refused.
+//!
+//! `realcar` draws the cars; what is looked for is told here, so that no search has to come before.
+#![cfg(feature = "cli")]
+
+use kisspoint::campaign::{self, ReadOptions};
+use kisspoint::cli::blind::closed;
+use kisspoint::effects::{self, PARAMETERS, Subsystem};
+use kisspoint::gap::answer::plant_parameters;
+use kisspoint::gap::empirical::{Judge, LEAST_CLOSED, Refusal, Tried, learn_law};
+use kisspoint::gap::held_out::split;
+use kisspoint::gap::infer::fit::{Free, fit};
+use kisspoint::gap::infer::posterior::Explanation;
+use kisspoint::gap::measure::{self, Closed};
+use kisspoint::gap::model::prepare;
+use kisspoint::gap::verdict::{Conclusion, Verdict};
+use kisspoint::vehicle::Vehicle;
+use realcar::{Car, Kind, Place, draw_car_of};
+
+/// The first car of this kind that is recorded at 100 Hz and without a bench.
+fn everyday(seed: u64, kind: Kind) -> Car {
+    let plain = |car: &Car| car.campaign.recordings.iter().all(|r| r.bench.is_none() && r.sample_rate_hz == 100.0);
+    (0..1000).map(|index| draw_car_of(Place::Bench, seed, index, kind)).find(plain).unwrap()
+}
+
+/// What becomes of a law where a verdict says that something is missing at `place`, and the gap on what was held out: before, with, floor.
+fn learned(car: &Car, place: Subsystem) -> (Tried, Closed) {
+    let folder = tempfile::tempdir().unwrap();
+    car.write(folder.path()).unwrap();
+    let campaign = campaign::read(folder.path(), &ReadOptions::default()).unwrap();
+    let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
+    let split = split(&campaign.recordings);
+    let taught: Vec<_> = split.taught.iter().collect();
+    let (tracks, tolerances) = prepare::read(&taught, &campaign.vehicle_json).unwrap();
+    let with = prepare::disturbances(&tracks, &tolerances);
+    let problem = prepare::problem(tracks, &vehicle, &tolerances, &with);
+    let nominal = problem.nominal();
+    let explanation = Explanation {
+        effects: Vec::new(),
+        place: Some(place),
+        log_posterior: 0.0,
+        probability: 1.0,
+        fit: Some(fit(&problem, Free::default(), &nominal, 0, None)),
+        curvature: None,
+    };
+    let conclusion = Conclusion {
+        verdict: Verdict::Unexplained,
+        probability: 1.0,
+        explanation,
+        effects: Vec::new(),
+        unexplained_at: Some(place),
+        shares: vec![(place, 1.0)],
+        or_at: Vec::new(),
+    };
+    let null = effects::null();
+    let held_out = &campaign.recordings[split.judge];
+    let declared: Vec<_> = tolerances.own.iter().filter(|n| n.declared).cloned().collect();
+    let floor = measure::floor(held_out, (&vehicle, &null), &declared, tolerances.declared_report, split.last_engagement);
+    let judge = Judge {
+        taught: &split.taught,
+        held_out,
+        last_engagement: split.last_engagement,
+        floor,
+        nominal: &vehicle,
+        tuned: (&vehicle, &null),
+    };
+    let tried = learn_law(&problem, &conclusion, &nominal, &judge).unwrap();
+    let closed = Closed { noise: floor, ..Closed::of(&tried.held_out) };
+    let parameters = serde_json::to_value(plant_parameters(&tried.vehicle, &tried.effects)).unwrap();
+    let unseen = closed::on(&car.unseen, &car.campaign.vehicle_json, &parameters, &car.real).and_then(|c| c.fraction());
+    println!(
+        "unseen {unseen:.2?}; {:?} by {:?}: left out {:.2?}, held out {:.2} to {:.2} rad/s above {floor:.2}: {:.0} %, {:?}",
+        car.truth.effects.first().map(|e| e.id),
+        tried.learned.curves.iter().map(|c| c.name).collect::<Vec<_>>(),
+        tried.left_out,
+        closed.before,
+        closed.after,
+        100.0 * closed.fraction(),
+        tried.refused
+    );
+    (tried, closed)
+}
+
+/// Facings that wear in have no formula in the library; the law that is learned closes what they leave, also on recordings that came later.
+#[test]
+fn a_learned_law_closes_the_gap_of_recordings_that_did_not_teach_it() {
+    let car = everyday(3, Kind::Outside("wear_in"));
+    let (tried, closed) = learned(&car, Subsystem::Friction);
+    assert_eq!((tried.law, tried.refused), (Subsystem::Friction, None));
+    assert!(closed.fraction() > 0.8 && tried.share_left_out() > LEAST_CLOSED);
+    let parameters = serde_json::to_value(plant_parameters(&tried.vehicle, &tried.effects)).unwrap();
+    let later = closed::on(&car.unseen, &car.campaign.vehicle_json, &parameters, &car.real).unwrap();
+    assert!(later.fraction().unwrap() > 0.8, "{later:?}");
+    for c in &tried.learned.curves {
+        let sigma = tried.learned.sigma(c);
+        for (i, k) in c.parameters().enumerate() {
+            let (p, value) = (&PARAMETERS[k], tried.effects[k]);
+            assert!((p.min..=p.max).contains(&value), "{} = {value}", p.variable);
+            let pinned = c.reference == Some(i);
+            assert_eq!(pinned, sigma[i] == 0.0, "{}: σ = {}", p.variable, sigma[i]);
+            assert!(!pinned || value == 0.0);
+            assert!(sigma[i] <= 1.01 * p.nominal, "{}: wider than its prior", p.variable);
+        }
+    }
+}
+
+/// Gusts come at any time: no curve over a state of the plant carries from one recording to the next.
+#[test]
+fn a_law_that_does_not_carry_over_is_refused() {
+    let (tried, _) = learned(&everyday(3, Kind::Outside("gusts")), Subsystem::Driveline);
+    assert_eq!(tried.refused, Some(Refusal::LeftOut));
+    assert!(tried.share_left_out() < LEAST_CLOSED);
+}
