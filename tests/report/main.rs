@@ -240,6 +240,8 @@ fn an_unexplained_gap_is_shown_once() {
         lines: vec![line(false), line(true)],
         cloud: points.clone(),
         note: String::new(),
+        band: Vec::new(),
+        learned: false,
     };
     let laws = [law];
     let page = |diagnosis: &Value| html(&Input { overlays: &made.overlays, laws: &laws, ..Input::empty(diagnosis) });

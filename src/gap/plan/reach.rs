@@ -143,7 +143,8 @@ mod tests {
     #[test]
     fn a_coast_down_says_most_of_the_road() {
         let r = found(&json!({}), &["coast_down", "open_rev"]);
-        let driven: Vec<Manoeuvre> = built_in(&Vehicle::paper()).into_iter().filter(|m| ["coast_down", "open_rev"].contains(&m.name.as_str())).collect();
+        let driven: Vec<Manoeuvre> =
+            built_in(&Vehicle::paper()).into_iter().filter(|m| ["coast_down", "open_rev"].contains(&m.name.as_str())).collect();
         let best = r.best_for(find("road_load").unwrap(), &driven).unwrap();
         assert_eq!(driven[best].name, "coast_down");
         assert!(Reach::of(&r.with_all, find("kiss_point_offset").unwrap()).unwrap().in_sizes() > TOO_LARGE);
