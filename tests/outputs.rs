@@ -228,7 +228,7 @@ fn campaigns_of_one_name_are_not_written_over_each_other() {
     let out = folder.path("out");
     let output = kisspoint(&["diagnose", &paths[0], &paths[1], "--json"]).output().unwrap();
     assert_eq!(output.status.code(), Some(1));
-    assert!(said(&output).contains("have one name") && said(&output).contains(&paths[1]), "{}", said(&output));
+    assert!(said(&output).contains("have the same name") && said(&output).contains(&paths[1]), "{}", said(&output));
     assert!(!Path::new(&out).exists());
 }
 

@@ -308,7 +308,7 @@ mod tests {
         assert_eq!((is.thermal, is.friction), (was.thermal, was.friction));
         assert!(document.to_string().contains("Keys that begin with _ are comments"));
         std::fs::write(&by, r#"{"driveline.J_x": {"sigmas": 1}}"#).unwrap();
-        assert!(correct(&file, &by).unwrap_err().to_string().contains("\"driveline.J_x\" is no tolerance"));
+        assert!(correct(&file, &by).unwrap_err().to_string().contains("\"driveline.J_x\" is not a tolerance"));
     }
 
     #[test]

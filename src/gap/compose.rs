@@ -372,10 +372,7 @@ fn reason(f: &Findings, l: &Tried) -> String {
             )
         }
         Some(Refusal::NothingToJudge) => {
-            format!(
-                "on {held} nothing is left above the {:.2} rad/s that the true car would be expected to leave, so it cannot be judged",
-                f.floor
-            )
+            format!("on {held} nothing is left above the {:.2} rad/s by which a perfect model may be off, so it cannot be judged", f.floor)
         }
     }
 }

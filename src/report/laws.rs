@@ -65,7 +65,7 @@ fn beyond(input: &Input, figures: &str) -> String {
     }
     let reason = escape(&capitalised(reason));
     let closed = real(found, "closed_fraction")
-        .map_or_else(String::new, |c| format!(" Of the gap that stood above what the true car would leave, {} is gone.", percent(c)));
+        .map_or_else(String::new, |c| format!(" Of the gap that stood above what a perfect model may be off by, {} is gone.", percent(c)));
     format!(
         "<h3>An empirical law of {name}</h3>\n<p>For what no effect of the library accounts for, the retuned plant holds a law that was learned from these recordings. It says how the car \
          behaves where it was driven, not why; it is no cause. {reason}.{closed} Its curves are added; as tables they are <code>effect.empirical.*</code> of the FMU, held constant outside their breakpoints.</p>\n\

@@ -39,8 +39,10 @@ fn summary(far: &Value, retuned: bool) -> String {
             if most > 0.0 { (100.0 * value / most).clamp(0.0, 100.0) } else { 0.0 }
         )
     };
-    let noise =
-        floor.map_or_else(|| absent("How much even the true car would leave was not stated."), |f| row("True car, expected", "floor", f));
+    let noise = floor.map_or_else(
+        || absent("By how much a perfect model may be off was not stated."),
+        |f| row("A perfect model may be off by", "floor", f),
+    );
     let (row_noise, said) = if floor.is_some() { (noise, String::new()) } else { (String::new(), noise) };
     let held = texts(far, "held_out");
     let held = if held.is_empty() { "No recording was held out.".to_owned() } else { format!("Held out: {}.", escape(&held.join(", "))) };
@@ -51,18 +53,18 @@ fn summary(far: &Value, retuned: bool) -> String {
     };
     let less = if after > before { " The free replay is off by <b>more</b> than before.".to_owned() } else { less };
     let less = if retuned { less } else { String::new() };
-    // Of one that is closed to its floor no share is told beyond that: what is left cannot be told from what the true car would leave.
+    // Of one that is closed to its floor no share is told beyond that: what is left cannot be told from what a perfect model may be off by.
     let closed = match (real(far, "closed_fraction"), floor) {
         (Some(_), Some(f)) if before <= f => {
             format!(
-                " {} within the {} {unit} that even the true car would leave.",
+                " {} within the {} {unit} by which a perfect model may be off.",
                 if retuned { "Before, it was already" } else { "It is" },
                 number(f, 3)
             )
         }
         _ if !retuned => String::new(),
-        (Some(c), Some(f)) if c >= 1.0 => format!(" That is below the {} {unit} that even the true car would leave.", number(f, 3)),
-        (Some(c), _) => format!(" Leaving aside what even the true car would leave, {} of the gap is gone.", percent(c)),
+        (Some(c), Some(f)) if c >= 1.0 => format!(" That is below the {} {unit} by which a perfect model may be off.", number(f, 3)),
+        (Some(c), _) => format!(" Leaving aside by how much a perfect model may be off, {} of the gap is gone.", percent(c)),
         _ => String::new(),
     };
     format!(

@@ -214,7 +214,12 @@ fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
     let unit = unit_of(far);
     let (value, note) = match (real(far, "before"), real(far, "after")) {
         (Some(b), Some(a)) if matches!(text(diagnosis, "verdict"), Some("unexplained" | "inputs_do_not_fit")) => {
-            (format!("{} {unit}", number(b.max(a), 3)), "nothing retuned".to_owned())
+            let law = real(&far["empirical"], "after").filter(|_| super::series::holds_law(diagnosis));
+            let note = law.map_or_else(
+                || "nothing retuned".to_owned(),
+                |v| format!("{} {unit} with an empirical law, which is no cause", number(v, 3)),
+            );
+            (format!("{} {unit}", number(b.max(a), 3)), note)
         }
         (Some(b), Some(a)) => {
             let change = if b <= 0.0 {
@@ -224,8 +229,7 @@ fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
             } else {
                 format!("{} more", percent(a / b - 1.0))
             };
-            let floor =
-                real(far, "noise_floor").map_or_else(String::new, |f| format!("; even the true car would leave about {}", number(f, 3)));
+            let floor = real(far, "noise_floor").map_or_else(String::new, |f| format!("; a perfect model may be off by {}", number(f, 3)));
             (format!("{} → {} {unit}", number(b, 3), number(a, 3)), format!("{change}{floor}"))
         }
         _ => ("not stated".to_owned(), String::new()),

@@ -63,7 +63,7 @@ fn the_answers_of_a_campaign_are_all_there() {
         "thermal change of the cushion stiffness",
         "slip at constant clutch torque on a hot disc",
         "held out",
-        "True car, expected",
+        "A perfect model may be off by",
         "Dissipated energy, kJ",
         "a creep at 5 to 30 rad/s of slip, recorded at 1 kHz",
         "r11",
