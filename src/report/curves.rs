@@ -95,7 +95,7 @@ fn aligned(input: &Input, retuned: bool) -> String {
     }
     let models: &[(&str, fn(&OverlayChannel) -> &Vec<f64>)] =
         if retuned { &[("before", |c| &c.before), ("after", |c| &c.after)] } else { &[("before", |c| &c.before)] };
-    let x = Scale { low: -AROUND_S.0, high: AROUND_S.1, a: 52.0, b: 512.0 };
+    let x = Scale { low: -AROUND_S.0, high: AROUND_S.1, a: laws::LEFT, b: 512.0 };
     let mut drawn: Vec<(&str, Vec<(&str, &str, Vec<(f64, f64)>)>)> = Vec::new();
     for (name, model) in models {
         let mut curves: Vec<(&str, &str, Vec<(f64, f64)>)> = Vec::new();

@@ -105,7 +105,7 @@ fn drawn(law: &Law, retuned: bool) -> String {
     heights.sort_by(f64::total_cmp);
     let inner = heights.get(heights.len() / 50..heights.len() - heights.len() / 50).unwrap_or_default();
     let (bottom, top) = range(lines.map(|p| &p.1).chain(inner).chain(law.band.iter().flat_map(|b| [&b.1, &b.2])));
-    let x = Scale { low, high, a: 52.0, b: 512.0 };
+    let x = Scale { low, high, a: LEFT, b: 512.0 };
     let y = Scale { low: bottom, high: top, a: 188.0, b: 8.0 };
     let mut drawing = frame(&x, &y, &law.over);
     let dots = cloud.iter().filter(|p| (low..=high).contains(&p.0) && (bottom..=top).contains(&p.1)).fold(String::new(), |mut out, p| {
@@ -137,6 +137,9 @@ fn drawn(law: &Law, retuned: bool) -> String {
 const WIDTH: f64 = 520.0;
 const LAST: f64 = 500.0;
 
+/// Where a still figure's plot begins: room for the labels of its ordinate, also on a narrow screen.
+pub const LEFT: f64 = 60.0;
+
 /// Grid, ticks and the name of the abscissa of a figure of 520 by 232 user units.
 pub fn frame(x: &Scale, y: &Scale, over: &str) -> String {
     let mut out = String::new();
@@ -144,7 +147,8 @@ pub fn frame(x: &Scale, y: &Scale, over: &str) -> String {
         let p = y.at(t);
         write!(
             out,
-            "<path class=\"grid\" d=\"M52 {p:.1}h460\"/><text class=\"tick\" x=\"47\" y=\"{:.1}\" text-anchor=\"end\">{text}</text>",
+            "<path class=\"grid\" d=\"M{LEFT} {p:.1}H512\"/><text class=\"tick\" x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{text}</text>",
+            LEFT - 5.0,
             p + 4.0
         )
         .expect("a String takes any text");
@@ -159,7 +163,7 @@ pub fn frame(x: &Scale, y: &Scale, over: &str) -> String {
         )
         .expect("a String takes any text");
     }
-    write!(out, "<text class=\"tick\" x=\"282\" y=\"225\" text-anchor=\"middle\">{}</text>", escape(over))
+    write!(out, "<text class=\"tick\" x=\"286\" y=\"225\" text-anchor=\"middle\">{}</text>", escape(over))
         .expect("a String takes any text");
     out
 }

@@ -219,7 +219,7 @@ fn scatter(name: &str, unit: &str, dots: &[[f64; 3]], retuned: bool) -> String {
     sizes.sort_by(f64::total_cmp);
     let reach = (1.2 * sizes[(sizes.len() * 98 / 100).min(sizes.len() - 1)]).max(0.5);
     let (low, high) = range(kept.iter().map(|d| &d[0]));
-    let x = Scale { low, high, a: 52.0, b: 512.0 };
+    let x = Scale { low, high, a: super::laws::LEFT, b: 512.0 };
     let y = Scale { low: -reach, high: reach, a: 188.0, b: 8.0 };
     let mut drawing = super::laws::frame(&x, &y, &format!("{name}{}", if unit.is_empty() { String::new() } else { format!(", {unit}") }));
     let models: &[(&str, usize)] = if retuned { &[("d-before", 1), ("d-after", 2)] } else { &[("d-before", 1)] };

@@ -3,6 +3,7 @@
 $KISSPOINT_GALLERY names a gallery that is built already; else one is built without the drive, which takes minutes.
 """
 
+import json
 import os
 import subprocess
 import sys
@@ -96,10 +97,13 @@ def test_labels_can_be_read_on_paper(gallery, browser):
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
 
 
-def test_an_unexplained_gap_has_one_model(gallery, browser):
+def test_an_unexplained_gap_has_one_model_and_perhaps_a_learned_law(gallery, browser):
     browser.get((gallery / "unknown/report.html").as_uri())
-    assert browser.find_elements("css selector", ".c-after, .d-after, .t-after") == []
-    assert "After" not in browser.find_element("css selector", "#how-far").text
+    said = browser.find_element("css selector", "#how-far").text
+    learned = json.loads((gallery / "unknown/diagnosis.json").read_text(encoding="utf-8"))["how_far"].get("empirical")
+    taken = learned is not None and learned["taken"]
+    assert "After" not in said and ("With the empirical law" in said) == taken
+    assert bool(browser.find_elements("css selector", ".c-after, .d-after, .t-after")) == taken
 
 
 def test_thin_data_take_the_tick_away(gallery, browser):
