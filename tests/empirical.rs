@@ -64,7 +64,7 @@ fn learned(car: &Car, place: Subsystem) -> (Tried, Closed) {
         nominal: &vehicle,
         tuned: (&vehicle, &null),
     };
-    let tried = learn_law(&problem, &conclusion, &nominal, &judge).unwrap();
+    let tried = learn_law(&problem, &conclusion, &nominal, None, &judge).unwrap();
     let closed = Closed { noise: floor, ..Closed::of(&tried.held_out) };
     let parameters = serde_json::to_value(plant_parameters(&tried.vehicle, &tried.effects)).unwrap();
     let unseen = closed::on(&car.unseen, &car.campaign.vehicle_json, &parameters, &car.real).and_then(|c| c.fraction());

@@ -79,7 +79,8 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
             bar.finish();
             log?
         };
-        for name in args.engine.iter().chain(&args.road).filter(|n| log.channels.iter().all(|c| &c.name != *n)) {
+        let absent = |n: &&String| log.channels.iter().all(|c| &c.name != *n);
+        if let Some(name) = args.engine.iter().chain(&args.road).find(absent) {
             let there: Vec<&str> = log.channels.iter().map(|c| c.name.as_str()).collect();
             return Err(CommandError::Refused(format!("{}: no channel is called `{name}`; there are {}", log.file, there.join(", "))));
         }

@@ -5,7 +5,7 @@ use super::compose::{self, Findings};
 use super::empirical::{self, Tried};
 use super::held_out::{Split, split};
 use super::infer::density::{Point, Problem};
-use super::infer::posterior::posterior;
+use super::infer::posterior::{missing_laws, posterior};
 use super::infer::search::{Search, exchange, search};
 use super::infer::sensors;
 use super::map;
@@ -106,9 +106,11 @@ pub fn diagnose_with(
         found = search(&problem, &|what, share| progress(what, 0.5 + 0.2 * share));
     }
     progress("exchange", 0.7);
-    exchange(&problem, &mut found);
+    let laws = if found.best().fit.strains() { missing_laws(&problem, &found) } else { Vec::new() };
+    let law = laws.iter().filter(|l| l.fit.is_some()).map(|l| l.log_posterior).fold(f64::NEG_INFINITY, f64::max);
+    exchange(&problem, &mut found, law);
     progress("missing laws", 0.8);
-    let weights = posterior(&problem, &found);
+    let weights = posterior(&problem, &found, &laws);
     let conclusion = conclude(&problem, &found, &weights);
     progress("held-out data", 0.9);
     let point = &conclusion.explanation.fit.as_ref().expect("the best was fitted").point;
@@ -116,7 +118,8 @@ pub fn diagnose_with(
     // Tolerances beside a law that nobody has a formula for retune nothing: the car is handed back as it came.
     let retuned = !matches!(conclusion.verdict, Verdict::Unexplained | Verdict::InputsDoNotFit);
     // The FMU has no law beside its effects: it gets the numbers that suit best without one.
-    let alone = found.of(&conclusion.effects).or(found.of(&conclusion.explanation.effects)).map_or(point, |h| &h.fit.point);
+    let without_law = found.of(&conclusion.effects).or(found.of(&conclusion.explanation.effects)).map(|h| &h.fit);
+    let alone = without_law.map_or(point, |f| &f.point);
     let tuned = if retuned { problem.car(alone, None) } else { super::model::tolerance::Car::nominal(&vehicle) };
     let null = effects::null();
     let (before, after) = ((&vehicle, &null), (&tuned.vehicle, &tuned.effects));
@@ -133,7 +136,7 @@ pub fn diagnose_with(
         nominal: &vehicle,
         tuned: after,
     };
-    let learned = empirical::learn_law(&problem, &conclusion, alone, &judge);
+    let learned = empirical::learn_law(&problem, &conclusion, alone, without_law, &judge);
     let handed = match learned.as_ref().filter(|l| l.refused.is_none()) {
         Some(l) => (&l.vehicle, &l.effects),
         None => after,

@@ -5,6 +5,7 @@
 //! was held out from everything. Either time it has to close more than it leaves. It is never a cause, and changes no verdict.
 
 use super::infer::density::{Point, Problem};
+use super::infer::fit::Fit;
 use super::infer::learned::{Learned, learn};
 use super::measure::{self, Closed, HeldOut};
 use super::verdict::{Conclusion, Verdict};
@@ -97,8 +98,9 @@ fn gap(recording: &Recording, before: measure::Car, after: measure::Car) -> [f64
     [c.before, c.after]
 }
 
-/// Learns a law where something is left without a cause; none if nothing is, or if no law acts there. `start` is the point that goes with the tuned car.
-pub fn learn_law(problem: &Problem, conclusion: &Conclusion, start: &Point, judge: &Judge) -> Option<Tried> {
+/// Learns a law where something is left without a cause; none if nothing is, or if no law acts there. `start` is the point that goes with the tuned car,
+/// `near` a fit from whose derivatives along nuisances the work may begin.
+pub fn learn_law(problem: &Problem, conclusion: &Conclusion, start: &Point, near: Option<&Fit>, judge: &Judge) -> Option<Tried> {
     if !matches!(conclusion.verdict, Verdict::Unexplained | Verdict::PartlyExplained) {
         return None;
     }
@@ -118,7 +120,7 @@ pub fn learn_law(problem: &Problem, conclusion: &Conclusion, start: &Point, judg
         let mut from = start.clone();
         // The first curve alone, then all: what few numbers say carries further.
         for count in if all.len() > 1 { vec![1, all.len()] } else { vec![1] } {
-            let learned = learn(problem, &all[..count], &from);
+            let learned = learn(problem, &all[..count], &from, best.as_ref().map_or(near, |b| Some(&b.learned.fit)));
             from = learned.fit.point.clone();
             let tried = tried(problem, place, law, learned, judge);
             if best.as_ref().is_none_or(|b| tried.left_out[1] < b.left_out[1]) {

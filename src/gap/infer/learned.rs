@@ -5,7 +5,7 @@
 
 use super::coordinate::{Coordinate, coordinates};
 use super::density::{Point, Problem};
-use super::fit::{Fit, along, stepped};
+use super::fit::{Effort, Fit, along, stepped};
 use super::linear::{Frame, assemble, products};
 use crate::effects::empirical::Curve;
 use nalgebra::{DMatrix, DVector};
@@ -23,8 +23,8 @@ pub struct Learned {
     frame: Frame,
 }
 
-/// Learns these curves from a point, whose effects stay as they are.
-pub fn learn(problem: &Problem, curves: &[&'static Curve], start: &Point) -> Learned {
+/// Learns these curves from a point, whose effects stay as they are. `near` is a fit from whose derivatives along nuisances that may begin.
+pub fn learn(problem: &Problem, curves: &[&'static Curve], start: &Point, near: Option<&Fit>) -> Learned {
     let (mut shared, own) = coordinates(problem, &[], 0);
     let free = |c: &&'static Curve| {
         let c = *c;
@@ -33,7 +33,7 @@ pub fn learn(problem: &Problem, curves: &[&'static Curve], start: &Point) -> Lea
     shared.extend(curves.iter().flat_map(free));
     let frame = Frame { shared, own };
     let start = Point { missing: Vec::new(), ..start.clone() };
-    let fit = along(problem, frame.clone(), None, &start, ITERATIONS, None);
+    let fit = along(problem, frame.clone(), None, &start, Effort { known: near.and_then(Fit::known), ..Effort::of(ITERATIONS) });
     Learned { curves: curves.to_vec(), fit, frame }
 }
 

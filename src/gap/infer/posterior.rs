@@ -60,8 +60,26 @@ impl Posterior {
     }
 }
 
-/// Weighs missing laws beside what the search found.
-pub fn posterior(problem: &Problem, search: &Search) -> Posterior {
+/// Missing laws beside the most probable set, and beside none.
+pub fn missing_laws(problem: &Problem, search: &Search) -> Vec<Unknown> {
+    beside_sets(problem, search, search.best(), &[])
+}
+
+fn beside_sets(problem: &Problem, search: &Search, best: &Hypothesis, known: &[Unknown]) -> Vec<Unknown> {
+    let beside = |set: &Hypothesis, least: f64| {
+        let there: Vec<Unknown> = known.iter().filter(|u| u.effects == set.effects).cloned().collect();
+        if there.is_empty() { places(problem, set, least) } else { there }
+    };
+    let mut all = beside(best, best.log_posterior);
+    if !best.effects.is_empty() {
+        all.extend(beside(search.base(), best.log_posterior - search.behind(best.fit.log_evidence)));
+    }
+    all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+    all
+}
+
+/// Weighs missing laws beside what the search found; `known` ones are not worked out again.
+pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Posterior {
     let leader = search.best();
     let near = |log_posterior: f64| log_posterior > leader.log_posterior - search.behind(leader.fit.log_evidence);
     let with_form: Vec<Option<Gain>> = search
@@ -89,11 +107,7 @@ pub fn posterior(problem: &Problem, search: &Search) -> Posterior {
     }
     sets.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
     let best = &sets[0];
-    let mut unknowns: Vec<Unknown> = places(problem, best, best.log_posterior);
-    if !best.effects.is_empty() {
-        unknowns.extend(places(problem, search.base(), best.log_posterior - search.behind(leader.fit.log_evidence)));
-    }
-    unknowns.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+    let mut unknowns = beside_sets(problem, search, best, known);
     // A law that is missing may have been what an effect stood in for, or stand in for one: both are tried from the best.
     if let Some(first) = unknowns.iter().find(|u| u.fit.is_some()).filter(|u| u.log_posterior > best.log_posterior).cloned() {
         unknowns.extend(with_fewer(problem, search, first));
@@ -131,7 +145,7 @@ fn with_fewer(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unknown
             for p in REGISTRY[dropped].parameters.clone() {
                 start.effects[p] = crate::effects::PARAMETERS[p].null;
             }
-            beside(problem, &rest, current.place, &current.basis, &start)
+            beside(problem, &rest, current.place, &current.basis, &start, from.known())
         };
         let fewer: Vec<Unknown> = current.effects.iter().map(|e| without(*e)).collect();
         let Some(best) = fewer.iter().max_by(|a, b| a.log_posterior.total_cmp(&b.log_posterior)).cloned() else { break };
@@ -146,7 +160,7 @@ fn with_fewer(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unknown
     for single in singles {
         let mut point = start.clone().unwrap_or_else(|| problem.nominal());
         point.effects = single.fit.point.effects;
-        all.push(beside(problem, &single.effects, current.place, &current.basis, &point));
+        all.push(beside(problem, &single.effects, current.place, &current.basis, &point, current.fit.as_ref().and_then(Fit::known)));
     }
     all
 }

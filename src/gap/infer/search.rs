@@ -7,7 +7,7 @@
 
 use super::coordinate::Coordinate;
 use super::density::{Point, Problem, STRAINS, cost, size};
-use super::fit::{Fit, Free, LOOK, fit};
+use super::fit::{Effort, Fit, Free, LOOK, fit};
 use super::linear::Columns;
 use super::pulsation;
 use super::screen::{Anchor, Promise, Screening, screen};
@@ -72,6 +72,8 @@ pub struct Search {
     pub promised: Vec<Option<f64>>,
     /// Torque ripples that a scan found.
     ripples: Vec<(usize, Parameters)>,
+    /// Sets beside which all effects were screened, each with its cost then.
+    screened: Vec<(Vec<usize>, f64)>,
 }
 
 impl Search {
@@ -86,6 +88,10 @@ impl Search {
     /// The most probable set.
     pub fn best(&self) -> &Hypothesis {
         &self.hypotheses[0]
+    }
+    /// Cost that a set must come to for a chance to be the most probable: that of the one that is, and the price of what a smaller one would do without.
+    fn rival(&self) -> f64 {
+        self.best().fit.cost + 2.0 * BEHIND_NATS
     }
     /// Nats behind a log evidence within which an explanation is worth more work.
     pub fn behind(&self, best: f64) -> f64 {
@@ -136,8 +142,8 @@ pub const DRAGGED: f64 = 3.0;
 pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Search {
     progress("tolerances", 0.0);
     let nominal = problem.nominal();
-    let base = fit(problem, Free::default(), &nominal, STAY, None);
-    let mut found = Search { hypotheses: Vec::new(), promised: vec![None; REGISTRY.len()], ripples: Vec::new() };
+    let base = fit(problem, Free::default(), &nominal, Effort::of(STAY));
+    let mut found = Search { hypotheses: Vec::new(), promised: vec![None; REGISTRY.len()], ripples: Vec::new(), screened: Vec::new() };
     found.add(Hypothesis::new(Vec::new(), base));
     let mut frontier: Vec<Vec<usize>> = vec![Vec::new()];
     for size in 1..=MOST_EFFECTS {
@@ -158,12 +164,15 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
     found
 }
 
-/// Screens beside a set that was fitted, and fits what promises most.
+/// Screens beside a set that was fitted, and fits what promises most; not again from where that was done.
 fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
     let Some(from) = found.of(set).cloned() else { return };
+    if found.screened.iter().any(|(done, cost)| done == set && from.fit.cost > cost - LEAST_PROMISE) {
+        return;
+    }
+    found.screened.push((set.to_vec(), from.fit.cost));
     let mut places: Vec<(Point, Option<&Fit>)> = vec![(from.fit.point.clone(), Some(&from.fit))];
-    let shared = &from.fit.point.shared;
-    if shared.iter().map(|z| z * z).sum::<f64>() > DRAGGED * shared.len() as f64 {
+    if from.fit.pull() > DRAGGED {
         places.push((Point { effects: from.fit.point.effects, ..problem.nominal() }, None));
     }
     // A ripple's order is looked for once, from the car within its tolerances: it does not depend on what else is wrong.
@@ -214,7 +223,7 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
         .into_par_iter()
         .map(|(effects, start, _, anchor)| {
             let known = columns.get(anchor).map(|c| c.as_slice());
-            let fitted = fit(problem, Free { effects: &effects, basis: None }, &start, LOOK, known);
+            let fitted = fit(problem, Free { effects: &effects, basis: None }, &start, Effort { known, ..Effort::of(LOOK) });
             (effects, fitted)
         })
         .collect();
@@ -254,7 +263,7 @@ fn taken_over(problem: &Problem, from: &Hypothesis, set: &[usize]) -> Vec<(Vec<u
 fn finish(problem: &Problem, found: &mut Search, mut looked: Vec<(Vec<usize>, Fit)>) {
     looked.sort_by(|a, b| b.1.log_evidence.total_cmp(&a.1.log_evidence));
     let Some(best) = looked.first().map(|l| l.1.log_evidence) else { return };
-    let most = found.behind(best);
+    let (most, rival) = (found.behind(best), found.rival());
     let (near, far): (Vec<_>, Vec<_>) = looked.into_iter().enumerate().partition(|(k, l)| *k < FITTED && best - l.1.log_evidence < most);
     for (_, (effects, rough)) in far {
         found.add(Hypothesis::new(effects, rough));
@@ -262,7 +271,8 @@ fn finish(problem: &Problem, found: &mut Search, mut looked: Vec<(Vec<usize>, Fi
     let done: Vec<(Vec<usize>, Fit)> = near
         .into_par_iter()
         .map(|(_, (effects, rough))| {
-            let fitted = fit(problem, Free { effects: &effects, basis: None }, &rough.point, STAY, rough.known());
+            let effort = Effort { known: rough.known(), towards: rival, ..Effort::of(STAY) };
+            let fitted = fit(problem, Free { effects: &effects, basis: None }, &rough.point, effort);
             (effects, fitted)
         })
         .collect();
@@ -272,16 +282,16 @@ fn finish(problem: &Problem, found: &mut Search, mut looked: Vec<(Vec<usize>, Fi
 }
 
 /// Drops every member of the best set in turn; what is left is fitted from there and looks for a better companion, if it fits better than it did or if the
-/// best set strains its tolerances, which says that it is not the right one.
-pub fn exchange(problem: &Problem, found: &mut Search) {
+/// best set strains its tolerances, which says that it is not the right one. `law` is the log posterior of the best missing law, if that was asked for: what
+/// strains and is far behind it is not worth more work.
+pub fn exchange(problem: &Problem, found: &mut Search, law: f64) {
     for _ in 0..EXCHANGES {
         let best = found.best().clone();
         if best.effects.is_empty() {
             return;
         }
-        let shared = &best.fit.point.shared;
-        let strained = shared.iter().map(|z| z * z).sum::<f64>() > STRAINED * shared.len() as f64;
-        if best.effects.len() < 2 && !strained {
+        let strained = best.fit.strains();
+        if best.effects.len() < 2 && !strained || strained && law > best.log_posterior + found.behind(best.fit.log_evidence) {
             return;
         }
         for &dropped in &best.effects {
@@ -292,11 +302,12 @@ pub fn exchange(problem: &Problem, found: &mut Search) {
             }
             let before = found.of(&rest).map(|h| h.fit.cost);
             let free = || Free { effects: &rest, basis: None };
-            let looked = fit(problem, free(), &start, LOOK, best.fit.known());
+            let looked = fit(problem, free(), &start, Effort { known: best.fit.known(), ..Effort::of(LOOK) });
             let better = before.is_some_and(|b| looked.cost < b - LEAST_PROMISE);
             let near = best.fit.log_evidence - looked.log_evidence < found.behind(best.fit.log_evidence);
             let whole = better || near && before.is_none();
-            let fitted = if whole { fit(problem, free(), &looked.point, STAY, looked.known()) } else { looked };
+            let effort = Effort { known: looked.known(), ..Effort::of(STAY) };
+            let fitted = if whole { fit(problem, free(), &looked.point, effort) } else { looked };
             found.add(Hypothesis::new(rest.clone(), fitted));
             if better || strained {
                 extend(problem, found, &rest);
@@ -317,11 +328,13 @@ pub fn exchange(problem: &Problem, found: &mut Search) {
                     newcomer.map(|_| (set, point))
                 })
             });
+            let rival = found.rival();
             let looked: Vec<(Vec<usize>, Fit)> = swapped
                 .collect::<Vec<_>>()
                 .into_par_iter()
                 .map(|(set, point)| {
-                    let fitted = fit(problem, Free { effects: &set, basis: None }, &point, LOOK + 1, best.fit.known());
+                    let effort = Effort { known: best.fit.known(), towards: rival, ..Effort::of(LOOK + 1) };
+                    let fitted = fit(problem, Free { effects: &set, basis: None }, &point, effort);
                     (set, fitted)
                 })
                 .collect();
@@ -335,9 +348,6 @@ pub fn exchange(problem: &Problem, found: &mut Search) {
 
 /// Rounds of exchange.
 const EXCHANGES: usize = 4;
-/// Mean square of the nuisances beyond which a fit strains its tolerances: of a dozen and more standard normal numbers it is so once in a hundred times.
-const STRAINED: f64 = 2.0;
-
 /// Cost of a point, for checks.
 pub fn cost_at(problem: &Problem, point: &Point) -> f64 {
     cost(point, &problem.all_residuals(point, None))
