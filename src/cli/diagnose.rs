@@ -8,7 +8,7 @@ use super::progress::Progress;
 use super::summary::summary;
 use crate::campaign::{self, Campaign, ChannelMap, ReadOptions, Recording};
 use crate::effects::REGISTRY;
-use crate::fmu::{self, FmuError, library, ssv};
+use crate::fmu::{self, Beside, Extras, FmuError, library, ssv};
 use crate::gap::answer::plant_parameters;
 use crate::gap::diagnosis::{Diagnosis, diagnose};
 use crate::gap::map::{HIGH_TORQUE_NM, HOT_DEGC};
@@ -241,7 +241,9 @@ fn files(
     ];
     // There are libraries whenever an FMU is asked for.
     if !libraries.is_empty() {
-        files.push(("DrivelinePlant.fmu", fmu::archive(plant, libraries, &diagnosis.vehicle, &diagnosis.effects)?));
+        let beside = Beside { validated: Some(&diagnosis.validated), ..Beside::default() };
+        let extras = Extras { beside, ..Extras::default() };
+        files.push(("DrivelinePlant.fmu", fmu::with_extras(plant, libraries, extras, &diagnosis.vehicle, &diagnosis.effects)?));
     }
     Ok(files)
 }

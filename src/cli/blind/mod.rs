@@ -5,6 +5,7 @@
 //!
 //! - [`examine`]: one car, from its folder to an outcome
 //! - [`closed`]: how much of the gap the retuned plant closes on recordings that the diagnosis never saw
+//! - [`predicted`]: what the predicted standard deviation of the clutch torque is worth there
 //! - [`scores`]: counts, shares and their intervals
 //! - [`reliability`]: what claimed probabilities and intervals are worth
 //! - [`planned`]: what a plan promises against what drawn cars do
@@ -14,6 +15,7 @@ pub mod closed;
 pub mod examine;
 pub mod folder;
 pub mod planned;
+pub mod predicted;
 pub mod reliability;
 pub mod scores;
 
