@@ -87,7 +87,9 @@ pub struct Validated {
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum ValidatedError {
     /// Not places of four numbers.
-    #[error("validated.places are no list of at most {MOST_PLACES} places, each slip in rad/s, temperature in °C, closing and torque in N·m")]
+    #[error(
+        "validated.places are no list of at most {MOST_PLACES} places, each slip in rad/s, temperature in °C, closing and torque in N·m"
+    )]
     Places,
     /// Not the table's size, or numbers that are no standard deviations.
     #[error("validated.sigma_Nm is no list of {TABLE} numbers between 0 and {UNKNOWN_NM} N·m")]

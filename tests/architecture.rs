@@ -25,7 +25,22 @@ const IMPORTS: [(&str, &[&str]); 17] = [
     ("fmu", &["physics", "validated", "vehicle", "effects", "faults", "control", "fmi2", "launch"]),
     (
         "cli",
-        &["physics", "validated", "vehicle", "effects", "faults", "plant", "control", "launch", "plots", "campaign", "survey", "report", "gap", "fmu"],
+        &[
+            "physics",
+            "validated",
+            "vehicle",
+            "effects",
+            "faults",
+            "plant",
+            "control",
+            "launch",
+            "plots",
+            "campaign",
+            "survey",
+            "report",
+            "gap",
+            "fmu",
+        ],
     ),
     ("main", &[]),
 ];

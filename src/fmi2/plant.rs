@@ -53,7 +53,14 @@ pub fn make() -> Box<dyn Model> {
     let vehicle = Vehicle::paper();
     let start = Start { omega_f: 0.0, omega_c: 0.0, theta_c: 25.0, theta_b: 25.0 };
     let plant = Plant::new(&vehicle, &effects::null(), &start, &Inputs::default());
-    Box::new(PlantModel { plant, vehicle, numbers: [f64::NAN; NUMBERS.len()], faults: Faults::default(), base: effects::null(), validated: None })
+    Box::new(PlantModel {
+        plant,
+        vehicle,
+        numbers: [f64::NAN; NUMBERS.len()],
+        faults: Faults::default(),
+        base: effects::null(),
+        validated: None,
+    })
 }
 
 impl Model for PlantModel {
@@ -95,7 +102,8 @@ impl Model for PlantModel {
     }
 
     fn take_validated(&mut self, found: Box<Validated>, values: &[f64]) {
-        self.validated = Some(Known { found, vehicle: take_vehicle(&DESCRIPTION, values), effects: parameters(values), applies: false, near: 0 });
+        self.validated =
+            Some(Known { found, vehicle: take_vehicle(&DESCRIPTION, values), effects: parameters(values), applies: false, near: 0 });
     }
 
     #[inline]

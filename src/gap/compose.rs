@@ -1,8 +1,8 @@
 //! From what was found to the answer, in the answer's words.
 
 use super::answer::{
-    Answer, Correlation, Domain, Effect, Empirical, EmpiricalCurve, Equation, Figures, HowFar, Interval, LeftOut, MeasureNext, NotAssessable,
-    PerRecording, Planned, Plant, Ranked, Real, RivalSet, Share, Visible, Weighed, Where, Which, plant_parameters,
+    Answer, Correlation, Domain, Effect, Empirical, EmpiricalCurve, Equation, Figures, HowFar, Interval, LeftOut, MeasureNext,
+    NotAssessable, PerRecording, Planned, Plant, Ranked, Real, RivalSet, Share, Visible, Weighed, Where, Which, plant_parameters,
 };
 use super::empirical::{LEAST_CLOSED, Refusal, Tried};
 use super::infer::coordinate::Coordinate;

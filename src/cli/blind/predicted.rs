@@ -30,10 +30,14 @@ pub struct Errors {
     pub squares: f64,
     /// Sum of predicted variances, (N·m)².
     pub variances: f64,
+    pub sum: f64,
+    pub torque: f64,
 }
 
 impl Errors {
-    fn add(&mut self, error: f64, sigma: f64) {
+    fn add(&mut self, error: f64, sigma: f64, torque: f64) {
+        self.sum += error;
+        self.torque += torque;
         self.count += 1;
         self.within += usize::from(error.abs() <= BAND * sigma);
         self.squares += error * error;
@@ -89,9 +93,9 @@ fn of(r: &Recording, mut car: realcar::Motion, config: &Config, known: &Validate
         let validity = known.validity(&place, &mut near);
         let (error, sigma) = (car.t_fc - torque, known.sigma(&place));
         if validity >= 1.0 {
-            found.inside.add(error, sigma);
+            found.inside.add(error, sigma, torque);
         } else if validity < 0.5 {
-            found.outside.add(error, sigma);
+            found.outside.add(error, sigma, torque);
         }
     }
     found
