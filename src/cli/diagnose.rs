@@ -224,6 +224,7 @@ fn files(
         regions: &format!("cold is a disc below {HOT_DEGC} °C, low torque a clutch torque below {HIGH_TORQUE_NM} N·m"),
         traces: &traces,
         laws: &super::laws::laws(campaign, diagnosis, &traces),
+        known: super::known::known(campaign, diagnosis).as_ref(),
         what_if: Some(&super::what_if::of(campaign, diagnosis, library::module())),
     });
     let plant = fmu::MODELS.iter().find(|m| m.description.name == "DrivelinePlant").expect("the plant is one of the models");

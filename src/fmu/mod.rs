@@ -159,14 +159,6 @@ pub fn start(model: &Model, vehicle: &Vehicle, effects: &Parameters) -> (String,
     (description::guid(model, vehicle, effects, &none), document(vehicle, effects, &none).to_string())
 }
 
-/// The bytes of an FMU.
-///
-/// # Errors
-/// A library that does not hold this model.
-pub fn archive(model: &Model, libraries: &[Library], vehicle: &Vehicle, effects: &Parameters) -> Result<Vec<u8>, FmuError> {
-    with_extras(model, libraries, Extras::default(), vehicle, effects)
-}
-
 /// What an FMU may hold beyond binaries and a vehicle.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Extras<'a> {

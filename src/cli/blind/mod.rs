@@ -157,14 +157,15 @@ fn keep(folder: &Path, cars: usize, draw: impl Fn(usize) -> Subject + Sync) -> R
 fn report(outcomes: &[Outcome], seed: u64, args: &Args) -> Result<(), CommandError> {
     let table = scores::table(outcomes);
     let claims = reliability::of(outcomes);
+    let torque = predicted::Summary::of(outcomes.iter().flat_map(|o| &o.predicted));
     if args.json {
         let cars: Vec<Value> = outcomes.iter().map(Outcome::as_json).collect();
         return print_json(&json!({
             "seed": seed, "cars": outcomes.len(), "drawn": args.what(), "generator": realcar::VERSION,
-            "scores": scores::as_json(&table), "reliability": claims.as_json(), "outcomes": cars,
+            "scores": scores::as_json(&table), "reliability": claims.as_json(), "torque_sigma": torque.as_json(), "outcomes": cars,
         }));
     }
     let head = format!("{} cars drawn with seed {seed}: {}, generator {}\n", outcomes.len(), args.what(), realcar::VERSION);
     let errors: String = outcomes.iter().filter_map(|o| o.error.as_ref()).map(|e| format!("not diagnosed: {e}\n")).collect();
-    print(&format!("{head}{}{}{errors}", scores::as_text(&table), claims.as_text()))
+    print(&format!("{head}{}{}{}{errors}", scores::as_text(&table), claims.as_text(), torque.as_text()))
 }

@@ -30,14 +30,10 @@ pub struct Errors {
     pub squares: f64,
     /// Sum of predicted variances, (N·m)².
     pub variances: f64,
-    pub sum: f64,
-    pub torque: f64,
 }
 
 impl Errors {
-    fn add(&mut self, error: f64, sigma: f64, torque: f64) {
-        self.sum += error;
-        self.torque += torque;
+    fn add(&mut self, error: f64, sigma: f64) {
         self.count += 1;
         self.within += usize::from(error.abs() <= BAND * sigma);
         self.squares += error * error;
@@ -57,6 +53,63 @@ pub struct Predicted {
     pub inside: Errors,
     /// Where it is less than a half.
     pub outside: Errors,
+}
+
+/// All recordings together, and what a reader wants to know of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// Samples inside and outside.
+    pub all: Predicted,
+    /// Recordings with samples inside, and those whose root mean square error is within the band's.
+    pub recordings: [usize; 2],
+}
+
+impl Summary {
+    /// Of these recordings.
+    pub fn of<'a>(recordings: impl Iterator<Item = &'a Predicted>) -> Self {
+        let mut sum = Self::default();
+        for p in recordings {
+            for (all, one) in [(&mut sum.all.inside, &p.inside), (&mut sum.all.outside, &p.outside)] {
+                all.count += one.count;
+                all.within += one.within;
+                all.squares += one.squares;
+                all.variances += one.variances;
+            }
+            if p.inside.count > 0 {
+                sum.recordings[0] += 1;
+                sum.recordings[1] += usize::from(p.inside.ratio() <= BAND);
+            }
+        }
+        sum
+    }
+
+    /// For machines.
+    pub fn as_json(&self) -> Value {
+        let part = |e: &Errors| {
+            let rms = |sum: f64| (e.count > 0).then(|| (sum / e.count as f64).sqrt());
+            json!({"samples": e.count, "within_2_sigma": e.within, "rms_error_Nm": rms(e.squares), "rms_sigma_Nm": rms(e.variances)})
+        };
+        let [recordings, within] = self.recordings;
+        json!({"inside": part(&self.all.inside), "outside": part(&self.all.outside), "recordings": recordings, "recordings_within_2_sigma": within})
+    }
+
+    /// For people.
+    pub fn as_text(&self) -> String {
+        let part = |e: &Errors| {
+            let n = e.count.max(1) as f64;
+            let (share, error, sigma) = (100.0 * e.within as f64 / n, (e.squares / n).sqrt(), (e.variances / n).sqrt());
+            format!("{share:.1} % of {} samples within 2 σ, error {error:.2} N·m, σ {sigma:.2} N·m", e.count)
+        };
+        let [recordings, within] = self.recordings;
+        if recordings == 0 {
+            return String::new();
+        }
+        format!(
+            "clutch torque of unseen recordings, where the plant says that it is valid: {}; {within} of {recordings} recordings as a whole\n  outside: {}\n",
+            part(&self.all.inside),
+            part(&self.all.outside)
+        )
+    }
 }
 
 /// What `domain` of an answer says; none if it is not there or not sound.
@@ -93,9 +146,9 @@ fn of(r: &Recording, mut car: realcar::Motion, config: &Config, known: &Validate
         let validity = known.validity(&place, &mut near);
         let (error, sigma) = (car.t_fc - torque, known.sigma(&place));
         if validity >= 1.0 {
-            found.inside.add(error, sigma, torque);
+            found.inside.add(error, sigma);
         } else if validity < 0.5 {
-            found.outside.add(error, sigma, torque);
+            found.outside.add(error, sigma);
         }
     }
     found
