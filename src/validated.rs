@@ -113,7 +113,7 @@ impl Validated {
             }
         }
         // A stable sort: of places that were visited as often, the first are kept.
-        kept.sort_by(|a, b| b.2.cmp(&a.2));
+        kept.sort_by_key(|k| std::cmp::Reverse(k.2));
         kept.truncate(MOST_PLACES);
         let sigma: Vec<f64> = sigma.map(|s| rounded(s.min(UNKNOWN_NM))).collect();
         assert_eq!(sigma.len(), TABLE, "a table has its size");

@@ -34,7 +34,7 @@ pub struct Parts {
     /// Faults that it plays.
     pub faults: Faults,
     /// What a campaign has found of it.
-    pub validated: Option<Box<Validated>>,
+    pub validated: Option<Validated>,
 }
 
 /// An instance.

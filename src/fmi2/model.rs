@@ -33,7 +33,7 @@ pub trait Model: Send {
     fn take_faults(&mut self, _faults: Faults) {}
 
     /// Takes what a campaign has found of the car that these values make, before the start; only a plant has use for it.
-    fn take_validated(&mut self, _validated: Box<Validated>, _values: &[f64]) {}
+    fn take_validated(&mut self, _validated: Validated, _values: &[f64]) {}
 
     /// Advances by `h` seconds with the inputs held, and writes the outputs.
     ///

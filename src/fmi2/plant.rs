@@ -39,7 +39,7 @@ struct PlantModel {
 
 /// What a campaign has found, and the car of which it has found it.
 struct Known {
-    found: Box<Validated>,
+    found: Validated,
     vehicle: Vehicle,
     effects: Parameters,
     /// Whether the plant still is that car.
@@ -101,7 +101,7 @@ impl Model for PlantModel {
         self.faults = faults;
     }
 
-    fn take_validated(&mut self, found: Box<Validated>, values: &[f64]) {
+    fn take_validated(&mut self, found: Validated, values: &[f64]) {
         self.validated =
             Some(Known { found, vehicle: take_vehicle(&DESCRIPTION, values), effects: parameters(values), applies: false, near: 0 });
     }

@@ -33,7 +33,7 @@ enum Missing {
 }
 
 /// Start values, faults, and what a campaign has found of the car.
-pub type Started = (Box<[f64]>, Faults, Option<Box<Validated>>);
+pub type Started = (Box<[f64]>, Faults, Option<Validated>);
 
 /// Start values of the FMU with this GUID.
 ///
@@ -82,7 +82,7 @@ struct Read {
     vehicle: Vehicle,
     effects: Parameters,
     faults: Faults,
-    validated: Option<Box<Validated>>,
+    validated: Option<Validated>,
 }
 
 fn vehicle_of_resources(location: Option<&[u8]>) -> Result<Read, Missing> {
@@ -90,7 +90,7 @@ fn vehicle_of_resources(location: Option<&[u8]>) -> Result<Read, Missing> {
     let wrong = |e: VehicleError| Missing::Wrong(format!("{place}: {e}"));
     let document: serde_json::Value = serde_json::from_str(&text).map_err(|e| wrong(VehicleError::Json(e.to_string())))?;
     let faults = Faults::from_value(&document["faults"]).map_err(|e| Missing::Wrong(format!("{place}: {e}")))?;
-    let validated = Validated::from_value(&document["validated"]).map_err(|e| Missing::Wrong(format!("{place}: {e}")))?.map(Box::new);
+    let validated = Validated::from_value(&document["validated"]).map_err(|e| Missing::Wrong(format!("{place}: {e}")))?;
     let (vehicle, effects) = (Vehicle::from_value(&document).map_err(wrong)?, effects::from_value(&document).map_err(wrong)?);
     Ok(Read { vehicle, effects, faults, validated })
 }
