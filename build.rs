@@ -39,7 +39,9 @@ fn main() {
 /// What the plant is made of, by which a module for browsers is known to be of this version: a hash of all its sources.
 fn sources(root: &Path) -> u128 {
     let mut all = Vec::new();
-    for part in ["modelDescription", "src/effects", "src/faults.rs", "src/fmi2", "src/physics", "src/plant", "src/vehicle.rs"] {
+    for part in
+        ["modelDescription", "src/effects", "src/faults.rs", "src/fmi2", "src/physics", "src/plant", "src/validated.rs", "src/vehicle.rs"]
+    {
         let path = root.join(part);
         println!("cargo::rerun-if-changed={}", path.display());
         let entries = fs::read_dir(&path).map(|entries| entries.map(|e| e.expect("a folder of sources can be read").path()).collect());

@@ -14,6 +14,7 @@ fn main() -> std::io::Result<()> {
         regions: "",
         traces: &[],
         laws: &[],
+        known: None,
         what_if: None,
     };
     let html = kisspoint::report::html(&input);

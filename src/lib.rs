@@ -25,4 +25,5 @@ pub mod plots;
 pub mod report;
 #[cfg(feature = "cli")]
 pub mod survey;
+pub mod validated;
 pub mod vehicle;

@@ -133,15 +133,16 @@ impl Vehicle {
         Self::from_value(&value)
     }
 
-    /// As [`Vehicle::from_json`], of a parsed document; `tolerance`, `effects` and keys that begin with `_` or `$` are left to others.
+    /// As [`Vehicle::from_json`], of a parsed document; `tolerance`, `effects`, `faults`, `validated` and keys that begin with `_` or `$` are left to others.
     ///
     /// # Errors
     /// As [`Vehicle::from_json`].
     pub fn from_value(value: &Value) -> Result<Self, VehicleError> {
         let (mut vehicle, mut given) = (Self::paper(), [false; NUMBERS.len()]);
         let root = value.as_object().ok_or_else(|| VehicleError::Json("the document is not an object".into()))?;
-        for (group, content) in
-            root.iter().filter(|(k, _)| !matches!(k.as_str(), "tolerance" | "effects" | "faults") && !k.starts_with(['_', '$']))
+        for (group, content) in root
+            .iter()
+            .filter(|(k, _)| !matches!(k.as_str(), "tolerance" | "effects" | "faults" | "validated") && !k.starts_with(['_', '$']))
         {
             let content = content.as_object().ok_or_else(|| VehicleError::Unknown(group.clone(), nearest(group)))?;
             for (key, value) in content.iter().filter(|(k, _)| !k.starts_with(['_', '$'])) {

@@ -5,26 +5,42 @@ use std::path::{Path, PathBuf};
 use std::{fs, iter};
 
 /// Which modules each module may import; the one list of import directions.
-const IMPORTS: [(&str, &[&str]); 16] = [
+const IMPORTS: [(&str, &[&str]); 17] = [
     ("physics", &[]),
+    ("validated", &[]),
     ("vehicle", &["physics"]),
     ("effects", &["physics", "vehicle"]),
     ("faults", &["effects"]),
     ("plant", &["physics", "vehicle", "effects"]),
     ("control", &["physics", "vehicle"]),
-    ("fmi2", &["physics", "vehicle", "effects", "faults", "plant", "control"]),
+    ("fmi2", &["physics", "validated", "vehicle", "effects", "faults", "plant", "control"]),
     ("launch", &["physics", "vehicle", "effects", "faults", "plant", "control"]),
     ("plots", &["physics", "vehicle", "effects", "plant", "control", "launch"]),
     ("campaign", &[]),
     // Of the plots, only the chart.
     ("survey", &["campaign", "plots"]),
-    ("gap", &["physics", "vehicle", "effects", "plant", "campaign"]),
+    ("gap", &["physics", "validated", "vehicle", "effects", "plant", "campaign"]),
     // Of the diagnosis, only the form in which curves are handed over.
-    ("report", &["vehicle", "effects", "gap"]),
-    ("fmu", &["physics", "vehicle", "effects", "faults", "control", "fmi2", "launch"]),
+    ("report", &["validated", "vehicle", "effects", "gap"]),
+    ("fmu", &["physics", "validated", "vehicle", "effects", "faults", "control", "fmi2", "launch"]),
     (
         "cli",
-        &["physics", "vehicle", "effects", "faults", "plant", "control", "launch", "plots", "campaign", "survey", "report", "gap", "fmu"],
+        &[
+            "physics",
+            "validated",
+            "vehicle",
+            "effects",
+            "faults",
+            "plant",
+            "control",
+            "launch",
+            "plots",
+            "campaign",
+            "survey",
+            "report",
+            "gap",
+            "fmu",
+        ],
     ),
     ("main", &[]),
 ];

@@ -8,7 +8,7 @@ use super::progress::Progress;
 use super::summary::summary;
 use crate::campaign::{self, Campaign, ChannelMap, ReadOptions, Recording};
 use crate::effects::REGISTRY;
-use crate::fmu::{self, FmuError, library, ssv};
+use crate::fmu::{self, Beside, Extras, FmuError, library, ssv};
 use crate::gap::answer::plant_parameters;
 use crate::gap::diagnosis::{Diagnosis, diagnose};
 use crate::gap::map::{HIGH_TORQUE_NM, HOT_DEGC};
@@ -224,6 +224,7 @@ fn files(
         regions: &format!("cold is a disc below {HOT_DEGC} °C, low torque a clutch torque below {HIGH_TORQUE_NM} N·m"),
         traces: &traces,
         laws: &super::laws::laws(campaign, diagnosis, &traces),
+        known: super::known::known(campaign, diagnosis).as_ref(),
         what_if: Some(&super::what_if::of(campaign, diagnosis, library::module())),
     });
     let plant = fmu::MODELS.iter().find(|m| m.description.name == "DrivelinePlant").expect("the plant is one of the models");
@@ -241,7 +242,9 @@ fn files(
     ];
     // There are libraries whenever an FMU is asked for.
     if !libraries.is_empty() {
-        files.push(("DrivelinePlant.fmu", fmu::archive(plant, libraries, &diagnosis.vehicle, &diagnosis.effects)?));
+        let beside = Beside { validated: Some(&diagnosis.validated), ..Beside::default() };
+        let extras = Extras { beside, ..Extras::default() };
+        files.push(("DrivelinePlant.fmu", fmu::with_extras(plant, libraries, extras, &diagnosis.vehicle, &diagnosis.effects)?));
     }
     Ok(files)
 }

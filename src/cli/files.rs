@@ -3,6 +3,7 @@
 use super::error::{CommandError, at};
 use crate::effects::{self, Parameters};
 use crate::faults::Faults;
+use crate::validated::Validated;
 use crate::vehicle::{Vehicle, VehicleError};
 use serde_json::Value;
 use std::fs::File;
@@ -18,6 +19,8 @@ pub struct VehicleFile {
     pub vehicle: Vehicle,
     /// The effects that it puts in force.
     pub effects: Parameters,
+    /// What a campaign has found of the car.
+    pub validated: Option<Validated>,
 }
 
 /// Reads a vehicle file.
@@ -30,7 +33,8 @@ pub fn read_vehicle(path: &Path) -> Result<VehicleFile, CommandError> {
     let document: Result<Value, _> = serde_json::from_str(text).map_err(|e| VehicleError::Json(e.to_string()));
     let parse = |document: Value| {
         let (vehicle, effects) = (Vehicle::from_value(&document)?, effects::from_value(&document)?);
-        Ok(VehicleFile { document, vehicle, effects })
+        let validated = Validated::from_value(&document["validated"]).map_err(|e| VehicleError::Implausible(e.to_string()))?;
+        Ok(VehicleFile { document, vehicle, effects, validated })
     };
     document.and_then(parse).map_err(|source| CommandError::Vehicle { path: path.to_owned(), source })
 }

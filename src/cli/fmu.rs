@@ -5,7 +5,7 @@ use super::files::{read_faults, read_vehicle, write_all};
 use super::output::{print, print_json};
 use crate::effects;
 use crate::fmu::sources::Sources;
-use crate::fmu::{Extras, all, library};
+use crate::fmu::{Beside, Extras, all, library};
 use crate::vehicle::Vehicle;
 use serde_json::json;
 use std::path::PathBuf;
@@ -43,14 +43,14 @@ pub struct Args {
 /// # Errors
 /// A vehicle file that is missing or not sound; no library, or an unsound one; a directory that cannot be written.
 pub fn run(args: &Args) -> Result<(), CommandError> {
-    let (vehicle, effects) = match &args.vehicle {
-        None => (Vehicle::paper(), effects::null()),
-        Some(path) => read_vehicle(path).map(|file| (file.vehicle, file.effects))?,
+    let (vehicle, effects, validated) = match &args.vehicle {
+        None => (Vehicle::paper(), effects::null(), None),
+        Some(path) => read_vehicle(path).map(|file| (file.vehicle, file.effects, file.validated))?,
     };
     let libraries = library::find(&args.library)?;
     let sources = args.sources.as_deref().map(Sources::read).transpose()?;
     let faults = args.faults.as_deref().map(read_faults).transpose()?;
-    let extras = Extras { sources: sources.as_ref(), faults: faults.as_ref() };
+    let extras = Extras { sources: sources.as_ref(), beside: Beside { faults: faults.as_ref(), validated: validated.as_ref() } };
     let files = all(&libraries, extras, &vehicle, &effects)?;
     write_all(&args.out, &files)?;
     let written: Vec<String> = files.iter().map(|(name, _)| args.out.join(name).display().to_string()).collect();

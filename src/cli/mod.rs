@@ -13,6 +13,7 @@ pub mod fleet;
 pub mod fmu;
 pub mod index;
 pub mod inspect;
+mod known;
 pub mod launch;
 pub mod launch_drawn;
 mod laws;

@@ -78,8 +78,8 @@ fn instantiate(name: Option<&CStr>, fmu_type: c_int, guid: Option<&CStr>, locati
         let known = model::MODELS.each_ref().map(|m| m.description.guid);
         return Err(format!("fmuGUID {guid:?} is none of this library's, {known:?}; the modelDescription.xml is of another version"));
     };
-    let (fresh, faults) = start_values(registered.description, text, location.map(CStr::to_bytes), log)?;
-    Ok(Parts { registered, fresh, faults })
+    let (fresh, faults, validated) = start_values(registered.description, text, location.map(CStr::to_bytes), log)?;
+    Ok(Parts { registered, fresh, faults, validated })
 }
 
 #[unsafe(no_mangle)]

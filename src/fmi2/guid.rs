@@ -17,7 +17,7 @@ pub fn hash(bytes: impl Iterator<Item = u8>) -> u128 {
     bytes.fold(BASIS, |sum, byte| (sum ^ u128::from(byte)).wrapping_mul(PRIME))
 }
 
-/// The twelve characters for these start values, in the order of the model description, followed by the numbers of faults.
+/// The twelve characters for these start values, in the order of the model description, followed by the numbers of faults and of what a campaign has found.
 pub fn tail(starts: impl Iterator<Item = f64>) -> [u8; LENGTH - OF_INTERFACE] {
     // As above, but a word at a time, for every instance asks: the upper half is folded in, or high bits would not come down, and two words more
     // bring those of the last one down. A sum with 0 makes one zero of both.

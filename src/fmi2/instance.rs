@@ -9,6 +9,7 @@ use super::variables::{Causality, Description, Kind, Variability, Variable};
 use super::words::{Reader, Words, Writer};
 use crate::faults::Faults;
 use crate::plant::pace::TooFast;
+use crate::validated::Validated;
 use std::ops::Range;
 
 /// Longest communication step, s: it bounds the work of a call.
@@ -32,6 +33,8 @@ pub struct Parts {
     pub fresh: Box<[f64]>,
     /// Faults that it plays.
     pub faults: Faults,
+    /// What a campaign has found of it.
+    pub validated: Option<Validated>,
 }
 
 /// An instance.
@@ -80,7 +83,7 @@ impl Instance {
     ///
     /// # Panics
     /// Inputs that do not stand first, or too many.
-    pub fn from_parts(Parts { registered, fresh, faults }: Parts, log: Log) -> Self {
+    pub fn from_parts(Parts { registered, fresh, faults, validated }: Parts, log: Log) -> Self {
         let variables = registered.description.variables;
         let range = |wanted: Causality| {
             let first = variables.iter().position(|v| v.causality == wanted).unwrap_or(0);
@@ -91,6 +94,9 @@ impl Instance {
         let (slopes, before) = (vec![0.0; inputs.len()].into(), vec![0.0; outputs.len()].into());
         let (description, mut model, values) = (registered.description, (registered.make)(), fresh.clone());
         model.take_faults(faults.clone());
+        if let Some(validated) = validated {
+            model.take_validated(validated, &fresh);
+        }
         let call_state = CallState::Instantiated;
         let mut made = Self {
             description,
@@ -417,7 +423,9 @@ impl Instance {
     pub fn check_state(&self, payload: &[u64]) -> Result<Status, Refusal> {
         let registered = super::model::find(self.description.guid).ok_or(Refusal::Panic)?;
         let silent = Log::new(None, std::ptr::null_mut(), std::ffi::CString::default(), false);
-        let mut scratch = Self::from_parts(Parts { registered, fresh: self.fresh.clone(), faults: self.faults.clone() }, silent);
+        // What a campaign has found is no part of a state.
+        let parts = Parts { registered, fresh: self.fresh.clone(), faults: self.faults.clone(), validated: None };
+        let mut scratch = Self::from_parts(parts, silent);
         scratch.load(payload)?;
         let sound = |(v, x): (&Variable, &f64)| v.is_measurement() || v.causality == Causality::Output || (*x >= v.min && *x <= v.max);
         if self.description.variables.iter().zip(&scratch.values).all(sound) {

@@ -6,6 +6,7 @@ use super::words::{Reader, Writer};
 use crate::effects::{PARAMETERS, Parameters};
 use crate::faults::Faults;
 use crate::plant::pace::TooFast;
+use crate::validated::Validated;
 use crate::vehicle::{NUMBERS, Vehicle};
 
 /// A model behind an FMU. `values` hold every variable in the order of the model description; a model reads inputs and parameters
@@ -30,6 +31,9 @@ pub trait Model: Send {
 
     /// Takes faults to play, before the start; a model without effects has none.
     fn take_faults(&mut self, _faults: Faults) {}
+
+    /// Takes what a campaign has found of the car that these values make, before the start; only a plant has use for it.
+    fn take_validated(&mut self, _validated: Validated, _values: &[f64]) {}
 
     /// Advances by `h` seconds with the inputs held, and writes the outputs.
     ///

@@ -10,7 +10,8 @@ use crate::physics::phase::Phase;
 use crate::plant::clutch::Branch;
 use crate::plant::history::CAPACITY;
 use crate::plant::pace::TooFast;
-use crate::plant::{Inputs, Plant, Start, State};
+use crate::plant::{Inputs, Outputs, Plant, Start, State};
+use crate::validated::{Place, UNKNOWN_NM, Validated};
 use crate::vehicle::{NUMBERS, Vehicle};
 use std::ops::Range;
 
@@ -33,6 +34,18 @@ struct PlantModel {
     faults: Faults,
     /// Effects at the start, from which faults depart.
     base: Parameters,
+    validated: Option<Known>,
+}
+
+/// What a campaign has found, and the car of which it has found it.
+struct Known {
+    found: Validated,
+    vehicle: Vehicle,
+    effects: Parameters,
+    /// Whether the plant still is that car.
+    applies: bool,
+    /// The kept place that was nearest last.
+    near: usize,
 }
 
 /// A plant of the paper's car, to be started.
@@ -40,7 +53,14 @@ pub fn make() -> Box<dyn Model> {
     let vehicle = Vehicle::paper();
     let start = Start { omega_f: 0.0, omega_c: 0.0, theta_c: 25.0, theta_b: 25.0 };
     let plant = Plant::new(&vehicle, &effects::null(), &start, &Inputs::default());
-    Box::new(PlantModel { plant, vehicle, numbers: [f64::NAN; NUMBERS.len()], faults: Faults::default(), base: effects::null() })
+    Box::new(PlantModel {
+        plant,
+        vehicle,
+        numbers: [f64::NAN; NUMBERS.len()],
+        faults: Faults::default(),
+        base: effects::null(),
+        validated: None,
+    })
 }
 
 impl Model for PlantModel {
@@ -61,6 +81,7 @@ impl Model for PlantModel {
         self.plant.take_up(&vehicle, &parameters(values), &state);
         self.plant.config().pace.check().map_err(|e| e.to_string())?;
         self.plant.restart(&start, &inputs(values));
+        self.compare();
         self.publish(values);
         Ok(())
     }
@@ -71,11 +92,18 @@ impl Model for PlantModel {
     }
 
     fn tune(&mut self, values: &[f64]) -> Result<(), TooFast> {
-        self.plant.set_effects(&self.vehicle, &parameters(values))
+        self.plant.set_effects(&self.vehicle, &parameters(values))?;
+        self.compare();
+        Ok(())
     }
 
     fn take_faults(&mut self, faults: Faults) {
         self.faults = faults;
+    }
+
+    fn take_validated(&mut self, found: Validated, values: &[f64]) {
+        self.validated =
+            Some(Known { found, vehicle: take_vehicle(&DESCRIPTION, values), effects: parameters(values), applies: false, near: 0 });
     }
 
     #[inline]
@@ -116,6 +144,7 @@ impl Model for PlantModel {
             self.numbers.copy_from_slice(&values[NUMBERS_AT]);
         }
         self.plant.take_up(&self.vehicle, &parameters, &state);
+        self.compare();
         for line in self.plant.delay_lines_mut() {
             line.clear();
             let mut count = 0;
@@ -166,7 +195,7 @@ impl PlantModel {
     }
 
     #[inline]
-    fn publish(&self, values: &mut [f64]) {
+    fn publish(&mut self, values: &mut [f64]) {
         let o = self.plant.outputs();
         values[at::omega_f] = o.omega_f;
         values[at::omega_c] = o.omega_c;
@@ -178,6 +207,28 @@ impl PlantModel {
         values[at::E_d] = o.e_d;
         values[at::phase] = o.phase as u8 as f64;
         values[at::phase_code] = values[at::phase];
+        (values[at::validity], values[at::T_fc_sigma]) = self.known(&o);
+    }
+}
+
+impl PlantModel {
+    /// Whether the plant still is the car of which a campaign has found something.
+    fn compare(&mut self) {
+        if let Some(known) = &mut self.validated {
+            let config = self.plant.config();
+            known.applies = config.parameters == known.effects && config.vehicle == known.vehicle;
+        }
+    }
+
+    /// Validity and σ of the clutch torque in N·m. A plant with any other number or effect than the one that was retuned was validated nowhere.
+    #[inline]
+    fn known(&mut self, now: &Outputs) -> (f64, f64) {
+        let Some(known) = &mut self.validated else { return (0.0, UNKNOWN_NM) };
+        if !known.applies {
+            return (0.0, UNKNOWN_NM);
+        }
+        let place = Place { slip: self.plant.slip(), theta: now.theta_c, closing: self.plant.closing(), torque: now.t_fc };
+        (known.found.validity(&place, &mut known.near), known.found.sigma(&place))
     }
 }
 

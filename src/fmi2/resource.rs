@@ -13,6 +13,7 @@ use super::types::Status;
 use super::variables::Description;
 use crate::effects::{self, Parameters};
 use crate::faults::Faults;
+use crate::validated::Validated;
 use crate::vehicle::{Vehicle, VehicleError};
 use std::borrow::Cow;
 use std::fs;
@@ -31,26 +32,30 @@ enum Missing {
     Wrong(String),
 }
 
+/// Start values, faults, and what a campaign has found of the car.
+pub type Started = (Box<[f64]>, Faults, Option<Validated>);
+
 /// Start values of the FMU with this GUID.
 ///
 /// # Errors
 /// A vehicle file that is unsound, or values that are not those of the GUID.
-pub fn start_values(description: &Description, guid: &str, location: Option<&[u8]>, log: &mut Log) -> Result<(Box<[f64]>, Faults), String> {
+pub fn start_values(description: &Description, guid: &str, location: Option<&[u8]>, log: &mut Log) -> Result<Started, String> {
     let mut fresh: Box<[f64]> = description.variables.iter().map(|v| v.start).collect();
-    let mut faults = Faults::default();
+    let (mut faults, mut validated) = (Faults::default(), None);
     let absent = match vehicle_of_resources(location) {
-        Ok((vehicle, effects, read)) => {
+        Ok(Read { vehicle, effects, faults: read, validated: found }) => {
             put_vehicle(description, &vehicle, &effects, &mut fresh);
-            // Only a model with effects plays them.
+            // Only a model with effects plays them, or is validated.
             if description.has_effects() {
-                faults = read;
+                (faults, validated) = (read, found);
             }
             None
         }
         Err(Missing::Absent(why)) => Some(why),
         Err(Missing::Wrong(why)) => return Err(why),
     };
-    let is_meant = guid.as_bytes().ends_with(&guid::tail(fresh.iter().copied().chain(faults.numbers())));
+    let numbers = fresh.iter().copied().chain(faults.numbers()).chain(validated.iter().flat_map(|v| v.numbers()));
+    let is_meant = guid.as_bytes().ends_with(&guid::tail(numbers));
     match absent {
         None if is_meant => {}
         Some(why) if is_meant => log.write(
@@ -69,15 +74,25 @@ pub fn start_values(description: &Description, guid: &str, location: Option<&[u8
             ));
         }
     }
-    Ok((fresh, faults))
+    Ok((fresh, faults, validated))
 }
 
-fn vehicle_of_resources(location: Option<&[u8]>) -> Result<(Vehicle, Parameters, Faults), Missing> {
+/// What the vehicle file holds.
+struct Read {
+    vehicle: Vehicle,
+    effects: Parameters,
+    faults: Faults,
+    validated: Option<Validated>,
+}
+
+fn vehicle_of_resources(location: Option<&[u8]>) -> Result<Read, Missing> {
     let (place, text) = vehicle_file(location)?;
     let wrong = |e: VehicleError| Missing::Wrong(format!("{place}: {e}"));
     let document: serde_json::Value = serde_json::from_str(&text).map_err(|e| wrong(VehicleError::Json(e.to_string())))?;
     let faults = Faults::from_value(&document["faults"]).map_err(|e| Missing::Wrong(format!("{place}: {e}")))?;
-    Ok((Vehicle::from_value(&document).map_err(wrong)?, effects::from_value(&document).map_err(wrong)?, faults))
+    let validated = Validated::from_value(&document["validated"]).map_err(|e| Missing::Wrong(format!("{place}: {e}")))?;
+    let (vehicle, effects) = (Vehicle::from_value(&document).map_err(wrong)?, effects::from_value(&document).map_err(wrong)?);
+    Ok(Read { vehicle, effects, faults, validated })
 }
 
 /// Place and text of the vehicle file. An FMU built from C sources, which may have no file system, hands the text over in the URI itself.

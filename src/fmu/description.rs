@@ -1,28 +1,27 @@
 //! The model description: from its source to the one in an FMU.
 
-use super::Model;
+use super::{Beside, Model};
 use crate::effects::{PARAMETERS, Parameters};
-use crate::faults::Faults;
 use crate::fmi2::{guid, model::put_vehicle};
 use crate::vehicle::{NUMBERS, Vehicle};
 
 /// The text with GUID, version and the indices of ModelStructure filled in, and the vehicle's numbers as start values.
 pub fn complete(model: &Model, vehicle: &Vehicle, effects: &Parameters) -> String {
-    complete_with(model, vehicle, effects, &Faults::default())
+    complete_with(model, vehicle, effects, &Beside::default())
 }
 
-/// The same for an FMU that plays faults.
-pub fn complete_with(model: &Model, vehicle: &Vehicle, effects: &Parameters, faults: &Faults) -> String {
-    let filled = model.xml.replace("@VERSION@", env!("CARGO_PKG_VERSION")).replace("@GUID@", &guid(model, vehicle, effects, faults));
+/// The same for an FMU whose vehicle file holds more than its car.
+pub fn complete_with(model: &Model, vehicle: &Vehicle, effects: &Parameters, beside: &Beside) -> String {
+    let filled = model.xml.replace("@VERSION@", env!("CARGO_PKG_VERSION")).replace("@GUID@", &guid(model, vehicle, effects, beside));
     filled.lines().map(|line| with_index(model, &with_start(line, vehicle, effects)) + "\n").collect()
 }
 
 /// The GUID of an FMU with these start values.
-pub fn guid(model: &Model, vehicle: &Vehicle, effects: &Parameters, faults: &Faults) -> String {
+pub fn guid(model: &Model, vehicle: &Vehicle, effects: &Parameters, beside: &Beside) -> String {
     let description = model.description;
     let mut starts: Vec<f64> = description.variables.iter().map(|v| v.start).collect();
     put_vehicle(description, vehicle, effects, &mut starts);
-    let tail = guid::tail(starts.into_iter().chain(faults.numbers())).map(char::from);
+    let tail = guid::tail(starts.into_iter().chain(beside.numbers())).map(char::from);
     description.guid[..guid::OF_INTERFACE].chars().chain(tail).collect()
 }
 

@@ -21,6 +21,7 @@ pub mod system;
 use crate::effects::{self, Parameters};
 use crate::faults::Faults;
 use crate::fmi2::{controller, plant, variables};
+use crate::validated::Validated;
 use crate::vehicle::Vehicle;
 use library::Library;
 use sources::Sources;
@@ -137,30 +138,25 @@ pub fn all(libraries: &[Library], extras: Extras, vehicle: &Vehicle, effects: &P
     Ok(files)
 }
 
-/// The vehicle document of the resources; effects that are set, and faults, stand in it too, so that the FMU starts with them in every importer.
-fn document(vehicle: &Vehicle, effects: &Parameters, faults: &Faults) -> serde_json::Value {
+/// The vehicle document of the resources; effects that are set, faults, and what a campaign has found stand in it too, so that the FMU starts with them in every importer.
+fn document(vehicle: &Vehicle, effects: &Parameters, beside: &Beside) -> serde_json::Value {
     let mut document = vehicle.to_value();
     if *effects != effects::null() {
         document["effects"] = effects::to_value(effects);
     }
-    if !faults.is_empty() {
+    if let Some(faults) = beside.faults.filter(|f| !f.is_empty()) {
         document["faults"] = faults.to_value();
+    }
+    if let Some(validated) = beside.validated {
+        document["validated"] = validated.to_value();
     }
     document
 }
 
 /// What an instance of a model is started with, as an importer gives it: GUID, and the text of `resources/vehicle.json`.
 pub fn start(model: &Model, vehicle: &Vehicle, effects: &Parameters) -> (String, String) {
-    let none = Faults::default();
+    let none = Beside::default();
     (description::guid(model, vehicle, effects, &none), document(vehicle, effects, &none).to_string())
-}
-
-/// The bytes of an FMU.
-///
-/// # Errors
-/// A library that does not hold this model.
-pub fn archive(model: &Model, libraries: &[Library], vehicle: &Vehicle, effects: &Parameters) -> Result<Vec<u8>, FmuError> {
-    with_extras(model, libraries, Extras::default(), vehicle, effects)
 }
 
 /// What an FMU may hold beyond binaries and a vehicle.
@@ -168,8 +164,24 @@ pub fn archive(model: &Model, libraries: &[Library], vehicle: &Vehicle, effects:
 pub struct Extras<'a> {
     /// C sources.
     pub sources: Option<&'a Sources>,
-    /// Faults that the plant plays.
+    /// What the plant's vehicle file holds beside its car.
+    pub beside: Beside<'a>,
+}
+
+/// What a plant's vehicle file may hold beside its car.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Beside<'a> {
+    /// Faults that it plays.
     pub faults: Option<&'a Faults>,
+    /// What a campaign has found of it.
+    pub validated: Option<&'a Validated>,
+}
+
+impl Beside<'_> {
+    /// All numbers, to tell one from another.
+    fn numbers(&self) -> impl Iterator<Item = f64> {
+        self.faults.into_iter().flat_map(Faults::numbers).chain(self.validated.into_iter().flat_map(Validated::numbers))
+    }
 }
 
 /// The bytes of an FMU with these extras.
@@ -183,9 +195,8 @@ pub fn with_extras(
     vehicle: &Vehicle,
     effects: &Parameters,
 ) -> Result<Vec<u8>, FmuError> {
-    let none = Faults::default();
-    let faults = extras.faults.filter(|_| model.description.has_effects()).unwrap_or(&none);
-    let mut xml = description::complete_with(model, vehicle, effects, faults);
+    let beside = if model.description.has_effects() { extras.beside } else { Beside::default() };
+    let mut xml = description::complete_with(model, vehicle, effects, &beside);
     if extras.sources.is_some() {
         xml = sources::declared(&xml);
     }
@@ -193,7 +204,7 @@ pub fn with_extras(
         ("modelDescription.xml".into(), xml.clone().into_bytes()),
         ("model.png".into(), ICON.to_vec()),
         ("documentation/index.html".into(), html::page(model, &xml).into_bytes()),
-        ("resources/vehicle.json".into(), format!("{:#}\n", document(vehicle, effects, faults)).into_bytes()),
+        ("resources/vehicle.json".into(), format!("{:#}\n", document(vehicle, effects, &beside)).into_bytes()),
     ];
     files.push((format!("{}/fmi-ls-manifest.xml", a2l::FOLDER), a2l::manifest(model).into_bytes()));
     for library in libraries {
@@ -206,7 +217,7 @@ pub fn with_extras(
         files.push((library.entry(model), library.bytes.clone()));
     }
     if let Some(sources) = extras.sources {
-        files.extend(sources.files(model, &document(vehicle, effects, faults))?);
+        files.extend(sources.files(model, &document(vehicle, effects, &beside))?);
     }
     archive_of(&files)
 }

@@ -4,6 +4,7 @@
 
 use super::verdict::Verdict;
 use crate::effects::{PARAMETERS, Parameters};
+use crate::validated::{CLOSING, SLIPS, THETA, Validated};
 use crate::vehicle::{NUMBERS, Vehicle};
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
@@ -47,6 +48,8 @@ pub struct Answer {
     pub plant: Plant,
     /// The normal posterior of what all recordings share.
     pub joint: Option<Joint>,
+    /// Where the retuned plant was validated, and how well its clutch torque is known.
+    pub domain: Domain,
     /// What would split what is still open; none where nothing is.
     pub measure_next: Option<MeasureNext>,
 }
@@ -102,6 +105,8 @@ pub struct Joint {
     pub unknowns: Vec<Unknown>,
     /// Inverse of their posterior covariance, in products of their units: rows of the lower triangle.
     pub precision: Vec<Vec<Real>>,
+    /// Their posterior covariance, in the same form.
+    pub covariance: Vec<Vec<Real>>,
     /// Inverse of their prior covariance: row, column, value of what is not zero in the lower triangle.
     pub prior_precision: Vec<(usize, usize, Real)>,
 }
@@ -136,6 +141,50 @@ pub struct SameAs {
     pub parameter: &'static str,
     /// Change of it that does the same as one standard deviation of the number.
     pub per_sigma: Real,
+}
+
+/// Where the retuned plant was validated, and how well its clutch torque is known: what its outputs `validity` and `T_fc_sigma` come from.
+#[derive(Clone, Debug, Serialize)]
+pub struct Domain {
+    /// Names and units of a place's numbers, in their order.
+    pub quantities: [[&'static str; 2]; 4],
+    /// Places that stand for all that the recordings covered which taught it; none if the plant does not follow its car.
+    pub places: Vec<[Real; 4]>,
+    /// Standard deviation of the clutch torque.
+    pub torque_sigma: TorqueSigma,
+}
+
+/// A table, linear between its breakpoints and held constant outside.
+#[derive(Clone, Debug, Serialize)]
+pub struct TorqueSigma {
+    /// Breakpoints over closing.
+    pub closing: &'static [f64],
+    /// Breakpoints over the disc temperature, °C.
+    #[serde(rename = "theta_c_degC")]
+    pub theta_c: &'static [f64],
+    /// Breakpoints over the magnitude of the slip, rad/s.
+    pub slip_rad_s: &'static [f64],
+    /// Values by closing, temperature and slip, N·m.
+    #[serde(rename = "sigma_Nm")]
+    pub sigma_nm: Vec<Vec<Vec<Real>>>,
+}
+
+impl Domain {
+    /// As the answer prints it.
+    pub fn of(v: &Validated) -> Self {
+        let real = |values: &[f64]| values.iter().copied().map(Real).collect::<Vec<_>>();
+        let by_theta = |part: &[f64]| part.chunks(SLIPS.len()).map(real).collect::<Vec<_>>();
+        Self {
+            quantities: [["slip", "rad/s"], ["theta_c", "degC"], ["closing", "1"], ["T_fc", "N.m"]],
+            places: v.places().iter().map(|p| p.numbers().map(Real)).collect(),
+            torque_sigma: TorqueSigma {
+                closing: &CLOSING,
+                theta_c: &THETA,
+                slip_rad_s: &SLIPS,
+                sigma_nm: v.sigmas().chunks(THETA.len() * SLIPS.len()).map(by_theta).collect(),
+            },
+        }
+    }
 }
 
 /// A recording that was not used.

@@ -1,8 +1,8 @@
 //! From what was found to the answer, in the answer's words.
 
 use super::answer::{
-    Answer, Correlation, Effect, Empirical, EmpiricalCurve, Equation, Figures, HowFar, Interval, LeftOut, MeasureNext, NotAssessable,
-    PerRecording, Planned, Plant, Ranked, Real, RivalSet, Share, Visible, Weighed, Where, Which, plant_parameters,
+    Answer, Correlation, Domain, Effect, Empirical, EmpiricalCurve, Equation, Figures, HowFar, Interval, LeftOut, MeasureNext,
+    NotAssessable, PerRecording, Planned, Plant, Ranked, Real, RivalSet, Share, Visible, Weighed, Where, Which, plant_parameters,
 };
 use super::empirical::{LEAST_CLOSED, Refusal, Tried};
 use super::infer::coordinate::Coordinate;
@@ -18,6 +18,7 @@ use super::plan::{Outlook, Worth};
 use super::verdict::{Conclusion, NAMED_BESIDE, Verdict};
 use crate::campaign::Campaign;
 use crate::effects::{self, PARAMETERS, Parameters, REGISTRY, Subsystem};
+use crate::validated::Validated;
 use crate::vehicle::Vehicle;
 use std::collections::BTreeMap;
 
@@ -47,6 +48,8 @@ pub struct Findings<'a> {
     pub floor: f64,
     /// The retuned car.
     pub retuned: (&'a Vehicle, &'a Parameters),
+    /// Where it was validated, and how well its clutch torque is known.
+    pub validated: &'a Validated,
     /// The law that was learned where the library ends.
     pub learned: Option<&'a Tried>,
     /// What a reader has to know.
@@ -76,6 +79,7 @@ pub fn answer(f: &Findings) -> Answer {
             nominal_parameters: plant_parameters(&f.problem.vehicle, &effects::null()),
         },
         joint: super::joint::joint(f.problem, f.conclusion),
+        domain: Domain::of(f.validated),
         measure_next: measure_next(f.outlook),
     }
 }

@@ -2,6 +2,7 @@
 
 use super::answer::Answer;
 use super::compose::{self, Findings};
+use super::domain::{self, Handed};
 use super::empirical::{self, Tried};
 use super::held_out::{Split, split};
 use super::infer::density::{Point, Problem};
@@ -18,6 +19,7 @@ use super::plan::{Outlook, Planner, outlook};
 use super::verdict::{Conclusion, Verdict, conclude};
 use crate::campaign::{Campaign, Recording};
 use crate::effects::{self, Parameters};
+use crate::validated::Validated;
 use crate::vehicle::{Vehicle, VehicleError};
 
 /// Why a campaign cannot be diagnosed.
@@ -54,6 +56,8 @@ pub struct Diagnosis {
     pub vehicle: Vehicle,
     /// Its effects.
     pub effects: Parameters,
+    /// Where it was validated, and how well its clutch torque is known.
+    pub validated: Validated,
     /// The car as its file gives it.
     pub nominal: Vehicle,
     /// What is open, and what could be measured about it.
@@ -137,10 +141,13 @@ pub fn diagnose_with(
         tuned: after,
     };
     let learned = empirical::learn_law(&problem, &conclusion, alone, without_law, &judge);
-    let handed = match learned.as_ref().filter(|l| l.refused.is_none()) {
-        Some(l) => (&l.vehicle, &l.effects),
-        None => after,
-    };
+    let taken = learned.as_ref().filter(|l| l.refused.is_none());
+    let handed = taken.map_or(after, |l| (&l.vehicle, &l.effects));
+    progress("where it was validated", 0.94);
+    let nominal = problem.nominal();
+    let from = taken.map_or(if retuned { alone } else { &nominal }, |l| &l.learned.fit.point);
+    let follows = retuned || taken.is_some();
+    let validated = domain::validated(&problem, &weights, &Handed { point: from, learned: taken.map(|l| &l.learned), follows });
     progress("residual map", 0.95);
     let [cells, cells_after] = cells(&problem, &conclusion);
     progress("what to measure next", 0.97);
@@ -162,6 +169,7 @@ pub fn diagnose_with(
         held_out_name: split.name.clone(),
         floor,
         retuned: handed,
+        validated: &validated,
         learned: learned.as_ref(),
         notes,
     });
@@ -169,7 +177,7 @@ pub fn diagnose_with(
     let overlays = overlays(campaign, &split, &problem, point, before, handed, &tolerances);
     progress("done", 1.0);
     let (handed, effects) = (*handed.0, *handed.1);
-    Ok(Diagnosis { answer, json, overlays, vehicle: handed, effects, nominal: vehicle, outlook, learned })
+    Ok(Diagnosis { answer, json, overlays, vehicle: handed, effects, validated, nominal: vehicle, outlook, learned })
 }
 
 /// Intervals of the logger from which a sensor's delay changes when the clutch is seen to lock.

@@ -22,6 +22,7 @@ pub fn joint(problem: &Problem, conclusion: &Conclusion) -> Option<Joint> {
     let part = |rows: &[usize], columns: &[usize]| DMatrix::from_fn(rows.len(), columns.len(), |i, j| all[(rows[i], columns[j])]);
     let cross = part(&gone, &kept);
     let precision = part(&kept, &kept) - cross.tr_mul(&part(&gone, &gone).cholesky()?.solve(&cross));
+    let covariance = precision.clone().cholesky()?.inverse();
     let car = problem.car(&fit.point, None);
     let unknown = |&k: &usize| {
         let c = fit.shared[k];
@@ -59,6 +60,7 @@ pub fn joint(problem: &Problem, conclusion: &Conclusion) -> Option<Joint> {
     Some(Joint {
         unknowns: kept.iter().map(unknown).collect(),
         precision: (0..kept.len()).map(|i| lower(i).map(|at| Real(precision[at])).collect()).collect(),
+        covariance: (0..kept.len()).map(|i| lower(i).map(|at| Real(covariance[at])).collect()).collect(),
         prior_precision: (0..kept.len())
             .flat_map(lower)
             .map(|(i, j)| (i, j, prior[(kept[i], kept[j])]))

@@ -9,11 +9,13 @@
 //!    missing laws
 //! 4. [`verdict`]: what the posterior says; [`map`]: where the balances do not close; [`measure`]: how far off free replays are, before and after
 //! 5. [`plan`]: what to measure so that what is open splits, and how large an effect shows
-//! 6. [`compose`]: the [`answer`], in its words; [`joint`]: the posterior itself, for those who pool cars; [`diagnosis`] runs all of it
+//! 6. [`compose`]: the [`answer`], in its words; [`joint`]: the posterior itself, for those who pool cars; [`domain`]: where the retuned plant was validated, and how
+//!    well its clutch torque is known; [`diagnosis`] runs all of it
 
 pub mod answer;
 pub mod compose;
 pub mod diagnosis;
+pub mod domain;
 pub mod empirical;
 pub mod held_out;
 pub mod infer;

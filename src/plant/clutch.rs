@@ -5,16 +5,34 @@ use super::motion::{Motion, index};
 use crate::effects::empirical;
 use crate::physics::{cushion, friction, map};
 
-/// Normalised position at the bearing position `x` in mm and the disc temperature `theta` in °C; eq. (2).
+/// Kiss point and closed point at the disc temperature `theta` in °C.
 #[inline]
-pub fn normalised_position(config: &Config, x: f64, theta: f64) -> f64 {
+fn contact(config: &Config, theta: f64) -> map::Contact {
     let mut contact = map::contact(&config.vehicle.actuator, theta);
     contact.x_cnt += config.constants.contact_shift.x_cnt;
     contact.x_cls += config.constants.contact_shift.x_cls;
     for effect in config.contact.iter() {
         effect(&config.parameters, theta, &mut contact);
     }
-    map::normalised_position(contact, x)
+    contact
+}
+
+/// Normalised position at the bearing position `x` in mm and the disc temperature `theta` in °C; eq. (2).
+#[inline]
+pub fn normalised_position(config: &Config, x: f64, theta: f64) -> f64 {
+    map::normalised_position(contact(config, theta), x)
+}
+
+/// How far the bearing at `x` mm has closed the clutch: 0 at the true contact ξ_0, 1 at the closed point.
+#[inline]
+pub fn closing(config: &Config, x: f64, theta: f64) -> f64 {
+    (normalised_position(config, x, theta) - config.xi_0) / (1.0 - config.xi_0)
+}
+
+/// Bearing position in mm of this [`closing`].
+pub fn position_of(config: &Config, closing: f64, theta: f64) -> f64 {
+    let contact = contact(config, theta);
+    contact.x_cnt + (config.xi_0 + closing * (1.0 - config.xi_0)) * (contact.x_cls - contact.x_cnt)
 }
 
 /// As [`Found::engaged`], at bearing position `x` mm and disc temperature `theta` °C.

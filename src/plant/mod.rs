@@ -279,6 +279,18 @@ impl Plant {
         }
     }
 
+    /// Slip now, engine over disc, rad/s.
+    #[inline]
+    pub fn slip(&self) -> f64 {
+        self.state.y[index::OMEGA_F] - self.state.y[index::OMEGA_C]
+    }
+
+    /// How far the bearing has closed the clutch now: 0 at the true contact, 1 at the closed point.
+    #[inline]
+    pub fn closing(&self) -> f64 {
+        clutch::closing(&self.config, self.state.bearing, self.state.y[index::THETA_C])
+    }
+
     /// Energy books since the start.
     pub fn energy(&self) -> Energy {
         let y = &self.state.y;

@@ -11,7 +11,7 @@
 //! - [`series`]: curves as small integers, thinned where they are long
 //! - [`what_if`]: what the viewer needs to replay a recording with other sizes of an effect
 //! - [`names`]: what effects and subsystems are called in a sentence
-//! - one file per section: [`verdict`] with [`doubts`], [`residual_map`], [`curves`], [`causes`] with [`laws`], [`shrinkage`] with [`residuals`],
+//! - one file per section: [`verdict`] with [`doubts`], [`residual_map`], [`curves`], [`causes`] with [`laws`], [`shrinkage`] with [`residuals`] and [`known`],
 //!   [`open_questions`], [`provenance`]
 //!
 //! The same input gives the same bytes.
@@ -23,6 +23,7 @@ pub mod curves;
 pub mod doubts;
 pub mod fleet;
 pub mod json;
+pub mod known;
 pub mod laws;
 pub mod names;
 pub mod open_questions;
@@ -55,6 +56,8 @@ pub struct Input<'a> {
     pub traces: &'a [series::Trace],
     /// Laws of the clutch, nominal and identified; may be empty.
     pub laws: &'a [laws::Law],
+    /// How well the retuned plant knows its clutch torque along a held-out recording.
+    pub known: Option<&'a known::Known>,
     /// What replays the overlays with other sizes of effects.
     pub what_if: Option<&'a what_if::WhatIf>,
 }
@@ -62,7 +65,7 @@ pub struct Input<'a> {
 impl<'a> Input<'a> {
     /// A report of an answer alone.
     pub fn empty(diagnosis: &'a Value) -> Self {
-        Self { name: "", diagnosis, overlays: &[], provenance: &[], regions: "", traces: &[], laws: &[], what_if: None }
+        Self { name: "", diagnosis, overlays: &[], provenance: &[], regions: "", traces: &[], laws: &[], known: None, what_if: None }
     }
 }
 
@@ -83,7 +86,7 @@ pub fn html(input: &Input) -> String {
         ("where", "Where the gap lies", residual_map::section(input)),
         ("curves", if retuned { "Car, before and after" } else { "Car and model" }, curves::section(input)),
         ("which", "Which effect causes it", causes::section(input.diagnosis) + &laws::section(input)),
-        ("how-far", how_far, shrinkage::section(input.diagnosis) + &residuals::section(input)),
+        ("how-far", how_far, shrinkage::section(input.diagnosis) + &known::section(input) + &residuals::section(input)),
         ("open", "Not judged, and what to measure next", open_questions::section(input.diagnosis)),
         ("computed", "How this was computed", provenance::section(input)),
     ];

@@ -121,7 +121,7 @@ pub fn on(unseen: &[Recording], vehicle_json: &str, parameters: &Value, real: &R
 }
 
 /// The file's vehicle and its effects with what the answer says of the FMU's variables.
-fn retuned(file: &Vehicle, parameters: &Value) -> Option<(Vehicle, Parameters)> {
+pub fn retuned(file: &Vehicle, parameters: &Value) -> Option<(Vehicle, Parameters)> {
     let given = parameters.as_object()?;
     let mut vehicle = *file;
     for number in &NUMBERS {

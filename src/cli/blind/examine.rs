@@ -2,6 +2,7 @@
 
 use super::closed::{self, Closed};
 use super::folder;
+use super::predicted::{self, Predicted};
 use crate::campaign::{self, ReadOptions};
 use crate::cli::error::{CommandError, at};
 use crate::gap::diagnosis::diagnose;
@@ -59,6 +60,8 @@ pub struct Outcome {
     pub named: Vec<Named>,
     /// How far the gap closes on recordings that the diagnosis never saw.
     pub closed: Option<Closed>,
+    /// What the predicted deviation of the clutch torque is worth on each of those.
+    pub predicted: Vec<Predicted>,
     /// Why there is no answer.
     pub error: Option<String>,
 }
@@ -83,7 +86,9 @@ pub fn examine(folder: &Path, subject: Subject) -> Result<Outcome, CommandError>
     };
     let (truth, real, unseen) = sealed.open(&json);
     let closed = if error.is_none() { closed::on(&unseen, &vehicle_json, &json["plant"]["parameters"], &real) } else { None };
+    let predicted = predicted::on(&unseen, &vehicle_json, &json, &real);
     Ok(Outcome {
+        predicted,
         verdict: text(&json["verdict"]).unwrap_or_default(),
         primary: text(&json["where"]["primary"]),
         unexplained_at: text(&json["where"]["unexplained_at"]),

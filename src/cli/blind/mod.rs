@@ -5,6 +5,7 @@
 //!
 //! - [`examine`]: one car, from its folder to an outcome
 //! - [`closed`]: how much of the gap the retuned plant closes on recordings that the diagnosis never saw
+//! - [`predicted`]: what the predicted standard deviation of the clutch torque is worth there
 //! - [`scores`]: counts, shares and their intervals
 //! - [`reliability`]: what claimed probabilities and intervals are worth
 //! - [`planned`]: what a plan promises against what drawn cars do
@@ -14,6 +15,7 @@ pub mod closed;
 pub mod examine;
 pub mod folder;
 pub mod planned;
+pub mod predicted;
 pub mod reliability;
 pub mod scores;
 
@@ -155,14 +157,15 @@ fn keep(folder: &Path, cars: usize, draw: impl Fn(usize) -> Subject + Sync) -> R
 fn report(outcomes: &[Outcome], seed: u64, args: &Args) -> Result<(), CommandError> {
     let table = scores::table(outcomes);
     let claims = reliability::of(outcomes);
+    let torque = predicted::Summary::of(outcomes.iter().flat_map(|o| &o.predicted));
     if args.json {
         let cars: Vec<Value> = outcomes.iter().map(Outcome::as_json).collect();
         return print_json(&json!({
             "seed": seed, "cars": outcomes.len(), "drawn": args.what(), "generator": realcar::VERSION,
-            "scores": scores::as_json(&table), "reliability": claims.as_json(), "outcomes": cars,
+            "scores": scores::as_json(&table), "reliability": claims.as_json(), "torque_sigma": torque.as_json(), "outcomes": cars,
         }));
     }
     let head = format!("{} cars drawn with seed {seed}: {}, generator {}\n", outcomes.len(), args.what(), realcar::VERSION);
     let errors: String = outcomes.iter().filter_map(|o| o.error.as_ref()).map(|e| format!("not diagnosed: {e}\n")).collect();
-    print(&format!("{head}{}{}{errors}", scores::as_text(&table), claims.as_text()))
+    print(&format!("{head}{}{}{}{errors}", scores::as_text(&table), claims.as_text(), torque.as_text()))
 }

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 const LOAD: Wander = Wander { sigma: 0.15, time_s: 1.0 };
 
 /// Torque of the clutch beyond its map, as a share of what it transmits, and its time, s: no map is exact.
-const CLUTCH: Wander = Wander { sigma: 0.004, time_s: 0.3 };
+pub const CLUTCH: Wander = Wander { sigma: 0.004, time_s: 0.3 };
 
 /// No disturbance.
 const NONE: Wander = Wander { sigma: 0.0, time_s: 1.0 };

@@ -1,0 +1,52 @@
+//! What the report shows of how well the retuned plant knows its clutch torque: a free replay of the held-out recording.
+
+use super::laws::source;
+use crate::campaign::Campaign;
+use crate::gap::diagnosis::Diagnosis;
+use crate::gap::model::replay;
+use crate::gap::model::tolerance::Car;
+use crate::gap::model::track::Track;
+use crate::report::known::Known;
+use crate::validated::Place;
+
+/// Time over which the flywheel's acceleration is taken, s.
+const SLOPE_S: f64 = 0.1;
+
+/// The retuned plant along the held-out recording, or its first engagement; none if the plant was validated nowhere.
+pub fn known(campaign: &Campaign, found: &Diagnosis) -> Option<Known> {
+    let validated = &found.validated;
+    let o = found.overlays.iter().find(|o| o.held_out).filter(|_| !validated.places().is_empty())?;
+    let (r, begin) = source(campaign, o)?;
+    let channel = |column: &str| o.channels.iter().find(|c| c.column == column).map(|c| c.real.as_slice());
+    let omega_f = channel("omega_f_rad_s")?;
+    let track = Track::new(r);
+    let car = Car { effects: found.effects, ..Car::nominal(&found.vehicle) };
+    let start = replay::start(&track, &car, begin, o.theta, 0.0);
+    let mut known = Known { recording: o.recording.clone(), ..Known::default() };
+    let mut near = 0;
+    replay::replay(&track, &car, &start, begin..(begin + omega_f.len()).min(track.rows()), None, |row, now, plant, _| {
+        let place = Place { slip: plant.slip(), theta: now.theta_c, closing: plant.closing(), torque: now.t_fc };
+        known.time.push(track.time[row] - track.time[begin]);
+        known.torque.push(now.t_fc);
+        known.sigma.push(validated.sigma(&place));
+        known.validity.push(validated.validity(&place, &mut near));
+    });
+    let n = known.time.len();
+    known.real = match channel("T_fc_Nm") {
+        Some(measured) => measured[..n].to_vec(),
+        None => {
+            let (d, reach) = (&found.vehicle.driveline, ((0.5 * SLOPE_S / o.dt).round() as usize).max(1));
+            let balance = |i: usize| {
+                let slope = (omega_f[i + reach] - omega_f[i - reach]) / (2.0 * reach as f64 * o.dt);
+                r.t_e[begin + i] - d.b_f * omega_f[i] - d.J_f * slope
+            };
+            (0..n).map(|i| if i >= reach && i + reach < n { balance(i) } else { f64::NAN }).collect()
+        }
+    };
+    known.from = if channel("T_fc_Nm").is_some() {
+        "the car’s torque by the transducer"
+    } else {
+        "the car’s torque from the flywheel’s balance"
+    };
+    Some(known)
+}

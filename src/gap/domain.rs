@@ -1,0 +1,165 @@
+//! Where a retuned plant was validated, and how well its clutch torque is known: [`Validated`] of a campaign.
+//!
+//! Places are those that the recordings came through which taught it, in corrected replays. The standard deviation of the clutch torque at slip ω, temperature θ and
+//! bearing position x is that of the posterior over explanations k with probabilities w_k, T the torque of the plant that is handed out:
+//!
+//! ```text
+//! σ² = Σ_k w_k [ (T_k − T)² + Σ_r ½ ((T_k(p + d_r) − T_k)² + (T_k(p − d_r) − T_k)²) ] + (s² + ρ²) T²
+//! ```
+//!
+//! d_r are the columns of the Cholesky factor of the covariance of numbers and effects, and one standard deviation of each number that every recording has of its own:
+//! to first order this is gᵀCg, g the gradient of the torque, and beyond it counts both sides of a kink. s is the share of its torque by which the filter lets any clutch
+//! depart from its map; ρ is the share that the retuned plant leaves of a transducer's torque beyond its noise, where there is one: no covariance knows what the
+//! equations lack. All torques are those of the plant's own equations.
+
+use super::infer::coordinate::Coordinate;
+use super::infer::density::{Point, Problem};
+use super::infer::learned::Learned;
+use super::infer::posterior::Posterior;
+use super::model::prepare;
+use super::model::replay;
+use super::model::tolerance::Car;
+use crate::plant::Phase;
+use crate::plant::clutch::{self, Branch, Found};
+use crate::plant::config::Config;
+use crate::plant::motion::{Motion, index};
+use crate::validated::{CLOSING, Place, SLIPS, THETA, Validated};
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+/// Probability below which an explanation is left out.
+const LEAST_PROBABILITY: f64 = 0.01;
+
+/// What a torque depends on beside the place, over which its variance is averaged: direction of the bearing, slip angle in rad, friction work in J.
+const CIRCUMSTANCES: [(f64, f64, f64); 4] = [(1.0, 0.0, 1e3), (-1.0, 1.3, 3e3), (1.0, 2.9, 3e3), (-1.0, 4.6, 8e3)];
+
+/// What the retuned plant is.
+pub struct Handed<'a> {
+    /// The point of the fit that it goes with.
+    pub point: &'a Point,
+    /// The law that it holds beside that.
+    pub learned: Option<&'a Learned>,
+    /// Whether it follows the car: otherwise it was validated nowhere.
+    pub follows: bool,
+}
+
+/// A clutch that may be the car's, and what it may be off by.
+struct Clutch {
+    weight: f64,
+    mode: Config,
+    deviations: Vec<[Config; 2]>,
+}
+
+/// What this campaign leaves beside the numbers.
+pub fn validated(problem: &Problem, posterior: &Posterior, handed: &Handed) -> Validated {
+    let car = problem.car(handed.point, None);
+    let config = Config::new(&car.vehicle, &car.effects);
+    let parts: Vec<Visited> = (0..problem.tracks.len()).into_par_iter().map(|k| visited(problem, handed.point, &config, k)).collect();
+    let sum = |of: fn(&Visited) -> f64| parts.iter().map(of).sum::<f64>();
+    let squares = sum(|v| v.squares);
+    let missed = if squares > 0.0 { (sum(|v| v.excess) / squares).max(0.0) } else { 0.0 };
+    let lasting = prepare::CLUTCH.sigma.powi(2) + missed;
+    let clutches = clutches(problem, posterior, handed);
+    let of_closing = |&closing: &f64| -> Vec<f64> {
+        let of_theta = |&theta: &f64| {
+            let x = clutch::position_of(&config, closing, theta);
+            SLIPS.map(|slip| sigma(&config, &clutches, lasting, x, theta, slip))
+        };
+        THETA.iter().flat_map(of_theta).collect()
+    };
+    let table: Vec<Vec<f64>> = CLOSING.par_iter().map(of_closing).collect();
+    let places = parts.iter().filter(|_| handed.follows).flat_map(|v| v.places.iter().copied());
+    Validated::new(places, table.into_iter().flatten())
+}
+
+/// What a recording came through.
+struct Visited {
+    /// Observation by observation.
+    places: Vec<Place>,
+    /// Sum over a slipping clutch of the squared error against a transducer less its noise, (N·m)².
+    excess: f64,
+    /// Sum of its squared torque there, (N·m)².
+    squares: f64,
+}
+
+fn visited(problem: &Problem, point: &Point, config: &Config, k: usize) -> Visited {
+    let (track, filter, car) = (&problem.tracks[k], &problem.filters[k], problem.car(point, Some(k)));
+    let n = track.observations();
+    let mut places: Vec<Place> = Vec::with_capacity(n);
+    let mut slips = vec![false; n];
+    let gain = config.constants.clutch_speed_gain;
+    let innovations = replay::corrected(track, filter, &car, problem.temperatures(point, k), None, |row, now| {
+        if row % track.rows_per_observation == 0 && places.len() < n {
+            slips[places.len()] = now.phase == Phase::Slipping;
+            let slip = if now.phase == Phase::Locked { 0.0 } else { now.omega_f - now.omega_c / gain };
+            let closing = clutch::closing(config, now.x_to_actual, now.theta_c);
+            places.push(Place { slip, theta: now.theta_c, closing, torque: now.t_fc });
+        }
+    });
+    let transducer = &filter.bench[1];
+    let whitened = innovations.get(2 * n + filter.bench[0].len()..).unwrap_or_default();
+    let (mut excess, mut squares) = (0.0, 0.0);
+    for (((place, w), e), slips) in places.iter().zip(transducer).zip(whitened).zip(slips) {
+        if slips && *w > 0.0 && e.is_finite() && place.torque.is_finite() {
+            excess += (e * e - 1.0) / (w * w);
+            squares += place.torque * place.torque;
+        }
+    }
+    places.retain(|p| p.numbers().iter().all(|x| x.is_finite()));
+    Visited { places, excess, squares }
+}
+
+fn clutches(problem: &Problem, posterior: &Posterior, handed: &Handed) -> Vec<Clutch> {
+    if let Some(l) = handed.learned {
+        let covariance = l.fit.covariance();
+        return vec![clutch_of(problem, 1.0, &l.fit.point, &l.fit.shared, covariance)];
+    }
+    let likely = posterior.explanations.iter().filter(|e| e.probability >= LEAST_PROBABILITY);
+    likely
+        .filter_map(|e| {
+            let fit = e.fit.as_ref()?;
+            let curvature = e.curvature.as_ref().unwrap_or(&fit.curvature);
+            Some(clutch_of(problem, e.probability, &fit.point, &fit.shared, curvature.clone().cholesky().map(|c| c.inverse())))
+        })
+        .collect()
+}
+
+fn clutch_of(problem: &Problem, weight: f64, point: &Point, along: &[Coordinate], covariance: Option<DMatrix<f64>>) -> Clutch {
+    let compiled = |car: &Car| Config::new(&car.vehicle, &car.effects);
+    let mode = problem.car(point, None);
+    let root = covariance.and_then(|c| c.cholesky()).map(|c| c.l()).unwrap_or_else(|| DMatrix::zeros(along.len(), 0));
+    let both = [1.0, -1.0];
+    let shared = root.column_iter().map(|column| {
+        both.map(|side| {
+            let mut moved = point.clone();
+            along.iter().zip(column.iter()).for_each(|(c, by)| c.move_by(problem, &mut moved, 0, side * by));
+            compiled(&problem.car(&moved, None))
+        })
+    });
+    let own = problem.own.iter().map(|n| {
+        both.map(|side| {
+            let mut car = mode;
+            car.apply(std::slice::from_ref(n), &[side]);
+            compiled(&car)
+        })
+    });
+    Clutch { weight, deviations: shared.chain(own).collect(), mode: compiled(&mode) }
+}
+
+/// Standard deviation of the clutch torque in N·m of a clutch that slips, or would; `lasting` is the squared share of its torque that no number moves.
+fn sigma(handed: &Config, clutches: &[Clutch], lasting: f64, x: f64, theta: f64, slip: f64) -> f64 {
+    let weights: f64 = clutches.iter().map(|c| c.weight).sum();
+    let variance = CIRCUMSTANCES.iter().map(|&(z, angle, work)| {
+        let mut y = Motion::default();
+        (y[index::THETA_C], y[index::ANGLE], y[index::E_D]) = (theta, angle, work);
+        let torque = |c: &Config| clutch::slipping(c, &Found::NOTHING, x, Branch { x, z }, 1.0, slip, &y).total();
+        let out = torque(handed);
+        let of = |c: &Clutch| {
+            let mode = torque(&c.mode);
+            let each = c.deviations.iter().flatten().map(|d| 0.5 * (torque(d) - mode).powi(2));
+            c.weight * ((mode - out).powi(2) + each.sum::<f64>())
+        };
+        clutches.iter().map(of).sum::<f64>() / weights + lasting * out * out
+    });
+    (variance.sum::<f64>() / CIRCUMSTANCES.len() as f64).sqrt()
+}
