@@ -196,3 +196,39 @@ pub fn slipping(config: &Config, found: &Found, x: f64, memory: Branch, directio
     let drag: f64 = config.drag.iter().map(|effect| effect(&config.parameters, slip, force)).sum();
     Slipping { friction: direction * capacity_under(config, found, force, (direction * slip).max(0.0), y), drag }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects;
+    use crate::plant::{Inputs, Plant, Start};
+    use crate::vehicle::Vehicle;
+
+    /// Nothing is carried up to the true contact, and the closed point is the vehicle's.
+    #[test]
+    fn closing_counts_from_the_true_contact_to_the_closed_point() {
+        let config = Config::new(&Vehicle::paper(), &effects::null());
+        for theta in [25.0, 180.0] {
+            let mut y = Motion::default();
+            y[index::THETA_C] = theta;
+            for part in [-0.1, 0.0, 0.3, 1.0] {
+                assert!((closing(&config, position_of(&config, part, theta), theta) - part).abs() < 1e-12, "{part} at {theta}");
+            }
+            let carried = |part: f64| {
+                let x = position_of(&config, part, theta);
+                capacity(&config, x, Branch { x, z: 0.0 }, 50.0, &y)
+            };
+            assert_eq!(carried(-0.01), 0.0);
+            assert!(carried(0.05) > 0.0 && carried(1.0) > carried(0.05));
+            assert!((position_of(&config, 1.0, theta) - map::contact(&config.vehicle.actuator, theta).x_cls).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_plant_knows_its_slip_and_its_closing() {
+        let start = Start { omega_f: 100.0, omega_c: 30.0, theta_c: 90.0, theta_b: 40.0 };
+        let plant = Plant::new(&Vehicle::paper(), &effects::null(), &start, &Inputs { x_to: 5.0, ..Inputs::default() });
+        assert_eq!(plant.slip(), 70.0);
+        assert_eq!(plant.closing(), closing(plant.config(), 5.0, 90.0));
+    }
+}
