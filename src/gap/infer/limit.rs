@@ -5,13 +5,13 @@
 //! precision of one, H = 1 + I, the log odds of the effect over none are those of the search,
 //!
 //! ```text
-//! L(g) = ½ g²/H − ½ ln H + ln odds + ln(r² (g²/H² + 1/H)),
+//! L(g) = ½ g²/H − ½ ln H + ln odds + ln m − 0.01/m,   m = r² (g²/H² + 1/H),
 //! ```
 //!
 //! r the start in units of a noticeable effect (evidence, look-elsewhere price, prior odds, moment prior: `infer/search.rs`). An effect is found where L > 0,
 //! that is where |g| > g*. It is so with probability Φ((I f − g*)/√I) + Φ((−I f − g*)/√I), and the limit is the size found with probability [`POWER`].
 
-use super::search::log_prior;
+use super::search::{log_prior, moment};
 
 /// Probability with which an effect of the limit's size is found: the usual one of a limit of detection (ISO 11843-1).
 pub const POWER: f64 = 0.95;
@@ -28,8 +28,8 @@ pub struct Visibility {
 impl Visibility {
     fn log_odds(self, g: f64) -> f64 {
         let h = 1.0 + self.information;
-        let moment = self.relative.powi(2) * ((g / h).powi(2) + 1.0 / h);
-        0.5 * g * g / h - 0.5 * h.ln() + log_prior(1) + moment.ln()
+        let square = self.relative.powi(2) * ((g / h).powi(2) + 1.0 / h);
+        0.5 * g * g / h - 0.5 * h.ln() + log_prior(1) + moment(square)
     }
 
     /// Gradient from which on the effect is believed.

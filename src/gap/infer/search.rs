@@ -46,7 +46,7 @@ pub fn log_prior(effects: usize) -> f64 {
 ///
 /// A normal prior around null gives most weight to what nobody would call an effect. The moment prior (Johnson and Rossell 2010, "On the use of non-local
 /// prior densities in Bayesian hypothesis tests") multiplies it by the square of the size in units of its standard deviation, so that the evidence is
-/// multiplied by that square's mean over the normal prior's posterior.
+/// multiplied by that square's mean over the normal prior's posterior; and [`moment`] takes away what is negligible.
 pub fn moments(fit: &Fit, effects: &[usize]) -> f64 {
     let Some(covariance) = fit.covariance() else { return f64::NEG_INFINITY };
     let square = |k: usize| {
@@ -58,9 +58,18 @@ pub fn moments(fit: &Fit, effects: &[usize]) -> f64 {
         // A parameter that only goes with another one is not what makes the effect.
         let leads = |k: &&usize| STRAINS.iter().all(|s| s.follower != **k);
         let squares: Vec<f64> = REGISTRY[*e].effect.amplitudes.iter().filter(leads).map(|k| square(*k)).collect();
-        (squares.iter().sum::<f64>() / squares.len() as f64).ln()
+        moment(squares.iter().sum::<f64>() / squares.len() as f64)
     };
     effects.iter().map(one).sum()
+}
+
+/// Square of the size, in units of a noticeable effect, below which a departure is the form of something else rather than an effect: a tenth of the size.
+const NEGLIGIBLE: f64 = 0.01;
+
+/// Logarithm of the factor that the prior of an effect has over a normal one, from the mean square of its size in units of a noticeable effect. It vanishes faster
+/// than any power at null (the inverse moment prior of Johnson and Rossell): an effect of a tenth of the size pays one nat for that, one of a fiftieth 25.
+pub fn moment(square: f64) -> f64 {
+    square.ln() - NEGLIGIBLE / square
 }
 
 /// What was found.
