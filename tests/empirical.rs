@@ -9,7 +9,7 @@ use kisspoint::effects::{self, PARAMETERS, Subsystem};
 use kisspoint::gap::answer::plant_parameters;
 use kisspoint::gap::empirical::{Judge, LEAST_CLOSED, Refusal, Tried, learn_law};
 use kisspoint::gap::held_out::split;
-use kisspoint::gap::infer::fit::{Effort, Free, fit};
+use kisspoint::gap::infer::fit::{Free, fit};
 use kisspoint::gap::infer::posterior::Explanation;
 use kisspoint::gap::measure::{self, Closed};
 use kisspoint::gap::model::prepare;
@@ -40,7 +40,7 @@ fn learned(car: &Car, place: Subsystem) -> (Tried, Closed) {
         place: Some(place),
         log_posterior: 0.0,
         probability: 1.0,
-        fit: Some(fit(&problem, Free::default(), &nominal, Effort::of(0))),
+        fit: Some(fit(&problem, Free::default(), &nominal, 0, None)),
         curvature: None,
     };
     let conclusion = Conclusion {

@@ -3,7 +3,7 @@
 use kisspoint::campaign::{self, Recording};
 use kisspoint::effects::{self, REGISTRY, param};
 use kisspoint::gap::infer::density::{Problem, misfit};
-use kisspoint::gap::infer::fit::{Effort, Free, fit};
+use kisspoint::gap::infer::fit::{Free, fit};
 use kisspoint::gap::infer::pulsation;
 use kisspoint::gap::infer::search::search;
 use kisspoint::gap::model::replay::{replay, start};
@@ -132,9 +132,9 @@ fn a_brake_is_no_gap() {
 fn derivatives_that_are_kept_lead_to_the_same_mode() {
     let problem = made_up(|e| e[param::friction_level::factor] = 1.15);
     let level = [effects::find("friction_level").unwrap()];
-    let base = fit(&problem, Free::default(), &problem.nominal(), Effort::of(12));
-    let fresh = fit(&problem, Free { effects: &level, basis: None }, &problem.nominal(), Effort::of(12));
-    let kept = fit(&problem, Free { effects: &level, basis: None }, &base.point, Effort { known: base.known(), ..Effort::of(12) });
+    let base = fit(&problem, Free::default(), &problem.nominal(), 12, None);
+    let fresh = fit(&problem, Free { effects: &level, basis: None }, &problem.nominal(), 12, None);
+    let kept = fit(&problem, Free { effects: &level, basis: None }, &base.point, 12, Some(&base.columns));
     assert!((fresh.cost - kept.cost).abs() < 1.0, "{} {}", fresh.cost, kept.cost);
     let factor = |f: &kisspoint::gap::infer::fit::Fit| f.point.effects[param::friction_level::factor];
     assert!((factor(&fresh) - factor(&kept)).abs() < 0.01 && (factor(&fresh) - 1.15).abs() < 0.05);
@@ -220,7 +220,7 @@ fn an_effect_far_below_its_usual_size_is_no_effect() {
     let nats = |factor: f64| {
         let problem = made_up(|e| e[param::friction_level::factor] = factor);
         let free = Free { effects: &[level], basis: None };
-        moments(&fit(&problem, free, &problem.nominal(), Effort::of(12)), &[level])
+        moments(&fit(&problem, free, &problem.nominal(), 12, None), &[level])
     };
     let (usual, tiny) = (nats(1.15), nats(1.005));
     assert!(tiny < usual - 2.0, "{usual} {tiny}");

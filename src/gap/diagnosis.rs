@@ -6,7 +6,7 @@ use super::domain::{self, Handed};
 use super::empirical::{self, Tried};
 use super::held_out::{Split, split};
 use super::infer::density::{Point, Problem};
-use super::infer::posterior::{missing_laws, posterior};
+use super::infer::posterior::{laws_far_ahead, posterior};
 use super::infer::search::{Search, exchange, search};
 use super::infer::sensors;
 use super::map;
@@ -110,9 +110,11 @@ pub fn diagnose_with(
         found = search(&problem, &|what, share| progress(what, 0.5 + 0.2 * share));
     }
     progress("exchange", 0.7);
-    let laws = if found.best().fit.strains() { missing_laws(&problem, &found) } else { Vec::new() };
-    let law = laws.iter().filter(|l| l.fit.is_some()).map(|l| l.log_posterior).fold(f64::NEG_INFINITY, f64::max);
-    exchange(&problem, &mut found, law);
+    // What strains its tolerances and is far behind a missing law is not worth more work.
+    let laws = laws_far_ahead(&problem, &found);
+    if laws.is_empty() {
+        exchange(&problem, &mut found);
+    }
     progress("missing laws", 0.8);
     let weights = posterior(&problem, &found, &laws);
     let conclusion = conclude(&problem, &found, &weights);

@@ -80,36 +80,17 @@ pub struct Free<'a> {
     pub basis: Option<&'a Basis>,
 }
 
-/// How much work a fit is worth.
-#[derive(Clone, Copy, Debug)]
-pub struct Effort<'a> {
-    /// Iterations with derivatives of their own, at most.
-    pub iterations: usize,
-    /// Derivatives along nuisances of a place nearby.
-    pub known: Option<&'a [Columns]>,
-    /// Cost that it has to come to: it ends as soon as the iterations that are left, each gaining as much as the last, would not bring it there.
-    pub towards: f64,
-}
-
-impl Effort<'_> {
-    /// So many iterations, wherever they lead.
-    pub fn of(iterations: usize) -> Self {
-        Self { iterations, known: None, towards: f64::INFINITY }
-    }
-}
-
-/// Maximises the density from `start`.
-pub fn fit(problem: &Problem, free: Free, start: &Point, effort: Effort) -> Fit {
+/// Maximises the density from `start`. `known` are derivatives along nuisances of a place nearby.
+pub fn fit(problem: &Problem, free: Free, start: &Point, iterations: usize, known: Option<&[Columns]>) -> Fit {
     let missing = free.basis.map_or(0, Vec::len);
     let (shared, own) = coordinates(problem, free.effects, missing);
     let mut start = start.clone();
     start.missing.resize(missing, 0.0);
-    along(problem, Frame { shared, own }, free.basis, &start, effort)
+    along(problem, Frame { shared, own }, free.basis, &start, iterations, known)
 }
 
 /// As [`fit`], along these coordinates alone.
-pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Point, effort: Effort) -> Fit {
-    let Effort { iterations, known, towards } = effort;
+pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Point, iterations: usize, known: Option<&[Columns]>) -> Fit {
     let mut point = start.clone();
     let mut residuals = problem.all_residuals(&point, basis);
     let mut now = cost(&point, &residuals);
@@ -160,9 +141,6 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
         let keeps_its_word = gain >= LEAST_GAIN && KEEPS_ITS_WORD.contains(&(gain / promised));
         // A step from kept derivatives that broke its word was only a try.
         done += usize::from(keeps_its_word || !kept);
-        if !kept && now - gain * (iterations - done) as f64 > towards {
-            break;
-        }
         kept = keeps_its_word;
     }
     let equations = normal(&point, &frame, &columns, &residuals, 0.0);

@@ -5,7 +5,7 @@
 
 use super::coordinate::{Coordinate, coordinates};
 use super::density::{Point, Problem};
-use super::fit::{Effort, Fit, along, stepped};
+use super::fit::{Fit, along, stepped};
 use super::linear::{Frame, assemble, products};
 use crate::effects::empirical::Curve;
 use nalgebra::{DMatrix, DVector};
@@ -33,7 +33,7 @@ pub fn learn(problem: &Problem, curves: &[&'static Curve], start: &Point, near: 
     shared.extend(curves.iter().flat_map(free));
     let frame = Frame { shared, own };
     let start = Point { missing: Vec::new(), ..start.clone() };
-    let fit = along(problem, frame.clone(), None, &start, Effort { known: near.and_then(Fit::known), ..Effort::of(ITERATIONS) });
+    let fit = along(problem, frame.clone(), None, &start, ITERATIONS, near.and_then(Fit::known));
     Learned { curves: curves.to_vec(), fit, frame }
 }
 

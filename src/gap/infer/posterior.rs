@@ -60,9 +60,18 @@ impl Posterior {
     }
 }
 
-/// Missing laws beside the most probable set, and beside none.
-pub fn missing_laws(problem: &Problem, search: &Search) -> Vec<Unknown> {
-    beside_sets(problem, search, search.best(), &[])
+/// Missing laws beside the most probable set and beside none, if that set strains its tolerances and one of them leads it by more than is worth a look; else none.
+pub fn laws_far_ahead(problem: &Problem, search: &Search) -> Vec<Unknown> {
+    let mut best = search.best().clone();
+    if !best.fit.strains() {
+        return Vec::new();
+    }
+    if !best.effects.is_empty() {
+        best.log_posterior += form(problem, &best.fit, &best.effects).map_or(0.0, |g| g.nats);
+    }
+    let laws = beside_sets(problem, search, &best, &[]);
+    let far = best.log_posterior + search.behind(best.fit.log_evidence);
+    if laws.iter().any(|l| l.fit.is_some() && l.log_posterior > far) { laws } else { Vec::new() }
 }
 
 fn beside_sets(problem: &Problem, search: &Search, best: &Hypothesis, known: &[Unknown]) -> Vec<Unknown> {
@@ -145,7 +154,7 @@ fn with_fewer(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unknown
             for p in REGISTRY[dropped].parameters.clone() {
                 start.effects[p] = crate::effects::PARAMETERS[p].null;
             }
-            beside(problem, &rest, current.place, &current.basis, &start, from.known())
+            beside(problem, &rest, current.place, &current.basis, &start)
         };
         let fewer: Vec<Unknown> = current.effects.iter().map(|e| without(*e)).collect();
         let Some(best) = fewer.iter().max_by(|a, b| a.log_posterior.total_cmp(&b.log_posterior)).cloned() else { break };
@@ -160,7 +169,7 @@ fn with_fewer(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unknown
     for single in singles {
         let mut point = start.clone().unwrap_or_else(|| problem.nominal());
         point.effects = single.fit.point.effects;
-        all.push(beside(problem, &single.effects, current.place, &current.basis, &point, current.fit.as_ref().and_then(Fit::known)));
+        all.push(beside(problem, &single.effects, current.place, &current.basis, &point));
     }
     all
 }

@@ -6,7 +6,7 @@
 
 use super::coordinate::Coordinate;
 use super::density::{Basis, Point, Problem};
-use super::fit::{Effort, Fit, along};
+use super::fit::{Fit, along};
 use super::linear::Frame;
 use crate::effects::{Act, REGISTRY};
 use crate::gap::model::replay::{self, Missing};
@@ -70,7 +70,7 @@ pub fn starts(problem: &Problem, point: &Point) -> Vec<(usize, Point)> {
     };
     // Side lobes explain nearly as much, but only the order itself gets better when it is let free.
     let own = || Frame { shared: entry.parameters.clone().map(Coordinate::Effect).collect(), own: Vec::new() };
-    let mut fits: Vec<Fit> = found.iter().take(TRIED).map(|f| along(problem, own(), None, &set(f), Effort::of(POLISH))).collect();
+    let mut fits: Vec<Fit> = found.iter().take(TRIED).map(|f| along(problem, own(), None, &set(f), POLISH, None)).collect();
     fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     fits.truncate(STARTS);
     // An order that is one turn out at the end of the longest slip is a minimum of its own.
@@ -82,7 +82,7 @@ pub fn starts(problem: &Problem, point: &Point) -> Vec<(usize, Point)> {
         };
         [-1.0, 1.0].map(moved).to_vec()
     });
-    let beside: Vec<Fit> = neighbours.iter().map(|p| along(problem, own(), None, p, Effort::of(POLISH))).collect();
+    let beside: Vec<Fit> = neighbours.iter().map(|p| along(problem, own(), None, p, POLISH, None)).collect();
     if let Some(better) = beside.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).filter(|f| f.cost < fits[0].cost) {
         fits[0] = better;
     }

@@ -7,7 +7,7 @@
 
 use super::coordinate::Coordinate;
 use super::density::{Point, Problem, STRAINS, cost, size};
-use super::fit::{Effort, Fit, Free, LOOK, fit};
+use super::fit::{Fit, Free, LOOK, fit};
 use super::linear::Columns;
 use super::pulsation;
 use super::screen::{Anchor, Promise, Screening, screen};
@@ -81,8 +81,6 @@ pub struct Search {
     pub promised: Vec<Option<f64>>,
     /// Torque ripples that a scan found.
     ripples: Vec<(usize, Parameters)>,
-    /// Sets beside which all effects were screened, each with its cost then.
-    screened: Vec<(Vec<usize>, f64)>,
 }
 
 impl Search {
@@ -97,10 +95,6 @@ impl Search {
     /// The most probable set.
     pub fn best(&self) -> &Hypothesis {
         &self.hypotheses[0]
-    }
-    /// Cost that a set must come to for a chance to be the most probable: that of the one that is, and the price of what a smaller one would do without.
-    fn rival(&self) -> f64 {
-        self.best().fit.cost + 2.0 * BEHIND_NATS
     }
     /// Nats behind a log evidence within which an explanation is worth more work.
     pub fn behind(&self, best: f64) -> f64 {
@@ -151,8 +145,8 @@ pub const DRAGGED: f64 = 3.0;
 pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Search {
     progress("tolerances", 0.0);
     let nominal = problem.nominal();
-    let base = fit(problem, Free::default(), &nominal, Effort::of(STAY));
-    let mut found = Search { hypotheses: Vec::new(), promised: vec![None; REGISTRY.len()], ripples: Vec::new(), screened: Vec::new() };
+    let base = fit(problem, Free::default(), &nominal, STAY, None);
+    let mut found = Search { hypotheses: Vec::new(), promised: vec![None; REGISTRY.len()], ripples: Vec::new() };
     found.add(Hypothesis::new(Vec::new(), base));
     let mut frontier: Vec<Vec<usize>> = vec![Vec::new()];
     for size in 1..=MOST_EFFECTS {
@@ -173,13 +167,9 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
     found
 }
 
-/// Screens beside a set that was fitted, and fits what promises most; not again from where that was done.
+/// Screens beside a set that was fitted, and fits what promises most.
 fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
     let Some(from) = found.of(set).cloned() else { return };
-    if found.screened.iter().any(|(done, cost)| done == set && from.fit.cost > cost - LEAST_PROMISE) {
-        return;
-    }
-    found.screened.push((set.to_vec(), from.fit.cost));
     let mut places: Vec<(Point, Option<&Fit>)> = vec![(from.fit.point.clone(), Some(&from.fit))];
     if from.fit.pull() > DRAGGED {
         places.push((Point { effects: from.fit.point.effects, ..problem.nominal() }, None));
@@ -232,7 +222,7 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
         .into_par_iter()
         .map(|(effects, start, _, anchor)| {
             let known = columns.get(anchor).map(|c| c.as_slice());
-            let fitted = fit(problem, Free { effects: &effects, basis: None }, &start, Effort { known, ..Effort::of(LOOK) });
+            let fitted = fit(problem, Free { effects: &effects, basis: None }, &start, LOOK, known);
             (effects, fitted)
         })
         .collect();
@@ -272,7 +262,7 @@ fn taken_over(problem: &Problem, from: &Hypothesis, set: &[usize]) -> Vec<(Vec<u
 fn finish(problem: &Problem, found: &mut Search, mut looked: Vec<(Vec<usize>, Fit)>) {
     looked.sort_by(|a, b| b.1.log_evidence.total_cmp(&a.1.log_evidence));
     let Some(best) = looked.first().map(|l| l.1.log_evidence) else { return };
-    let (most, rival) = (found.behind(best), found.rival());
+    let most = found.behind(best);
     let (near, far): (Vec<_>, Vec<_>) = looked.into_iter().enumerate().partition(|(k, l)| *k < FITTED && best - l.1.log_evidence < most);
     for (_, (effects, rough)) in far {
         found.add(Hypothesis::new(effects, rough));
@@ -280,8 +270,7 @@ fn finish(problem: &Problem, found: &mut Search, mut looked: Vec<(Vec<usize>, Fi
     let done: Vec<(Vec<usize>, Fit)> = near
         .into_par_iter()
         .map(|(_, (effects, rough))| {
-            let effort = Effort { known: rough.known(), towards: rival, ..Effort::of(STAY) };
-            let fitted = fit(problem, Free { effects: &effects, basis: None }, &rough.point, effort);
+            let fitted = fit(problem, Free { effects: &effects, basis: None }, &rough.point, STAY, rough.known());
             (effects, fitted)
         })
         .collect();
@@ -291,16 +280,15 @@ fn finish(problem: &Problem, found: &mut Search, mut looked: Vec<(Vec<usize>, Fi
 }
 
 /// Drops every member of the best set in turn; what is left is fitted from there and looks for a better companion, if it fits better than it did or if the
-/// best set strains its tolerances, which says that it is not the right one. `law` is the log posterior of the best missing law, if that was asked for: what
-/// strains and is far behind it is not worth more work.
-pub fn exchange(problem: &Problem, found: &mut Search, law: f64) {
+/// best set strains its tolerances, which says that it is not the right one.
+pub fn exchange(problem: &Problem, found: &mut Search) {
     for _ in 0..EXCHANGES {
         let best = found.best().clone();
         if best.effects.is_empty() {
             return;
         }
         let strained = best.fit.strains();
-        if best.effects.len() < 2 && !strained || strained && law > best.log_posterior + found.behind(best.fit.log_evidence) {
+        if best.effects.len() < 2 && !strained {
             return;
         }
         for &dropped in &best.effects {
@@ -311,12 +299,11 @@ pub fn exchange(problem: &Problem, found: &mut Search, law: f64) {
             }
             let before = found.of(&rest).map(|h| h.fit.cost);
             let free = || Free { effects: &rest, basis: None };
-            let looked = fit(problem, free(), &start, Effort { known: best.fit.known(), ..Effort::of(LOOK) });
+            let looked = fit(problem, free(), &start, LOOK, best.fit.known());
             let better = before.is_some_and(|b| looked.cost < b - LEAST_PROMISE);
             let near = best.fit.log_evidence - looked.log_evidence < found.behind(best.fit.log_evidence);
             let whole = better || near && before.is_none();
-            let effort = Effort { known: looked.known(), ..Effort::of(STAY) };
-            let fitted = if whole { fit(problem, free(), &looked.point, effort) } else { looked };
+            let fitted = if whole { fit(problem, free(), &looked.point, STAY, looked.known()) } else { looked };
             found.add(Hypothesis::new(rest.clone(), fitted));
             if better || strained {
                 extend(problem, found, &rest);
@@ -337,13 +324,11 @@ pub fn exchange(problem: &Problem, found: &mut Search, law: f64) {
                     newcomer.map(|_| (set, point))
                 })
             });
-            let rival = found.rival();
             let looked: Vec<(Vec<usize>, Fit)> = swapped
                 .collect::<Vec<_>>()
                 .into_par_iter()
                 .map(|(set, point)| {
-                    let effort = Effort { known: best.fit.known(), towards: rival, ..Effort::of(LOOK + 1) };
-                    let fitted = fit(problem, Free { effects: &set, basis: None }, &point, effort);
+                    let fitted = fit(problem, Free { effects: &set, basis: None }, &point, LOOK + 1, best.fit.known());
                     (set, fitted)
                 })
                 .collect();

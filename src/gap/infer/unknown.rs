@@ -7,7 +7,7 @@
 
 use super::coordinate::coordinates;
 use super::density::{Basis, Point, Problem, Residuals, weight};
-use super::fit::{Effort, Fit, Free, LOOK, fit};
+use super::fit::{Fit, Free, LOOK, fit};
 use super::linear::{Columns, Frame, Normal, normal};
 use super::pulsation;
 use super::search::{DRAGGED, Hypothesis, log_prior, moments};
@@ -79,11 +79,11 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
     let straight = Point { effects: of.fit.point.effects, ..problem.nominal() };
     for (u, size) in found.iter_mut().take(FITTED).filter(|(u, _)| best > least && best - u.log_posterior < FITTED_NATS) {
         let place = u.place;
-        *u = beside(problem, &of.effects, place, &u.basis, &of.fit.point, of.fit.known());
+        *u = beside(problem, &of.effects, place, &u.basis, &of.fit.point);
         if bent {
             let mut basis = functions(problem, &straight, place);
             basis.iter_mut().flatten().for_each(|f| f.scale(*size));
-            let other = beside(problem, &of.effects, place, &basis, &straight, None);
+            let other = beside(problem, &of.effects, place, &basis, &straight);
             if other.log_posterior > u.log_posterior {
                 *u = other;
             }
@@ -94,9 +94,9 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
     found
 }
 
-/// A missing law at a place beside a set, fitted from a point. `known` are derivatives along nuisances there.
-pub fn beside(problem: &Problem, effects: &[usize], place: Subsystem, basis: &Basis, start: &Point, known: Option<&[Columns]>) -> Unknown {
-    let fitted = fit(problem, Free { effects, basis: Some(basis) }, start, Effort { known, ..Effort::of(LOOK + 2) });
+/// A missing law at a place beside a set, fitted from a point.
+pub fn beside(problem: &Problem, effects: &[usize], place: Subsystem, basis: &Basis, start: &Point) -> Unknown {
+    let fitted = fit(problem, Free { effects, basis: Some(basis) }, start, LOOK + 2, None);
     let form = Mode::new(problem, &fitted, effects, Some(basis)).map_or(0.0, |m| m.gain(&m.forms(effects, Some(place), &[])).nats);
     let log_posterior = fitted.log_evidence + form + log_prior(effects.len()) + moments(&fitted, effects) + place_prior();
     Unknown { effects: effects.to_vec(), place, log_posterior, fit: Some(fitted), basis: basis.clone() }
