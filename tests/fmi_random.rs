@@ -34,15 +34,8 @@ impl Random {
 }
 
 fn make(guid: &str) -> *mut c_void {
-    let callbacks = CallbackFunctions {
-        logger: None,
-        allocate_memory: None,
-        free_memory: None,
-        step_finished: None,
-        component_environment: ptr::null_mut(),
-    };
     let guid = CString::new(guid).unwrap();
-    fmi2Instantiate(c"x".as_ptr(), CO_SIMULATION, guid.as_ptr(), ptr::null(), &callbacks, 0, 0)
+    fmi2Instantiate(c"x".as_ptr(), CO_SIMULATION, guid.as_ptr(), ptr::null(), &CallbackFunctions::NONE, 0, 0)
 }
 
 fn set_some(c: *mut c_void, d: &Description, random: &mut Random, share: f64, running: bool) {

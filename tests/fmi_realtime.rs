@@ -42,13 +42,7 @@ fn initialized(guid: &str) -> *mut c_void {
     let logger: LoggerFn = unsafe {
         std::mem::transmute::<unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char), LoggerFn>(silent)
     };
-    let callbacks = CallbackFunctions {
-        logger: Some(logger),
-        allocate_memory: None,
-        free_memory: None,
-        step_finished: None,
-        component_environment: ptr::null_mut(),
-    };
+    let callbacks = CallbackFunctions { logger: Some(logger), ..CallbackFunctions::NONE };
     let guid = CString::new(guid).unwrap();
     let c = fmi2Instantiate(c"x".as_ptr(), CO_SIMULATION, guid.as_ptr(), ptr::null(), &callbacks, 0, 1);
     assert!(!c.is_null());

@@ -6,15 +6,8 @@ use std::ffi::{CString, c_char, c_void};
 use std::ptr;
 
 fn instance(guid: &str) -> *mut c_void {
-    let callbacks = CallbackFunctions {
-        logger: None,
-        allocate_memory: None,
-        free_memory: None,
-        step_finished: None,
-        component_environment: ptr::null_mut(),
-    };
     let guid = CString::new(guid).unwrap();
-    let c = fmi2Instantiate(c"x".as_ptr(), CO_SIMULATION, guid.as_ptr(), ptr::null(), &callbacks, 0, 0);
+    let c = fmi2Instantiate(c"x".as_ptr(), CO_SIMULATION, guid.as_ptr(), ptr::null(), &CallbackFunctions::NONE, 0, 0);
     assert!(!c.is_null());
     c
 }

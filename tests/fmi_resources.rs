@@ -30,16 +30,9 @@ fn guid(model: &Model, vehicle: &Vehicle) -> String {
 }
 
 fn instantiate(guid: &str, location: Option<&[u8]>) -> *mut c_void {
-    let callbacks = CallbackFunctions {
-        logger: None,
-        allocate_memory: None,
-        free_memory: None,
-        step_finished: None,
-        component_environment: ptr::null_mut(),
-    };
     let (guid, location) = (CString::new(guid).unwrap(), location.map(|bytes| CString::new(bytes).unwrap()));
     let location = location.as_ref().map_or(ptr::null(), |text| text.as_ptr());
-    fmi2Instantiate(c"x".as_ptr(), CO_SIMULATION, guid.as_ptr(), location, &callbacks, 0, 0)
+    fmi2Instantiate(c"x".as_ptr(), CO_SIMULATION, guid.as_ptr(), location, &CallbackFunctions::NONE, 0, 0)
 }
 
 /// J_c that an instance starts with; none if it was refused.

@@ -154,15 +154,8 @@ proptest! {
 }
 
 fn instance() -> *mut c_void {
-    let callbacks = CallbackFunctions {
-        logger: None,
-        allocate_memory: None,
-        free_memory: None,
-        step_finished: None,
-        component_environment: ptr::null_mut(),
-    };
     let guid = CString::new(plant::GUID).unwrap();
-    fmi2Instantiate(c"x".as_ptr(), CO_SIMULATION, guid.as_ptr(), ptr::null(), &callbacks, 0, 0)
+    fmi2Instantiate(c"x".as_ptr(), CO_SIMULATION, guid.as_ptr(), ptr::null(), &CallbackFunctions::NONE, 0, 0)
 }
 
 fn step(c: *mut c_void, k: u32, inputs: &[(f64, f64)]) -> Status {

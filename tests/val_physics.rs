@@ -90,6 +90,7 @@ fn balances_are_those_of_equation_7() {
     let d = Vehicle::paper().driveline;
     let hold = driveline::holding_torque(&d, 0.5, 100.0, 60.0, 12.0);
     let common = driveline::flywheel_acceleration(&d, 100.0, 60.0, hold);
+    close("the balance the other way round", driveline::clutch_torque(&d, 60.0, 100.0, common), hold);
     close("both sides accelerate alike", driveline::driveline_acceleration(0.5, hold, 12.0), common);
     close("as one inertia", (0.5 + d.J_f) * common, 60.0 - d.b_f * 100.0 - 12.0);
 }

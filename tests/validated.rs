@@ -12,7 +12,6 @@ use kisspoint::vehicle::Vehicle;
 use realcar::{Car, Kind, Place, draw_car_of};
 use serde_json::Value;
 use std::ffi::{CString, c_void};
-use std::ptr;
 
 /// What the diagnosis says of this car, and what its predictions are worth on each recording that it never saw.
 fn diagnosed(car: &Car) -> (Value, Vec<Predicted>) {
@@ -90,14 +89,7 @@ fn instance(effects: &Parameters, validated: Option<&Validated>) -> *mut c_void 
     document["effects"] = effects::to_value(effects);
     document["validated"] = validated.map_or(Value::Null, Validated::to_value);
     let location = CString::new(format!("data:application/json,{document}")).unwrap();
-    let callbacks = CallbackFunctions {
-        logger: None,
-        allocate_memory: None,
-        free_memory: None,
-        step_finished: None,
-        component_environment: ptr::null_mut(),
-    };
-    let c = fmi2Instantiate(c"plant".as_ptr(), CO_SIMULATION, guid.as_ptr(), location.as_ptr(), &callbacks, 0, 0);
+    let c = fmi2Instantiate(c"plant".as_ptr(), CO_SIMULATION, guid.as_ptr(), location.as_ptr(), &CallbackFunctions::NONE, 0, 0);
     assert!(!c.is_null());
     assert_eq!(fmi2SetupExperiment(c, 0, 0.0, 0.0, 0, 0.0), Status::Ok);
     assert_eq!(fmi2EnterInitializationMode(c), Status::Ok);

@@ -6,7 +6,7 @@ use crate::effects::empirical::{Curve, curves};
 use crate::gap::diagnosis::Diagnosis;
 use crate::gap::measure::Overlay;
 use crate::physics::cushion;
-use crate::physics::driveline::load_torque;
+use crate::physics::driveline::{clutch_torque, load_torque};
 use crate::physics::map::torque_of;
 use crate::plant::clutch::{self, Branch, Found};
 use crate::plant::config::Config;
@@ -25,7 +25,7 @@ const PRESSED: f64 = 60.0;
 /// Points of a curve.
 const POINTS: usize = 121;
 /// Time over which the flywheel's acceleration is taken, s.
-const SLOPE_S: f64 = 0.1;
+pub const SLOPE_S: f64 = 0.1;
 
 /// One sample of a recording in which the clutch slips.
 struct Sample {
@@ -247,8 +247,8 @@ fn law_shown(car: &Config, law: Subsystem, o: &Overlay, t: &Trace, theta_0: f64)
     for i in reach..n.saturating_sub(reach) {
         let slope = |v: &[f64]| (v[i + reach] - v[i - reach]) / (2.0 * reach as f64 * o.dt);
         let (slip, theta) = (f[i] - c[i], of("theta_c_degC").map_or(theta_0, |v| v[i]));
-        let engine = car.constants.engine_gain * t_e[i] + car.constants.engine_bias - d.b_f * f[i];
-        let balance = engine - d.J_f * slope(f);
+        let engine = car.constants.engine_gain * t_e[i] + car.constants.engine_bias;
+        let balance = clutch_torque(&car.constants.driveline, engine, f[i], slope(f));
         let measured = of("T_fc_Nm").map(|v| v[i]);
         let torque = measured.unwrap_or(balance);
         let slipping = t.phases[i] == 1 && slip > 3.0 * LOCKED;
@@ -303,11 +303,10 @@ fn samples(o: &Overlay, t: &Trace, vehicle: &Vehicle) -> Vec<Sample> {
     let signal = |column: &str| t.signals.iter().find(|s| s.column == column).map(|s| s.values.as_slice());
     let Some(x) = of("x_to_mm").or_else(|| signal("x_to_cmd_mm")) else { return Vec::new() };
     let reach = ((0.5 * SLOPE_S / o.dt).round() as usize).max(1);
-    let d = &vehicle.driveline;
     let balance = |i: usize| {
         let (a, b) = (i.checked_sub(reach)?, i + reach);
         let slope = (f.get(b)? - f[a]) / ((b - a) as f64 * o.dt);
-        Some(signal("T_e_Nm")?.get(i)? - d.b_f * f[i] - d.J_f * slope)
+        Some(clutch_torque(&vehicle.driveline, *signal("T_e_Nm")?.get(i)?, f[i], slope))
     };
     let torque = |i: usize| of("T_fc_Nm").map_or_else(|| balance(i), |v| v.get(i).copied());
     (0..t.phases.len())

@@ -61,6 +61,12 @@ pub struct CallbackFunctions {
     pub component_environment: *mut c_void,
 }
 
+impl CallbackFunctions {
+    /// Those of a caller that wants to hear of nothing.
+    pub const NONE: Self =
+        Self { logger: None, allocate_memory: None, free_memory: None, step_finished: None, component_environment: std::ptr::null_mut() };
+}
+
 /// `fmi2EventInfo`, of model exchange alone.
 #[derive(Clone, Copy)]
 #[repr(C)]

@@ -11,6 +11,7 @@ use super::model::tolerance::{self, Nuisance, Wander};
 use super::model::track::{Channel, Track};
 use crate::campaign::Recording;
 use crate::effects::Parameters;
+use crate::physics::driveline::clutch_torque;
 use crate::vehicle::Vehicle;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -347,7 +348,7 @@ fn engagement(track: &Track, rows: &Range<usize>, replay: Option<&Free>, vehicle
     };
     let torque = of(Channel::TFc);
     let report = |k: usize| track.ticks[track.tick_of_row[rows.start + k]].t_e;
-    let at = |k: usize| if torque.is_empty() { report(k) - d.b_f * omega_f[k] - d.J_f * slope(&omega_f, k) } else { torque[k] };
+    let at = |k: usize| if torque.is_empty() { clutch_torque(d, report(k), omega_f[k], slope(&omega_f, k)) } else { torque[k] };
     let energy_j = (0..end).map(|k| at(k) * slip[k] * dt).sum();
     let slip_acceleration = (slip[end] - slip[end - reach]) / (reach as f64 * dt);
     Some(Engagement { time_s: end as f64 * dt, energy_j, slip_acceleration })

@@ -60,6 +60,11 @@ pub fn flywheel_acceleration(p: &Driveline, omega_f: f64, t_e: f64, t_fc: f64) -
     (t_e - p.b_f * omega_f - t_fc) * (1.0 / p.J_f)
 }
 
+/// [`flywheel_acceleration`] the other way round: clutch torque in N·m that eq. (7a) leaves of the engine torque `t_e` in N·m, at the flywheel speed in rad/s and its rate in rad/s².
+pub fn clutch_torque(p: &Driveline, t_e: f64, omega_f: f64, omega_f_rate: f64) -> f64 {
+    t_e - p.b_f * omega_f - p.J_f * omega_f_rate
+}
+
 /// Torque in N·m that resists the driveline at `omega` rad/s: damping, load, and `extra` (N·m); from eq. (7b).
 #[inline(always)]
 pub fn resistance(p: &Driveline, omega: f64, extra: f64) -> f64 {
