@@ -1,16 +1,15 @@
 //! What the report shows of how well the retuned plant knows its clutch torque: a free replay of the held-out recording.
 
-use super::laws::source;
+use super::laws::{SLOPE_S, source};
 use crate::campaign::Campaign;
 use crate::gap::diagnosis::Diagnosis;
 use crate::gap::model::replay;
 use crate::gap::model::tolerance::Car;
 use crate::gap::model::track::Track;
+use crate::physics::driveline::clutch_torque;
+use crate::plant::config::Config;
 use crate::report::known::Known;
 use crate::validated::Place;
-
-/// Time over which the flywheel's acceleration is taken, s.
-const SLOPE_S: f64 = 0.1;
 
 /// The retuned plant along the held-out recording, or its first engagement; none if the plant was validated nowhere.
 pub fn known(campaign: &Campaign, found: &Diagnosis) -> Option<Known> {
@@ -35,10 +34,13 @@ pub fn known(campaign: &Campaign, found: &Diagnosis) -> Option<Known> {
     known.real = match channel("T_fc_Nm") {
         Some(measured) => measured[..n].to_vec(),
         None => {
-            let (d, reach) = (&found.vehicle.driveline, ((0.5 * SLOPE_S / o.dt).round() as usize).max(1));
+            // What the engine gives behind its report is part of what was retuned.
+            let constants = Config::new(&found.vehicle, &found.effects).constants;
+            let reach = ((0.5 * SLOPE_S / o.dt).round() as usize).max(1);
             let balance = |i: usize| {
                 let slope = (omega_f[i + reach] - omega_f[i - reach]) / (2.0 * reach as f64 * o.dt);
-                r.t_e[begin + i] - d.b_f * omega_f[i] - d.J_f * slope
+                let engine = constants.engine_gain * r.t_e[begin + i] + constants.engine_bias;
+                clutch_torque(&constants.driveline, engine, omega_f[i], slope)
             };
             (0..n).map(|i| if i >= reach && i + reach < n { balance(i) } else { f64::NAN }).collect()
         }

@@ -3,6 +3,7 @@
 import csv
 import json
 import shutil
+import zipfile
 from math import sqrt
 from pathlib import Path
 
@@ -123,6 +124,23 @@ def test_the_fmu_driven_by_the_held_out_recording_gives_the_numbers_of_the_answe
                 assert found[row["channel"]] == pytest.approx(row[figure], rel=0.01), f"{name}, {row['channel']}"
                 compared += 1
     assert compared == 2 * len(diagnosed.answer["how_far"]["held_out"])
+
+
+def test_what_a_campaign_has_found_is_handed_on_with_the_vehicle(diagnosed, kisspoint, tmp_path):
+    """An FMU that is written anew from the retuned one's vehicle.json has its places, its deviations and so its GUID."""
+
+    def resources(fmu):
+        with zipfile.ZipFile(fmu) as archive:
+            guid = etree.fromstring(archive.read("modelDescription.xml")).get("guid")
+            return archive.read("resources/vehicle.json"), guid
+
+    document, guid = resources(diagnosed.out / "DrivelinePlant.fmu")
+    (tmp_path / "vehicle.json").write_bytes(document)
+    kisspoint("fmu", "--vehicle", tmp_path / "vehicle.json", "--out", tmp_path / "fmus")
+    handed_on, guid_then = resources(tmp_path / "fmus" / "DrivelinePlant.fmu")
+    found = json.loads(document)["validated"]
+    assert found["places"] == diagnosed.answer["domain"]["places"] != []
+    assert (json.loads(handed_on)["validated"], guid_then) == (found, guid)
 
 
 def test_the_fmu_starts_as_the_retuned_car(diagnosed, retuned):
