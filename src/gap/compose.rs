@@ -471,10 +471,16 @@ fn sentence(f: &Findings, closed: f64) -> String {
     let c = f.conclusion;
     let places: Vec<&str> = c.unexplained_at.iter().chain(&c.or_at).map(|s| s.id()).collect();
     let at = places.join(" or ");
-    let share = format!("{} of the gap on {}, which took no part in the fit", percent(closed), f.held_out_name);
+    let of_it = if closed > 0.0 { percent(closed) } else { "none".to_owned() };
+    let share = format!("{of_it} of the gap on {}, which took no part in the fit", f.held_out_name);
     match c.verdict {
         Verdict::NoGap => "No effect is called for: within the tolerances of its vehicle file the model follows the car.".to_owned(),
         Verdict::Explained => format!("The gap is explained by {names}, which {closes} {share}."),
+        Verdict::PartlyExplained if closed <= 0.0 => {
+            format!(
+                "{names} {helps} in the recordings of the fit but {closes} {share}; something structured remains in {at} that no effect in the library accounts for."
+            )
+        }
         Verdict::PartlyExplained => {
             format!(
                 "{names} {helps} and {closes} {share}, but something structured remains in {at} that no effect in the library accounts for."

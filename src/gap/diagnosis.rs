@@ -18,7 +18,7 @@ use super::plan::manoeuvre::{Manoeuvre, built_in};
 use super::plan::{Outlook, Planner, outlook};
 use super::verdict::{Conclusion, Verdict, conclude};
 use crate::campaign::{Campaign, Recording};
-use crate::effects::{self, Parameters};
+use crate::effects::{self, PARAMETERS, Parameters, REGISTRY};
 use crate::validated::Validated;
 use crate::vehicle::{Vehicle, VehicleError};
 
@@ -123,9 +123,13 @@ pub fn diagnose_with(
     notes.extend(temperature_notes(&problem, point));
     // Tolerances beside a law that nobody has a formula for retune nothing: the car is handed back as it came.
     let retuned = !matches!(conclusion.verdict, Verdict::Unexplained | Verdict::InputsDoNotFit);
-    // The FMU has no law beside its effects: it gets the numbers that suit best without one.
-    let without_law = found.of(&conclusion.effects).or(found.of(&conclusion.explanation.effects)).map(|h| &h.fit);
-    let alone = without_law.map_or(point, |f| &f.point);
+    // The FMU has no law beside its effects: it gets the numbers that suit best without one. Where the law's absence bends them it gets those beside the law, if
+    // that and the effects are not of one subsystem, in which one may make up for the other.
+    let apart = conclusion.unexplained_at.is_some_and(|at| conclusion.effects.iter().all(|&e| REGISTRY[e].effect.subsystem != at));
+    let alone = found.of(&conclusion.effects).map(|h| &h.fit).filter(|f| !(apart && f.strains()));
+    let near = alone.or(conclusion.explanation.fit.as_ref());
+    let beside = beside_law(&conclusion, point);
+    let alone = alone.map_or(&beside, |f| &f.point);
     let tuned = if retuned { problem.car(alone, None) } else { super::model::tolerance::Car::nominal(&vehicle) };
     let null = effects::null();
     let (before, after) = ((&vehicle, &null), (&tuned.vehicle, &tuned.effects));
@@ -142,7 +146,7 @@ pub fn diagnose_with(
         nominal: &vehicle,
         tuned: after,
     };
-    let learned = empirical::learn_law(&problem, &conclusion, alone, without_law, &judge);
+    let learned = empirical::learn_law(&problem, &conclusion, alone, near, &judge);
     let taken = learned.as_ref().filter(|l| l.refused.is_none());
     let handed = taken.map_or(after, |l| (&l.vehicle, &l.effects));
     progress("where it was validated", 0.94);
@@ -180,6 +184,15 @@ pub fn diagnose_with(
     progress("done", 1.0);
     let (handed, effects) = (*handed.0, *handed.1);
     Ok(Diagnosis { answer, json, overlays, vehicle: handed, effects, validated, nominal: vehicle, outlook, learned })
+}
+
+/// What was fitted beside a law, without the law and the effects that stood in for it.
+fn beside_law(conclusion: &Conclusion, point: &Point) -> Point {
+    let mut beside = Point { missing: Vec::new(), ..point.clone() };
+    for e in conclusion.explanation.effects.iter().filter(|e| !conclusion.effects.contains(e)) {
+        REGISTRY[*e].parameters.clone().for_each(|k| beside.effects[k] = PARAMETERS[k].null);
+    }
+    beside
 }
 
 /// Intervals of the logger from which a sensor's delay changes when the clutch is seen to lock.

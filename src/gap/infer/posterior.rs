@@ -2,9 +2,9 @@
 //!
 //! Verdict, probabilities, groups and places are sums of this one distribution.
 
-use super::density::{Problem, misfit};
+use super::density::{Point, Problem, misfit};
 use super::fit::Fit;
-use super::search::{Hypothesis, Search};
+use super::search::{Hypothesis, MOST_EFFECTS, Search, taken_over};
 use super::unknown::{Gain, Unknown, beside, form, places};
 use crate::effects::{REGISTRY, Subsystem};
 use nalgebra::DMatrix;
@@ -119,7 +119,7 @@ pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Poste
     let mut unknowns = beside_sets(problem, search, best, known);
     // A law that is missing may have been what an effect stood in for, or stand in for one: both are tried from the best.
     if let Some(first) = unknowns.iter().find(|u| u.fit.is_some()).filter(|u| u.log_posterior > best.log_posterior).cloned() {
-        unknowns.extend(with_fewer(problem, search, first));
+        unknowns.extend(changed_beside(problem, search, first));
     }
     all.extend(unknowns.into_iter().map(|u| Explanation {
         effects: u.effects,
@@ -142,11 +142,12 @@ pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Poste
     Posterior { explanations: all, base_misfit: misfit(&search.base().fit.residuals) }
 }
 
-/// Drops effects beside a missing law one by one as long as that is more probable; and tries the likeliest single effects beside it.
-fn with_fewer(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unknown> {
+/// Drops effects beside a missing law one by one, and lets effects stand for tolerances that are strained beside it, as long as that is more probable; if
+/// no effect is left, tries the likeliest single ones.
+fn changed_beside(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unknown> {
     let mut all = Vec::new();
     let mut current = first;
-    while !current.effects.is_empty() {
+    for _ in 0..2 * MOST_EFFECTS {
         let from = current.fit.as_ref().expect("only what was fitted is tried");
         let without = |dropped: usize| {
             let rest: Vec<usize> = current.effects.iter().copied().filter(|e| *e != dropped).collect();
@@ -154,22 +155,32 @@ fn with_fewer(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unknown
             for p in REGISTRY[dropped].parameters.clone() {
                 start.effects[p] = crate::effects::PARAMETERS[p].null;
             }
-            beside(problem, &rest, current.place, &current.basis, &start)
+            (rest, start)
         };
-        let fewer: Vec<Unknown> = current.effects.iter().map(|e| without(*e)).collect();
-        let Some(best) = fewer.iter().max_by(|a, b| a.log_posterior.total_cmp(&b.log_posterior)).cloned() else { break };
-        all.extend(fewer);
+        let mut others: Vec<(Vec<usize>, Point)> = current.effects.iter().map(|e| without(*e)).collect();
+        if from.strains() && current.effects.len() < MOST_EFFECTS {
+            others.extend(taken_over(problem, &from.point, &current.effects));
+        }
+        others.iter_mut().for_each(|o| o.0.sort_unstable());
+        others.retain(|o| all.iter().all(|u: &Unknown| u.effects != o.0));
+        let other = |(effects, start): &(Vec<usize>, Point)| beside(problem, effects, current.place, &current.basis, start, from.known());
+        let others: Vec<Unknown> = others.iter().map(other).collect();
+        let Some(best) = others.iter().max_by(|a, b| a.log_posterior.total_cmp(&b.log_posterior)).cloned() else { break };
+        all.extend(others);
         if best.log_posterior < current.log_posterior {
-            return all;
+            break;
         }
         current = best;
+    }
+    if !current.effects.is_empty() {
+        return all;
     }
     let singles = search.hypotheses.iter().filter(|h| h.effects.len() == 1).take(TRIED_BESIDE);
     let start = current.fit.as_ref().map(|f| f.point.clone());
     for single in singles {
         let mut point = start.clone().unwrap_or_else(|| problem.nominal());
         point.effects = single.fit.point.effects;
-        all.push(beside(problem, &single.effects, current.place, &current.basis, &point));
+        all.push(beside(problem, &single.effects, current.place, &current.basis, &point, current.fit.as_ref().and_then(Fit::known)));
     }
     all
 }

@@ -81,6 +81,8 @@ pub struct Search {
     pub promised: Vec<Option<f64>>,
     /// Torque ripples that a scan found.
     ripples: Vec<(usize, Parameters)>,
+    /// Sets beside which all effects were screened, each with its cost then.
+    screened: Vec<(Vec<usize>, f64)>,
 }
 
 impl Search {
@@ -146,7 +148,7 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
     progress("tolerances", 0.0);
     let nominal = problem.nominal();
     let base = fit(problem, Free::default(), &nominal, STAY, None);
-    let mut found = Search { hypotheses: Vec::new(), promised: vec![None; REGISTRY.len()], ripples: Vec::new() };
+    let mut found = Search { hypotheses: Vec::new(), promised: vec![None; REGISTRY.len()], ripples: Vec::new(), screened: Vec::new() };
     found.add(Hypothesis::new(Vec::new(), base));
     let mut frontier: Vec<Vec<usize>> = vec![Vec::new()];
     for size in 1..=MOST_EFFECTS {
@@ -167,9 +169,13 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
     found
 }
 
-/// Screens beside a set that was fitted, and fits what promises most.
+/// Screens beside a set that was fitted, and fits what promises most; not again from where that was done.
 fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
     let Some(from) = found.of(set).cloned() else { return };
+    if found.screened.iter().any(|(done, cost)| done == set && from.fit.cost > cost - LEAST_PROMISE) {
+        return;
+    }
+    found.screened.push((set.to_vec(), from.fit.cost));
     let mut places: Vec<(Point, Option<&Fit>)> = vec![(from.fit.point.clone(), Some(&from.fit))];
     if from.fit.pull() > DRAGGED {
         places.push((Point { effects: from.fit.point.effects, ..problem.nominal() }, None));
@@ -204,7 +210,10 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
         starts.extend(begun.filter(|s| problem.can_follow(&s.1)));
         columns.push(anchor.columns);
     }
-    starts.extend(taken_over(problem, &from, set));
+    starts.extend(taken_over(problem, &from.fit.point, set).into_iter().map(|(effects, point)| {
+        let there = cost_at(problem, &point);
+        (effects, point, there, 0)
+    }));
     // A ripple starts as its scan found it: what a linear model makes of a phase that is nearly right says little.
     if set.is_empty() {
         starts.extend(further.into_iter().map(|(e, point)| (vec![e], point, f64::NEG_INFINITY, 0)));
@@ -218,14 +227,22 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
         ripples.map(|&e| p.effects[REGISTRY[e].parameters.start + 2]).sum::<f64>()
     };
     starts.dedup_by(|later, kept| later.0 == kept.0 && orders(&later.1, &later.0) == orders(&kept.1, &kept.0));
-    let looked: Vec<(Vec<usize>, Fit)> = starts
+    let mut looked: Vec<(Vec<usize>, Fit, f64)> = starts
         .into_par_iter()
-        .map(|(effects, start, _, anchor)| {
+        .map(|(effects, start, promise, anchor)| {
             let known = columns.get(anchor).map(|c| c.as_slice());
             let fitted = fit(problem, Free { effects: &effects, basis: None }, &start, LOOK, known);
-            (effects, fitted)
+            (effects, fitted, promise)
         })
         .collect();
+    // More effects can only explain more. A look that does not bear that out was led astray by derivatives of elsewhere: the most promising get their own.
+    looked.sort_by(|a, b| a.2.total_cmp(&b.2));
+    let astray: Vec<&mut (Vec<usize>, Fit, f64)> =
+        looked.iter_mut().filter(|l| l.2.is_finite() && l.1.cost > from.fit.cost).take(FITTED).collect();
+    astray.into_par_iter().for_each(|(effects, fitted, _)| {
+        *fitted = fit(problem, Free { effects, basis: None }, &fitted.point, LOOK + 1, None);
+    });
+    let looked = looked.into_iter().map(|(effects, fitted, _)| (effects, fitted)).collect();
     finish(problem, found, looked);
 }
 
@@ -235,13 +252,13 @@ fn started(anchor: &Anchor, screening: &Screening, set: &[usize], promise: &Prom
     (effects, start, promise.cost, k)
 }
 
-/// The same car with an effect in the place of each tolerance that does the same and was pulled.
-fn taken_over(problem: &Problem, from: &Hypothesis, set: &[usize]) -> Vec<(Vec<usize>, Point, f64, usize)> {
+/// The same car with an effect in the place of each tolerance that does the same and was pulled; the sets with it beside `set`.
+pub fn taken_over(problem: &Problem, from: &Point, set: &[usize]) -> Vec<(Vec<usize>, Point)> {
     const PULLED: f64 = 2.5;
-    let pulled = (0..problem.shared.len()).filter(|&k| from.fit.point.shared[k].abs() > PULLED);
+    let pulled = (0..problem.shared.len()).filter(|&k| from.shared[k].abs() > PULLED);
     pulled
         .filter_map(|k| {
-            let mut point = from.fit.point.clone();
+            let mut point = from.clone();
             let mut car = crate::gap::model::tolerance::Car {
                 effects: point.effects,
                 ..crate::gap::model::tolerance::Car::nominal(&problem.vehicle)
@@ -252,8 +269,7 @@ fn taken_over(problem: &Problem, from: &Hypothesis, set: &[usize]) -> Vec<(Vec<u
                 return None;
             }
             (point.shared[k], point.effects) = (0.0, car.effects);
-            let there = cost_at(problem, &point);
-            Some((set.iter().copied().chain([effect]).collect(), point, there, 0))
+            Some((set.iter().copied().chain([effect]).collect(), point))
         })
         .collect()
 }
@@ -311,8 +327,8 @@ pub fn exchange(problem: &Problem, found: &mut Search) {
         }
         // The twins of tolerances that are pulled, in the place of each member.
         if strained {
-            let all = taken_over(problem, &best, &best.effects);
-            let swapped = all.into_iter().flat_map(|(effects, point, _, _)| {
+            let all = taken_over(problem, &best.fit.point, &best.effects);
+            let swapped = all.into_iter().flat_map(|(effects, point)| {
                 let newcomer = effects.iter().copied().find(|e| !best.effects.contains(e));
                 best.effects.clone().into_iter().filter_map(move |dropped| {
                     let mut point = point.clone();
@@ -334,7 +350,8 @@ pub fn exchange(problem: &Problem, found: &mut Search) {
                 .collect();
             finish(problem, found, looked);
         }
-        if found.best().effects == best.effects {
+        let now = &found.best().fit;
+        if found.best().effects == best.effects || strained && now.pull() > STRAIN_LEFT * best.fit.pull() {
             return;
         }
     }
@@ -342,6 +359,8 @@ pub fn exchange(problem: &Problem, found: &mut Search) {
 
 /// Rounds of exchange.
 const EXCHANGES: usize = 4;
+/// Share of its strain that a strained set may keep in a round for another one: what only changes places is not on its way to what is wrong.
+const STRAIN_LEFT: f64 = 0.75;
 /// Cost of a point, for checks.
 pub fn cost_at(problem: &Problem, point: &Point) -> f64 {
     cost(point, &problem.all_residuals(point, None))
