@@ -118,11 +118,15 @@ class Browser:
 
         return ActionChains(self.driver, duration=20)
 
+    def texts(self, selector):
+        """All at one moment: the page draws its plots anew as it likes."""
+        return self.js("return [...document.querySelectorAll(arguments[0])].map(e => e.innerText ?? e.textContent)", selector)
+
     def reads(self):
-        return [e.text for e in self.find("#stage .read")]
+        return self.texts("#stage .read")
 
     def ticks(self):
-        return [e.text for e in self.find("#stage figure:first-child .tick.x")]
+        return self.texts("#stage figure:first-child .tick.x")
 
     def to_stage(self):
         """The first plot, in view and in focus."""
