@@ -144,6 +144,8 @@ pub struct Recording {
     pub theta_c: Option<Vec<f64>>,
     /// Whether the driver brakes, held (drives only).
     pub brake: Option<Vec<bool>>,
+    /// Whether the inputs are known to stay from each sample to the next one at any rate. A logger that is slower than the control unit may miss commands in between.
+    pub held: bool,
 }
 
 impl Default for Recording {
@@ -166,6 +168,7 @@ impl Default for Recording {
             t_fc: None,
             theta_c: None,
             brake: None,
+            held: false,
         }
     }
 }

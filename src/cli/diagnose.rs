@@ -10,7 +10,7 @@ use crate::campaign::{self, Campaign, ChannelMap, ReadOptions, Recording};
 use crate::effects::REGISTRY;
 use crate::fmu::{self, Beside, Extras, FmuError, library, ssv};
 use crate::gap::answer::plant_parameters;
-use crate::gap::diagnosis::{Diagnosis, diagnose};
+use crate::gap::diagnosis::{Diagnosis, diagnose, with_inputs_held};
 use crate::gap::map::{HIGH_TORQUE_NM, HOT_DEGC};
 use crate::report::{self, fleet};
 use serde_json::json;
@@ -215,6 +215,8 @@ fn files(
     provenance: &[(String, String)],
     libraries: &[library::Library],
 ) -> Result<Vec<(&'static str, Vec<u8>)>, FmuError> {
+    let held = diagnosis.held.then(|| with_inputs_held(campaign));
+    let campaign = held.as_ref().unwrap_or(campaign);
     let traces = super::laws::traces(campaign, diagnosis);
     let report = report::html(&report::Input {
         name,

@@ -50,6 +50,8 @@ pub struct Diagnosis {
     pub answer: Answer,
     /// The answer as diagnosis.json has it.
     pub json: serde_json::Value,
+    /// Whether the inputs of a slow logger were found to stay from sample to sample.
+    pub held: bool,
     /// Real, before and after, per recording or engagement.
     pub overlays: Vec<Overlay>,
     /// The retuned car.
@@ -87,16 +89,25 @@ pub fn diagnose_with(
     if let Some(r) = campaign.recordings.iter().find(|r| r.x_to_cmd.is_empty()) {
         return Err(DiagnosisError::NoPosition(r.name.clone()));
     }
-    let split = split(&campaign.recordings);
-    if split.taught.is_empty() {
-        return Err(DiagnosisError::TooFew(campaign.recordings.len()));
+    let mut ready = Ready::new(campaign, &vehicle)?;
+    let mut found = search(&ready.problem, &|what, share| progress(what, 0.6 * share));
+    // A slow logger misses commands, unless the control unit is as slow.
+    let mut thus = None;
+    if sensors::may_be_held(&ready.problem.tracks) {
+        let campaign = with_inputs_held(campaign);
+        let other = Ready::new(&campaign, &vehicle)?;
+        if sensors::rather_held(&other.problem, &ready.problem, found.best()) {
+            (ready, thus) = (other, Some(campaign));
+            found = search(&ready.problem, &|what, share| progress(what, 0.4 + 0.2 * share));
+        }
     }
-    let taught: Vec<&Recording> = split.taught.iter().collect();
-    let (tracks, tolerances) = prepare::read(&taught, &campaign.vehicle_json)?;
-    let with = prepare::disturbances(&tracks, &tolerances);
-    let mut problem = prepare::problem(tracks, &vehicle, &tolerances, &with);
+    let held = thus.is_some();
+    let campaign = thus.as_ref().unwrap_or(campaign);
+    let Ready { split, mut problem, tolerances, with } = ready;
     let mut notes: Vec<String> = campaign.notes.iter().map(|n| format!("{}: {}", n.recording, n.text)).collect();
-    let mut found = search(&problem, &|what, share| progress(what, 0.6 * share));
+    if held {
+        notes.push("the commands change as slowly as they are logged: inputs are held from sample to sample".to_owned());
+    }
     // What the first search found of the sensors (how late, how noisy) makes a better filter of the second.
     let late = late(&problem, &found);
     let known = Disturbances { late, ..with };
@@ -183,7 +194,36 @@ pub fn diagnose_with(
     let overlays = overlays(campaign, &split, &problem, point, before, handed, &tolerances);
     progress("done", 1.0);
     let (handed, effects) = (*handed.0, *handed.1);
-    Ok(Diagnosis { answer, json, overlays, vehicle: handed, effects, validated, nominal: vehicle, outlook, learned })
+    Ok(Diagnosis { answer, json, held, overlays, vehicle: handed, effects, validated, nominal: vehicle, outlook, learned })
+}
+
+/// A campaign, ready to be fitted.
+struct Ready {
+    split: Split,
+    problem: Problem,
+    tolerances: Tolerances,
+    with: Disturbances,
+}
+
+impl Ready {
+    fn new(campaign: &Campaign, vehicle: &Vehicle) -> Result<Self, DiagnosisError> {
+        let split = split(&campaign.recordings);
+        if split.taught.is_empty() {
+            return Err(DiagnosisError::TooFew(campaign.recordings.len()));
+        }
+        let taught: Vec<&Recording> = split.taught.iter().collect();
+        let (tracks, tolerances) = prepare::read(&taught, &campaign.vehicle_json)?;
+        let with = prepare::disturbances(&tracks, &tolerances);
+        let problem = prepare::problem(tracks, vehicle, &tolerances, &with);
+        Ok(Self { split, problem, tolerances, with })
+    }
+}
+
+/// The same campaign, whose inputs stay from sample to sample.
+pub fn with_inputs_held(campaign: &Campaign) -> Campaign {
+    let mut campaign = campaign.clone();
+    campaign.recordings.iter_mut().for_each(|r| r.held = true);
+    campaign
 }
 
 /// What was fitted beside a law, without the law and the effects that stood in for it.

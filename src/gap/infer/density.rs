@@ -124,6 +124,7 @@ fn combined(basis: &Basis, k: usize, amplitudes: &[f64]) -> Missing {
             add(&mut sum.torque[side], &one.torque[side], *a);
             add(&mut sum.sensed[side], &one.sensed[side], *a);
         }
+        sum.bench.iter_mut().zip(&one.bench).for_each(|(sum, one)| add(sum, one, *a));
     }
     sum
 }

@@ -115,7 +115,7 @@ pub fn form(problem: &Problem, point: &Point, effect: usize) -> Basis {
         let function = |(centre, width): (f64, f64), part: usize| {
             let near = |row: usize| (-0.5 * ((slip[row] - centre) / width).powi(2)).exp();
             let disc: Vec<f64> = (0..track.rows()).map(|row| FORM_SHARE * torque[row] * turned[row][part] * near(row)).collect();
-            Missing { torque: [disc.iter().map(|t| -t).collect(), disc], sensed: Default::default() }
+            Missing::of_clutch(disc)
         };
         BANDS.iter().flat_map(|band| [function(*band, 0), function(*band, 1)]).collect::<Vec<Missing>>()
     };

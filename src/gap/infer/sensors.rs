@@ -1,13 +1,16 @@
-//! Noise of the speed sensors by maximum likelihood, at an explanation of the car.
+//! Noise of the speed sensors by maximum likelihood, at an explanation of the car; and whether a slow logger misses commands.
 //!
 //! White noise is known from the recordings alone. Noise with a memory is not: it looks like motion. It is looked for where innovations that should be
 //! white are not, and taken if the innovations' likelihood under the filter that knows of it asks for it. A sensor is a good sensor: its coloured noise is
 //! at most twice its white noise, or a gap could hide behind it.
 
 use super::density::{Point, Problem, Residuals, misfit};
+use super::fit::{Free, fit};
+use super::search::Hypothesis;
 use crate::gap::model::filter::Disturbances;
 use crate::gap::model::noise::Noise;
 use crate::gap::model::prepare;
+use crate::gap::model::track::{Track, misses};
 use rayon::prelude::*;
 
 /// Correlation of neighbouring innovations from which a memory is looked for.
@@ -15,8 +18,23 @@ const CORRELATED: f64 = 0.08;
 /// Sizes, in white noises, and memories in s that are tried.
 const SIZES: [f64; 3] = [0.5, 1.0, 2.0];
 const MEMORIES_S: [f64; 3] = [0.03, 0.1, 0.3];
-/// Nats that a memory has to gain: two parameters of a sensor.
+/// Nats that a memory has to gain, two parameters of a sensor, and a control unit as slow as its logger, which is rare.
 const WORTH_NATS: f64 = 8.0;
+
+/// Whether a logger is so slow that it may miss commands, or the control unit as slow as it is. Stamps that jitter are no control unit's.
+pub fn may_be_held(tracks: &[Track]) -> bool {
+    tracks.iter().all(|t| misses(t.interval()) && !t.jitters())
+}
+
+/// Whether recordings whose inputs are held (`held`) are likelier than the same ones whose inputs are not (`straight`), with the effects that suit the latter best.
+pub fn rather_held(held: &Problem, straight: &Problem, best: &Hypothesis) -> bool {
+    let log_det = |p: &Problem| 0.5 * p.filters.iter().map(|f| f.log_det).sum::<f64>();
+    let fitted = fit(held, Free { effects: &best.effects, basis: None }, &best.fit.point, TOLD_APART, None);
+    fitted.log_evidence - log_det(held) > best.fit.log_evidence - log_det(straight) + WORTH_NATS
+}
+
+/// Iterations that tell inputs that are held from inputs that are not.
+const TOLD_APART: usize = 4;
 
 /// Disturbances with the noise that the innovations at `point` ask for; none if they are as they should be.
 pub fn refined(problem: &Problem, point: &Point, residuals: &[Residuals], with: &Disturbances) -> Option<Disturbances> {

@@ -16,7 +16,7 @@
 use super::noise::Noise;
 use super::replay::HIDDEN;
 use super::tolerance::Wander;
-use super::track::{CONTROL_INTERVAL_S, Channel, Track};
+use super::track::{Channel, Track, misses};
 use crate::vehicle::Vehicle;
 use nalgebra::{SMatrix, SVector};
 
@@ -261,7 +261,7 @@ fn unseen(track: &Track, torque: &[f64], counts: impl Fn(usize) -> bool) -> Vec<
     };
     let one = |k: usize| {
         let t = interval(track, k);
-        if t > 1.5 * CONTROL_INTERVAL_S { 0.5 * (off(k) + off(k + 1)) * t * t / 6.0 } else { 0.0 }
+        if misses(t) && !track.held { 0.5 * (off(k) + off(k + 1)) * t * t / 6.0 } else { 0.0 }
     };
     (0..n).map(one).collect()
 }

@@ -144,7 +144,18 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
     let n = track.rows();
     let clutch = |f: &dyn Fn(usize) -> f64| {
         let torque: Vec<f64> = (0..n).map(|k| if s.slipping[k] { f(k) } else { 0.0 }).collect();
-        Missing { torque: [torque.iter().map(|t| -t).collect(), torque], sensed: Default::default() }
+        Missing::of_clutch(torque)
+    };
+    // A bearing that is elsewhere, in mm, and a disc that is as much warmer, in K: sensors of theirs show it as well.
+    let moved = |f: &dyn Fn(usize) -> f64| {
+        let mut m = clutch(&|k| s.stiffness[k] * f(k));
+        m.bench[0] = (0..n).map(f).collect();
+        m
+    };
+    let warmed = |f: &dyn Fn(usize) -> f64| {
+        let mut m = clutch(&|k| s.warmth[k] * f(k));
+        m.bench[2] = (0..n).map(f).collect();
+        m
     };
     let on = |side: usize, f: &dyn Fn(usize) -> f64| {
         let torque: Vec<f64> = (0..n).map(f).collect();
@@ -190,19 +201,19 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
             const SIZE: f64 = 0.05;
             for tau in [0.04, 0.15, 0.6] {
                 let slow = lagged(&s.command, s.dt, tau);
-                all.push(clutch(&|k| s.stiffness[k] * (slow[k] - s.command[k]).clamp(-1.0, 1.0) * 0.3));
+                all.push(moved(&|k| (slow[k] - s.command[k]).clamp(-1.0, 1.0) * 0.3));
             }
             for width in [0.05, 0.2] {
                 let follows = played(&s.command, width);
-                all.push(clutch(&|k| s.stiffness[k] * (follows[k] - s.command[k])));
+                all.push(moved(&|k| follows[k] - s.command[k]));
             }
-            all.push(clutch(&|k| s.stiffness[k] * SIZE * direction[k]));
+            all.push(moved(&|k| SIZE * direction[k]));
             for tau in [0.3, 1.5] {
-                all.push(clutch(&|k| s.stiffness[k] * SIZE * (1.0 - (-since[k] / tau).exp())));
+                all.push(moved(&|k| SIZE * (1.0 - (-since[k] / tau).exp())));
             }
             for tau in [3.0, 20.0] {
                 let pressed = lagged(&(0..n).map(|k| share(k).clamp(0.0, 1.0)).collect::<Vec<_>>(), s.dt, tau);
-                all.push(clutch(&|k| s.stiffness[k] * SIZE * 2.0 * pressed[k]));
+                all.push(moved(&|k| SIZE * 2.0 * pressed[k]));
             }
         }
         Subsystem::ClutchForce => {
@@ -244,11 +255,11 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
                 // A part that takes the heat of the last τ, over 3 kW.
                 let heat = lagged(&power, s.dt, tau);
                 let most = 3e3 * (1.0_f64).min(1.5 / tau).max(0.1);
-                all.push(clutch(&|k| SIZE * s.warmth[k] * heat[k] / most));
+                all.push(warmed(&|k| SIZE * heat[k] / most));
             }
             let start = s.theta[0];
-            all.push(clutch(&|k| SIZE * s.warmth[k] * (s.theta[k] - start) / 60.0));
-            all.push(clutch(&|k| SIZE * s.warmth[k]));
+            all.push(warmed(&|k| SIZE * (s.theta[k] - start) / 60.0));
+            all.push(warmed(&|_| SIZE));
             for tau in [0.3, 1.5] {
                 let heat = lagged(&power, s.dt, tau);
                 all.push(clutch(&|k| 0.08 * s.torque[k] * heat[k] / 3e3));

@@ -44,7 +44,8 @@ pub fn logger(tracks: &[Track]) -> Logger {
     let mut all: Vec<f64> = tracks.iter().map(Track::interval).collect();
     all.sort_by(f64::total_cmp);
     let interval_s = all.get(all.len() / 2).copied().unwrap_or(CONTROL_INTERVAL_S);
-    let loose = interval_s > 1.2 * CONTROL_INTERVAL_S || tracks.iter().any(Track::jitters);
+    let slow = interval_s > 1.2 * CONTROL_INTERVAL_S && !tracks.iter().all(|t| t.held);
+    let loose = slow || tracks.iter().any(Track::jitters);
     Logger { interval_s, loose }
 }
 

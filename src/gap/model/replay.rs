@@ -26,18 +26,27 @@ pub struct Missing {
     pub torque: [Vec<f64>; 2],
     /// Error of both speeds as sensed, rad/s, by row; empty for none.
     pub sensed: [Vec<f64>; 2],
+    /// What it adds to the bench channels, by row: bearing in mm, clutch torque in N·m, disc temperature in °C; empty for none.
+    pub bench: [Vec<f64>; 3],
 }
 
 impl Missing {
     /// Makes the law that many times as large.
     pub fn scale(&mut self, by: f64) {
-        self.torque.iter_mut().chain(&mut self.sensed).flatten().for_each(|x| *x *= by);
+        self.torque.iter_mut().chain(&mut self.sensed).chain(&mut self.bench).flatten().for_each(|x| *x *= by);
     }
     fn torque(&self, side: usize, row: usize) -> f64 {
         self.torque[side].get(row).copied().unwrap_or(0.0)
     }
     fn sensed(&self, side: usize, row: usize) -> f64 {
         self.sensed[side].get(row).copied().unwrap_or(0.0)
+    }
+    fn bench(&self, channel: usize, row: usize) -> f64 {
+        self.bench[channel].get(row).copied().unwrap_or(0.0)
+    }
+    /// A torque of the clutch on the disc in N·m, by row, as both sides and a transducer feel it.
+    pub fn of_clutch(torque: Vec<f64>) -> Self {
+        Self { bench: [Vec::new(), torque.clone(), Vec::new()], torque: [torque.iter().map(|t| -t).collect(), torque], ..Self::default() }
     }
 }
 
@@ -98,6 +107,9 @@ pub fn replay(
         if let Some(m) = missing {
             now.omega_f += m.sensed(0, row);
             now.omega_c += m.sensed(1, row);
+            now.x_to_actual += m.bench(0, row);
+            now.t_fc += m.bench(1, row);
+            now.theta_c += m.bench(2, row);
         }
         at(row, &now, &mut plant, &mut added);
         for k in track.tick_of_row[row]..track.tick_of_row[row + 1] {

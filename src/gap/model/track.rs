@@ -2,7 +2,7 @@
 //!
 //! Nothing is resampled. Rows are the stamps at which something was recorded; a channel that has no sample there is NaN. Inputs are held from one row to
 //! the next. A logger that is slower than the control unit misses commands in between: such an interval is cut into ticks along which the input
-//! goes from one sample to the next, as a command that changes at every tick would.
+//! goes from one sample to the next, as a command that changes at every tick would. A slow control unit misses nothing ([`Recording::held`]).
 
 use crate::campaign::Recording;
 
@@ -91,6 +91,8 @@ pub struct Track {
     pub theta_0_sigma: [f64; 2],
     /// Rows that one observation averages.
     pub rows_per_observation: usize,
+    /// Whether the inputs stay from each row to the next one.
+    pub held: bool,
 }
 
 impl Track {
@@ -111,6 +113,7 @@ impl Track {
             theta_0: [r.theta_c0, r.theta_b0],
             theta_0_sigma: r.theta_0_sigma,
             rows_per_observation: ((OBSERVATION_S / interval).round() as usize).max(1),
+            held: r.held || !misses(interval),
         }
     }
 
@@ -120,7 +123,7 @@ impl Track {
             let next = (row + 1).min(self.rows() - 1);
             let length = self.time[next] - self.time[row];
             for k in self.tick_of_row[row]..self.tick_of_row[row + 1] {
-                let share = if length > 0.0 { (self.ticks[k].time - self.time[row]) / length } else { 0.0 };
+                let share = if length > 0.0 && !self.held { (self.ticks[k].time - self.time[row]) / length } else { 0.0 };
                 self.ticks[k].t_e = torque[row] + share * (torque[next] - torque[row]);
             }
         }
@@ -211,8 +214,13 @@ impl Track {
     }
 }
 
+/// Whether a logger of this interval in s is slower than the control unit, and may miss its commands.
+pub fn misses(interval: f64) -> bool {
+    interval > 1.5 * CONTROL_INTERVAL_S
+}
+
 fn ticks(r: &Recording, interval: f64) -> (Vec<Tick>, Vec<usize>) {
-    let slow = interval > 1.5 * CONTROL_INTERVAL_S;
+    let slow = misses(interval) && !r.held;
     let command = |k: usize| r.x_to_cmd.get(k).copied().unwrap_or(0.0);
     let (mut ticks, mut of_row) = (Vec::with_capacity(r.time.len()), Vec::with_capacity(r.time.len() + 1));
     for k in 0..r.time.len() {
