@@ -98,7 +98,7 @@ pub fn diagnose_with(
         let other = Ready::new(&campaign, &vehicle)?;
         if sensors::rather_held(&other.problem, &ready.problem, found.best()) {
             (ready, thus) = (other, Some(campaign));
-            found = search(&ready.problem, &|what, share| progress(what, 0.4 + 0.2 * share));
+            found = search(&ready.problem, &|what, share| progress(what, 0.38 + 0.2 * share));
         }
     }
     let held = thus.is_some();

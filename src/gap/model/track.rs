@@ -91,7 +91,7 @@ pub struct Track {
     pub theta_0_sigma: [f64; 2],
     /// Rows that one observation averages.
     pub rows_per_observation: usize,
-    /// Whether the inputs stay from each row to the next one.
+    /// [`Recording::held`].
     pub held: bool,
 }
 
@@ -113,7 +113,7 @@ impl Track {
             theta_0: [r.theta_c0, r.theta_b0],
             theta_0_sigma: r.theta_0_sigma,
             rows_per_observation: ((OBSERVATION_S / interval).round() as usize).max(1),
-            held: r.held || !misses(interval),
+            held: r.held,
         }
     }
 
