@@ -17,7 +17,8 @@ const MOST_BYTES: usize = 1 << 20;
 #[repr(C)]
 struct Saved {
     magic: u64,
-    guid_hash: u64,
+    /// Of the model that it is a state of.
+    guid: &'static str,
     payload: Vec<u64>,
 }
 
@@ -34,12 +35,11 @@ fn saved<'a>(pointer: *mut c_void) -> Result<&'a mut Saved, Refusal> {
 
 fn of_model<'a>(instance: &Instance, pointer: *mut c_void) -> Result<&'a mut Saved, Refusal> {
     let state = saved(pointer)?;
-    let same = state.guid_hash == words::guid_hash(instance.description.guid);
-    if same { Ok(state) } else { Err(Refusal::DamagedState("it belongs to another model")) }
+    if state.guid == instance.description.guid { Ok(state) } else { Err(Refusal::DamagedState("it belongs to another model")) }
 }
 
-fn put(target: *mut *mut c_void, payload: Vec<u64>, guid: &str) {
-    let state = Box::new(Saved { magic: ALIVE, guid_hash: words::guid_hash(guid), payload });
+fn put(target: *mut *mut c_void, payload: Vec<u64>, guid: &'static str) {
+    let state = Box::new(Saved { magic: ALIVE, guid, payload });
     // SAFETY: the callers have checked the target.
     unsafe { target.write(Box::into_raw(state).cast()) };
 }

@@ -106,7 +106,7 @@ pub fn diagnose_with(
     let Ready { split, mut problem, tolerances, with } = ready;
     let mut notes: Vec<String> = campaign.notes.iter().map(|n| format!("{}: {}", n.recording, n.text)).collect();
     if held {
-        notes.push("the commands change as slowly as they are logged: inputs are held from sample to sample".to_owned());
+        notes.push("the commands seem to change only as often as they are logged: inputs are taken as held from sample to sample, which these data make likelier than a logger that misses some".to_owned());
     }
     // What the first search found of the sensors (how late, how noisy) makes a better filter of the second.
     let late = late(&problem, &found);

@@ -21,10 +21,15 @@ impl Plant {
 
     /// Takes up a state that [`Plant::state`] gave, under the vehicle and effects that held then.
     pub fn take_up(&mut self, vehicle: &Vehicle, effects: &Parameters, state: &State) {
-        if self.config.vehicle != *vehicle || self.config.parameters != *effects {
+        if !equal(&self.config.parameters, effects) || self.config.vehicle != *vehicle {
             *self.config = Config::new(vehicle, effects);
             self.found = Found::NOTHING;
         }
         self.state = *state;
     }
+}
+
+/// Whether numbers are equal, all of them compared: nearly always they are, and without a way out in between the compiler takes several at a time.
+fn equal(a: &[f64], b: &[f64]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).fold(true, |all, (a, b)| all & (a == b))
 }

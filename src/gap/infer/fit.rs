@@ -4,7 +4,7 @@
 
 use super::coordinate::{Coordinate, coordinates};
 use super::density::{Basis, Point, Problem, Residuals, cost};
-use super::linear::{Columns, Frame, Normal, derivatives, normal};
+use super::linear::{Columns, Frame, Normal, all_products, assemble, derivatives, normal};
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
@@ -105,8 +105,9 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
         };
         columns = derivatives(problem, &point, basis, &residuals, &frame, kept.then_some(old));
         let (before, mut promised) = (now, f64::INFINITY);
+        let parts = all_products(&columns, &residuals);
         for _ in 0..TRIES {
-            let Some(equations) = normal(&point, &frame, &columns, &residuals, damping) else {
+            let Some(equations) = assemble(&point, &frame, &parts, damping) else {
                 damping = (damping * SHRINK).max(1.0);
                 continue;
             };

@@ -6,9 +6,8 @@
 use super::coordinate::{Coordinate, coordinates};
 use super::density::{Point, Problem};
 use super::fit::{Fit, along, stepped};
-use super::linear::{Frame, assemble, products};
+use super::linear::{Frame, all_products, assemble};
 use crate::effects::empirical::Curve;
-use nalgebra::{DMatrix, DVector};
 
 /// Iterations of a fit.
 const ITERATIONS: usize = 8;
@@ -51,7 +50,7 @@ impl Learned {
     /// The points that a fit without one of the recordings would have come to, one for each: a Newton step on what the others say.
     pub fn without_each(&self, problem: &Problem) -> Vec<Point> {
         let columns = self.fit.derivatives(problem, &self.frame, None);
-        let parts: Vec<(DMatrix<f64>, DVector<f64>)> = columns.iter().zip(&self.fit.residuals).map(|(c, r)| products(c, r)).collect();
+        let parts = all_products(&columns, &self.fit.residuals);
         let one = |k: usize| {
             let mut others = parts.clone();
             others[k].0.fill(0.0);

@@ -158,10 +158,14 @@ pub fn products(columns: &Columns, residuals: &Residuals) -> (DMatrix<f64>, DVec
     (weighted.tr_mul(&weighted), weighted.tr_mul(&r))
 }
 
+/// Those of all recordings.
+pub fn all_products(columns: &[Columns], residuals: &[Residuals]) -> Vec<(DMatrix<f64>, DVector<f64>)> {
+    columns.par_iter().zip(residuals).map(|(c, r)| products(c, r)).collect()
+}
+
 /// Assembles them. None if an own block is not positive.
 pub fn normal(point: &Point, frame: &Frame, columns: &[Columns], residuals: &[Residuals], damping: f64) -> Option<Normal> {
-    let parts: Vec<(DMatrix<f64>, DVector<f64>)> = columns.par_iter().zip(residuals).map(|(c, r)| products(c, r)).collect();
-    assemble(point, frame, &parts, damping)
+    assemble(point, frame, &all_products(columns, residuals), damping)
 }
 
 /// From products that are there.
