@@ -37,11 +37,11 @@ fn serialized(c: *mut c_void) -> Vec<u8> {
     stored
 }
 
-/// Takes up the state of `c` with every word that holds `from` changed to `to`, sealed anew.
-fn take_up_changed(c: *mut c_void, guid: &str, from: f64, to: f64) -> Status {
+/// Takes up the state of `c` with every word that holds `from`, but for the first `kept`, changed to `to`, sealed anew.
+fn take_up_changed(c: *mut c_void, guid: &str, from: f64, to: f64, kept: usize) -> Status {
     let mut payload = words::payload(guid, &serialized(c)).unwrap();
-    let places = payload.iter_mut().filter(|word| **word == from.to_bits());
-    assert!(places.map(|word| *word = to.to_bits()).count() > 0, "the state holds {from}");
+    let places = payload.iter_mut().filter(|word| **word == from.to_bits()).skip(kept);
+    assert!(places.map(|word| *word = to.to_bits()).count() > 0, "the state holds {from} more than {kept} times");
     let bytes: Vec<u8> = words::bytes(guid, &payload).collect();
     let mut state = ptr::null_mut();
     let status = fmi2DeSerializeFMUstate(c, bytes.as_ptr().cast::<c_char>(), bytes.len(), &mut state);
@@ -61,7 +61,7 @@ fn a_step_that_leaves_no_numbers_is_refused_until_a_reset() {
     initialize(c);
     assert_eq!(fmi2DoStep(c, 0.0, 0.01, 1), Status::Ok);
     // No sound run comes to such a speed; its friction power is beyond every number.
-    assert_eq!(take_up_changed(c, plant::GUID, get(c, plant::vr::omega_f), 1e308), Status::Ok);
+    assert_eq!(take_up_changed(c, plant::GUID, get(c, plant::vr::omega_f), 1e308, 0), Status::Ok);
     assert_eq!(fmi2DoStep(c, 0.01, 0.01, 1), Status::Error);
     assert_eq!(fmi2DoStep(c, 0.02, 0.01, 1), Status::Error, "a failed instance steps no further");
     assert_eq!(fmi2Reset(c), Status::Ok);
@@ -77,10 +77,24 @@ fn a_state_beyond_the_bounds_of_its_variables_is_refused() {
         initialize(c);
         assert_eq!(set(c, vr, beyond), Status::Error, "that is its bound");
         assert_eq!(set(c, vr, 12.345), Status::Ok);
-        assert_eq!(take_up_changed(c, guid, 12.345, 23.456), Status::Ok, "within the bounds it is a state like any other");
+        assert_eq!(take_up_changed(c, guid, 12.345, 23.456, 0), Status::Ok, "within the bounds it is a state like any other");
         assert_eq!(get(c, vr), 23.456);
-        assert_eq!(take_up_changed(c, guid, 23.456, beyond), Status::Error);
+        assert_eq!(take_up_changed(c, guid, 23.456, beyond, 0), Status::Error);
         assert_eq!(get(c, vr), 23.456, "a refused state changes nothing");
+        assert_eq!(fmi2DoStep(c, 0.0, 0.01, 1), Status::Ok);
+        fmi2FreeInstance(c);
+    }
+}
+
+#[test]
+fn what_a_model_keeps_beside_its_variables_has_their_bounds() {
+    let offset = plant::vr::effect_kiss_point_offset_offset;
+    for (guid, vr, beyond) in [(plant::GUID, offset, 1e6), (controller::GUID, controller::vr::controller_x_fb_max, -1.0)] {
+        let c = instance(guid);
+        assert_eq!(set(c, vr, 0.123), Status::Ok);
+        initialize(c);
+        assert_eq!(take_up_changed(c, guid, 0.123, 0.234, 1), Status::Ok, "a change that is on its way");
+        assert_eq!(take_up_changed(c, guid, 0.234, beyond, 0), Status::Error);
         assert_eq!(fmi2DoStep(c, 0.0, 0.01, 1), Status::Ok);
         fmi2FreeInstance(c);
     }

@@ -23,6 +23,12 @@ pub trait Words {
     fn reals(&mut self, values: &mut [f64]) {
         values.iter_mut().for_each(|value| self.real(value));
     }
+    /// A number that must lie from `min` to `max` when read.
+    fn real_within(&mut self, value: &mut f64, min: f64, max: f64) {
+        let mut word = value.to_bits();
+        self.word(&mut word, |w| (min..=max).contains(&f64::from_bits(w)));
+        *value = f64::from_bits(word);
+    }
     /// A number that may be none.
     fn any_real(&mut self, value: &mut f64) {
         let mut word = value.to_bits();
