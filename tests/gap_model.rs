@@ -4,8 +4,9 @@ use kisspoint::campaign::{self, Recording};
 use kisspoint::effects::{self, REGISTRY, param};
 use kisspoint::gap::infer::density::{Problem, misfit};
 use kisspoint::gap::infer::fit::{Free, fit};
+use kisspoint::gap::infer::form::forms;
 use kisspoint::gap::infer::pulsation;
-use kisspoint::gap::infer::search::search;
+use kisspoint::gap::infer::search::{Hypothesis, search};
 use kisspoint::gap::model::replay::{replay, start};
 use kisspoint::gap::model::tolerance::Car;
 use kisspoint::gap::model::track::{Channel, Track};
@@ -99,6 +100,44 @@ fn the_order_of_a_ripple_is_found() {
         let found: Vec<f64> = starts.iter().map(|(_, p)| p.effects[param::judder::order]).collect();
         assert!(starts.iter().all(|(e, _)| *e == judder) && found.iter().any(|f| (f - order).abs() < 0.01), "order {order}: {found:?}");
     }
+}
+
+#[test]
+fn the_forms_of_an_effect_change_an_eighth_of_it_and_add_up_in_the_innovations() {
+    let problem = made_up(|_| {});
+    let mass = effects::find("vehicle_mass").unwrap();
+    let mut point = problem.nominal();
+    point.effects[param::vehicle_mass::factor] = 1.2;
+    let (here, without) = (problem.all_residuals(&point, None), problem.all_residuals(&problem.nominal(), None));
+    let functions = forms(&problem, &point, &[mass]);
+    assert!(functions.len() >= 10 && functions.iter().flatten().all(|f| f.is_linear()), "{}", functions.len());
+    let square = |all: &mut dyn Iterator<Item = f64>| all.map(|x| x * x).sum::<f64>();
+    let effect = square(&mut here.iter().zip(&without).flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b)));
+    let expected = square(&mut functions.iter().flatten().flat_map(|f| f.innovations.iter().copied()));
+    assert!((expected / effect - 0.0144).abs() < 1e-6, "{expected} of {effect}");
+    point.missing = (0..functions.len()).map(|k| if k < 2 { 0.5 } else { 0.0 }).collect();
+    let both = problem.all_residuals(&point, Some(&functions));
+    for (r, (a, b)) in both.iter().zip(&here).enumerate() {
+        for (i, (a, b)) in a.iter().zip(b).enumerate() {
+            let form = 0.5 * (functions[0][r].innovations[i] + functions[1][r].innovations[i]);
+            assert!((a - b - form).abs() < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn the_larger_the_gap_the_less_its_likelihood_is_believed() {
+    let [healthy, ill] = [1.0, 1.3].map(|factor| made_up(|e| e[param::vehicle_mass::factor] = factor));
+    assert!(healthy.power > 0.9 && ill.power < 0.7 * healthy.power, "{} {}", healthy.power, ill.power);
+    // Evidence between two sets shrinks with it, while what they cost stays.
+    let mass = effects::find("vehicle_mass").unwrap();
+    let apart = |problem: &Problem| {
+        let of = |effects: &[usize]| Hypothesis::fitted(problem, effects.to_vec(), &problem.nominal(), 12, None);
+        let (with, without) = (of(&[mass]), of(&[]));
+        (with.lead - without.lead, with.log_posterior - without.log_posterior)
+    };
+    let (lead, believed) = apart(&ill);
+    assert!(lead > 0.0 && believed > 0.0 && believed < lead, "{lead} {believed}");
 }
 
 #[test]

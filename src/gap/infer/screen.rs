@@ -20,6 +20,7 @@ pub struct Anchor {
     pub point: Point,
     /// Effects that are free there.
     pub effects: Vec<usize>,
+    basis: Option<Basis>,
     residuals: Vec<Residuals>,
     frame: Frame,
     /// Derivatives there.
@@ -38,7 +39,7 @@ impl Anchor {
         let columns = known.filter(|f| f.known().is_some()).map_or_else(anew, |f| f.columns.clone());
         let equations = normal(point, &frame, &columns, &residuals, 0.0)?;
         let cost = cost(point, &residuals);
-        Some(Self { point: point.clone(), effects: effects.to_vec(), residuals, frame, columns, equations, cost })
+        Some(Self { point: point.clone(), effects: effects.to_vec(), basis: basis.cloned(), residuals, frame, columns, equations, cost })
     }
 }
 
@@ -214,7 +215,7 @@ fn part(problem: &Problem, anchor: &Anchor, candidates: &[Candidate], r: usize) 
                 let column = anchor.columns[r].matrix.column(tolerance);
                 return (column.iter().zip(&roots).map(|(x, w)| sigmas * x * w).collect::<Vec<f64>>(), f64::NAN);
             }
-            let there = problem.residuals(r, &c.point, None);
+            let there = problem.residuals(r, &c.point, anchor.basis.as_ref());
             let misfit = there.iter().map(|r| huber(*r)).sum::<f64>();
             (there.iter().zip(here).zip(&roots).map(|((a, b), w)| (a - b) * w).collect::<Vec<f64>>(), misfit)
         })

@@ -138,6 +138,21 @@ fn bump(x: f64, centre: f64, length: f64) -> f64 {
     (-0.5 * ((x - centre) / length).powi(2)).exp()
 }
 
+/// States along a corrected replay that a law may depend on, by observation: slip, disc temperature, position and its direction, engine speed, torque
+/// asked for, time.
+pub fn states(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Vec<Vec<f64>> {
+    let s = signals(track, filter, car, theta);
+    let direction = direction(&s);
+    let last: Vec<usize> = (0..track.observations()).map(|k| track.rows_of(k).end - 1).collect();
+    [&s.slip, &s.theta, &s.position, &direction, &s.speed[0], &s.report, &s.time].map(|v| last.iter().map(|&row| v[row]).collect()).to_vec()
+}
+
+/// Direction in which the bearing moves, from −1 to 1.
+fn direction(s: &Signals) -> Vec<f64> {
+    let slow = lagged(&s.position, s.dt, 0.05);
+    s.position.iter().zip(&slow).map(|(x, slow)| ((x - slow) / 0.02).tanh()).collect()
+}
+
 /// The functions of a subsystem's missing law, row by row, each scaled to one standard deviation.
 pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Vec<Missing> {
     let s = signals(track, filter, car, theta);
@@ -178,10 +193,7 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
     }
     let power: Vec<f64> = (0..n).map(|k| (s.torque[k] * s.slip[k]).max(0.0)).collect();
     let share = |k: usize| (s.position[k] - s.travel[0]) / (s.travel[1] - s.travel[0]);
-    let direction: Vec<f64> = {
-        let slow = lagged(&s.position, s.dt, 0.05);
-        (0..n).map(|k| ((s.position[k] - slow[k]) / 0.02).tanh()).collect()
-    };
+    let direction = direction(&s);
     let mut all: Vec<Missing> = Vec::new();
     match place {
         Subsystem::Engine => {
