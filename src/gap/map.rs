@@ -7,6 +7,7 @@
 use super::infer::density::{Point, Problem};
 use super::model::replay;
 use super::model::track::Channel;
+use crate::plant::Phase;
 
 /// Probability of any false alarm among all cells of a car without gap.
 pub const FAMILY_WISE_ERROR: f64 = 0.01;
@@ -113,7 +114,9 @@ fn gather(problem: &Problem, point: &Point) -> Cells {
         let rows = track.rows_per_observation;
         let innovations = replay::corrected(track, filter, &car, problem.temperatures(point, k), None, |row, now| {
             let j = (row / rows).min(n - 1);
-            phase[j] = now.phase as usize - 1;
+            // Of a clutch whose position is not known nobody can say that it is open.
+            let shown = if track.position_free && now.phase == Phase::Open { Phase::Slipping } else { now.phase };
+            phase[j] = shown as usize - 1;
             region[j] = 2 * usize::from(now.theta_c > HOT_DEGC) + usize::from(now.t_fc.abs() > HIGH_TORQUE_NM);
         });
         let window = (WINDOW_S / (track.interval() * rows as f64)).round().max(1.0) as usize;
@@ -123,7 +126,17 @@ fn gather(problem: &Problem, point: &Point) -> Cells {
                 continue;
             }
             let read = |j: usize| if e < 2 { innovations[2 * j + e] } else { innovations[offset + j] };
-            let weight = |j: usize| if e < 2 { filter.gains[j].weight[e] } else { filter.bench[e - 2][j] };
+            // The flywheel's balance gives a clutch torque that is not known: nothing is left of it to judge.
+            let gives = |j: usize| e == 0 && filter.unknown[j];
+            let weight = |j: usize| {
+                if gives(j) {
+                    0.0
+                } else if e < 2 {
+                    filter.gains[j].weight[e]
+                } else {
+                    filter.bench[e - 2][j]
+                }
+            };
             let mut sums: [[(f64, usize); 4]; 3] = Default::default();
             for j in (0..n).filter(|&j| weight(j) > 0.0) {
                 let (p, r) = (phase[j], region[j]);

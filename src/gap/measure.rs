@@ -6,12 +6,14 @@
 
 use super::model::filter::Filter;
 use super::model::prepare;
-use super::model::replay;
+use super::model::replay::{self, Told};
 use super::model::tolerance::{self, Nuisance, Wander};
 use super::model::track::{Channel, Track};
+use super::model::unknown_clutch;
 use crate::campaign::Recording;
 use crate::effects::Parameters;
 use crate::physics::driveline::clutch_torque;
+use crate::plant::Outputs;
 use crate::vehicle::Vehicle;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -126,14 +128,19 @@ fn temperatures_along(track: &Track, filter: &Filter, car: &tolerance::Car, thet
     all
 }
 
-fn free(track: &Track, rows: &Range<usize>, car: &tolerance::Car, theta: [f64; 2], noise: f64) -> Free {
+fn free(track: &Track, filter: &Filter, rows: &Range<usize>, car: &tolerance::Car, theta: [f64; 2], noise: f64) -> Free {
     let start = replay::start(track, car, rows.start, theta, noise);
     let mut found = Free { theta, ..Free::default() };
-    replay::replay(track, car, &start, rows.clone(), None, |_, now, _, _| {
+    let mut shown = |now: &Outputs| {
         for (column, v) in found.value.iter_mut().zip([now.omega_f, now.omega_c, now.x_to_actual, now.t_fc, now.theta_c]) {
             column.push(v);
         }
-    });
+    };
+    if track.position_free {
+        replay::followed(track, filter, car, &start, rows.clone(), None, Told::ClutchTorque, |_, now| shown(now));
+    } else {
+        replay::replay(track, car, &start, rows.clone(), None, |_, now, _, _| shown(now));
+    }
     found
 }
 
@@ -146,7 +153,7 @@ struct Prepared {
 }
 
 fn prepare(recording: &Recording, vehicle: &Vehicle) -> Prepared {
-    let track = Track::new(recording);
+    let mut track = Track::new(recording);
     let none = tolerance::Tolerances {
         shared: Vec::new(),
         own: Vec::new(),
@@ -154,6 +161,9 @@ fn prepare(recording: &Recording, vehicle: &Vehicle) -> Prepared {
         declared_report: tolerance::defaults::REPORT,
     };
     let with = prepare::disturbances(std::slice::from_ref(&track), &none);
+    if track.position_free {
+        unknown_clutch::command(&mut track, vehicle, &with);
+    }
     let filter = prepare::filter_of(&track, vehicle, &with);
     let stretches = stretches(&track);
     Prepared { noise: with.noise.map(|n| n.white), track, filter, stretches }
@@ -165,7 +175,7 @@ impl Prepared {
         let whole = self.stretches.len() == 1 && self.stretches[0] == (0..self.track.rows());
         let along = if whole { Vec::new() } else { temperatures_along(&self.track, &self.filter, &car, theta) };
         let theta_at = |row: usize| if whole { theta } else { along[row] };
-        self.stretches.iter().map(|rows| free(&self.track, rows, &car, theta_at(rows.start), self.noise[0])).collect()
+        self.stretches.iter().map(|rows| free(&self.track, &self.filter, rows, &car, theta_at(rows.start), self.noise[0])).collect()
     }
 
     fn rms(&self, channel: Channel, replays: &[Free]) -> f64 {

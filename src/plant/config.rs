@@ -59,6 +59,9 @@ pub struct Config {
     pub load: List<fn(&Parameters, &Vehicle, f64) -> f64>,
     /// Laws that were learned.
     pub empirical: Active,
+    /// Torque in N·m that a clutch which does not stick transmits from flywheel to disc beside what its position says: 0 but in a replay whose clutch torque is
+    /// known otherwise ([`crate::plant::Plant::transmit`]).
+    pub transmitted: f64,
 }
 
 impl PartialEq for Config {
@@ -84,6 +87,7 @@ impl Config {
             drag: List::new(|_, _, _| 0.0),
             load: List::new(|_, _, _| 0.0),
             empirical: Active::of(parameters),
+            transmitted: 0.0,
         };
         for entry in REGISTRY.iter().filter(|entry| !entry.is_null(parameters)) {
             match entry.effect.act {

@@ -78,7 +78,8 @@ pub fn clutch_torque(config: &Config, found: &Found, s: &State) -> f64 {
     if s.stuck {
         motion::sticking_torque(config, &s.y, s.engine.value, s.inputs.t_load)
     } else {
-        motion::slipping(config, found, &s.y, s.direction, s.memory, s.bearing).total()
+        let slipping = motion::slipping(config, found, &s.y, s.direction, s.memory, s.bearing).total();
+        if config.transmitted == 0.0 { slipping } else { slipping + config.transmitted }
     }
 }
 

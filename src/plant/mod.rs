@@ -234,6 +234,25 @@ impl Plant {
         self.sensed_c.correct(by[1], rate[1], since, now);
     }
 
+    /// Makes a clutch that does not stick transmit `torque` N·m from flywheel to disc beside what its position says, until told otherwise: for a replay whose
+    /// clutch torque is known and whose position is not.
+    pub fn transmit(&mut self, torque: f64) {
+        self.config.transmitted = torque;
+    }
+
+    /// Tells the plant that its clutch, which does not stick, has been transmitting `torque` N·m more than it was told for `seconds`, as an observer saw that was `since`
+    /// seconds late. Sensors show it at once, however late they are: what they show is what told of it.
+    pub fn correct_clutch(&mut self, torque: f64, seconds: f64, since: f64) {
+        let rate = -torque / self.config.constants.driveline.J_f;
+        let [disc, vehicle, twist] = motion::pushed(&self.config, &self.state.y, torque, seconds + since);
+        events::correct_speeds(&mut self.state, rate * (seconds + since), disc);
+        self.state.y[index::OMEGA_V] += vehicle - disc;
+        self.state.y[index::TWIST] += twist;
+        let (now, then) = (self.state.time, seconds / (seconds + since));
+        self.sensed_f.correct(rate * seconds, rate, since, now);
+        self.sensed_c.correct(disc * then, disc * then / seconds, since, now);
+    }
+
     /// Tells twisted shafts of `torque` N·m that an observer found on the car's side: what accelerates the whole car so shows as an acceleration of the disc
     /// first, and so as an error of the shafts' torque. Rigid shafts have no twist.
     pub fn correct_shafts(&mut self, torque: f64) {

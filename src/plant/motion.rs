@@ -95,6 +95,27 @@ pub fn twist_under(config: &Config, torque: f64) -> f64 {
     }
 }
 
+/// What `torque` N·m more from the clutch does to the disc's side within `seconds`, linearly: changes of disc and vehicle speed in rad/s, and of the twist in rad.
+pub fn pushed(config: &Config, y: &Motion, torque: f64, seconds: f64) -> [f64; 3] {
+    let (c, total) = (&config.constants, config.constants.driveline.J_c);
+    if !config.compliant() {
+        let omega = torque * seconds / total;
+        return [omega, omega, 0.0];
+    }
+    let soft = if y[TWIST].abs() < c.soft_angle { c.soft_share } else { 1.0 };
+    let disc = config.disc_inertia();
+    let (mut omega, mut twist, h) = ([0.0, 0.0], 0.0, seconds / f64::from(PUSHES));
+    for _ in 0..PUSHES {
+        let shaft = twist * soft / c.compliance + c.shaft_damping * (omega[0] - omega[1]);
+        omega = [omega[0] + h * (torque - shaft) / disc, omega[1] + h * shaft / (total - disc)];
+        twist += h * (omega[0] - omega[1]);
+    }
+    [omega[0], omega[1], twist]
+}
+
+/// Steps of [`pushed`]: shafts ring at some ten hertz, and it is asked for some hundredths of a second.
+const PUSHES: u32 = 16;
+
 /// Torque in N·m that damping and load put up against the vehicle at `omega` rad/s.
 #[inline(always)]
 pub fn vehicle_resistance(config: &Config, omega: f64, t_load: f64) -> f64 {
@@ -135,7 +156,7 @@ fn rates(config: &Config, set: &Setting, found: &Found, y: &Motion, drive: Drive
         (t_fc, 0.0, 0.0)
     } else {
         let slipping = slipping(config, found, y, set.direction, set.memory, drive.x);
-        let (t_fc, slip) = (slipping.total(), y[OMEGA_F] - y[OMEGA_C]);
+        let (t_fc, slip) = (slipping.total() + config.transmitted, y[OMEGA_F] - y[OMEGA_C]);
         dy[OMEGA_F] = driveline::flywheel_acceleration(d, y[OMEGA_F], t_e, t_fc);
         dy[OMEGA_C] = driveline::driveline_acceleration(config.disc_inertia(), t_fc, resist);
         (t_fc, slip, slipping.friction * slip)

@@ -17,6 +17,7 @@ use super::noise::Noise;
 use super::replay::HIDDEN;
 use super::tolerance::Wander;
 use super::track::{Channel, Track, misses};
+use super::unknown_clutch;
 use crate::vehicle::Vehicle;
 use nalgebra::{SMatrix, SVector};
 
@@ -98,6 +99,8 @@ pub struct Filter {
     pub log_det: f64,
     /// Whether the clutch is locked as measured, by observation.
     pub locked: Vec<bool>,
+    /// Whether the clutch torque was an unknown input in the interval before, by observation: then the flywheel's innovation is what gives it, and says nothing else.
+    pub unknown: Vec<bool>,
     /// Whether the car stands and is held by its brakes, by observation.
     pub stands: Vec<bool>,
     /// Inertias that the gains were worked out for: flywheel, car, kg·m².
@@ -113,14 +116,15 @@ const LASTING_TEMPERATURE_K: f64 = 0.1;
 /// may have done between slow samples follows from how it bends.
 pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f64]) -> Filter {
     let n = track.observations();
-    let speeds: [Vec<(f64, usize)>; 2] = [Channel::OmegaF, Channel::OmegaC].map(|c| (0..n).map(|k| track.mean(c, k)).collect());
-    // The clutch locks when the speeds meet, not when late sensors show it.
-    let pace = track.interval() * track.rows_per_observation as f64;
-    let then: [Vec<(f64, usize)>; 2] = std::array::from_fn(|c| {
-        let ahead = (with.late[c] / pace).round() as usize;
-        (0..n).map(|k| speeds[c][(k + ahead).min(n - 1)]).collect()
-    });
-    let locked = locked(&then, with, |k| closed(track, vehicle, k));
+    let speeds = speeds(track);
+    let then = in_time(track, &speeds, with);
+    // Without a position the command was made from the speeds themselves.
+    let locked = if track.position_free {
+        (0..n).map(|k| closed(track, vehicle, k)).collect()
+    } else {
+        locked(&then, with, |k| closed(track, vehicle, k))
+    };
+    let unknown: Vec<bool> = (0..n).map(|k| track.position_free && k > 0 && !locked[k - 1]).collect();
     let blur = lock_up_blur(track, &then, &locked);
     let [j_f, j_c] = [vehicle.driveline.J_f, vehicle.driveline.J_c];
     let total = j_f + j_c;
@@ -140,9 +144,14 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     // A brake that is pulled or let go between two samples, or shows late, acts in the intervals beside those that are marked.
     let marked = |k: usize| track.rows_of(k.min(n - 1)).any(|row| track.brake[row]);
     let braking = |k: usize| marked(k.saturating_sub(1)) || marked(k) || marked(k + 1);
+    let transmitted = if track.position_free { unknown_clutch::torque(track, vehicle) } else { Vec::new() };
     let stationary = |k: usize| -> [(usize, Wander); 5] {
         let load = if braking(k) { BRAKES } else { with.load };
-        let clutch = Wander { sigma: with.clutch.sigma * torque.get(k).map_or(0.0, |t| t.abs()), ..with.clutch };
+        let clutch = if let Some(&unknown) = transmitted.get(k) {
+            unknown
+        } else {
+            Wander { sigma: with.clutch.sigma * torque.get(k).map_or(0.0, |t| t.abs()), ..with.clutch }
+        };
         [(ENGINE, with.report), (LOAD, load), (CLUTCH, clutch), (NOISE_F, colour[0]), (NOISE_C, colour[1])]
     };
     for (place, process) in stationary(0) {
@@ -168,8 +177,10 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
             p -= kalman * ph.transpose();
             gain.of[c] = kalman.into();
             gain.weight[c] = 1.0 / s.sqrt();
-            log_det += s.ln();
-            samples += 1;
+            if c == 1 || !unknown[k] {
+                log_det += s.ln();
+                samples += 1;
+            }
         }
         // To the next observation.
         let dt = gain.interval;
@@ -220,6 +231,13 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
         gain.decay = decay;
         gains.push(gain);
         p = f * p * f.transpose() + q;
+        // What a clutch transmits when it lets go is not known from what it did when it last slipped.
+        if track.position_free && locked[k] {
+            p.row_mut(CLUTCH).fill(0.0);
+            p.column_mut(CLUTCH).fill(0.0);
+            p[(CLUTCH, CLUTCH)] = transmitted[k].sigma.powi(2);
+            gains[k].decay[CLUTCH] = 0.0;
+        }
         // A brake that is let go lets go at once.
         if k + 1 < n && braking(k) && !braking(k + 1) {
             p.row_mut(LOAD).fill(0.0);
@@ -229,7 +247,68 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
         }
     }
     let bench = bench(track, with, &locked, &mut samples, &mut log_det);
-    Filter { gains, bench, log_det, stands: stands(track, &speeds[1], with.noise[1].white, braking), locked, inertia: [j_f, j_c], samples }
+    Filter {
+        gains,
+        bench,
+        log_det,
+        stands: stands(track, &speeds[1], with.noise[1].white, braking),
+        locked,
+        unknown,
+        inertia: [j_f, j_c],
+        samples,
+    }
+}
+
+/// Both speeds by observation, and how many samples each has.
+type Speeds = [Vec<(f64, usize)>; 2];
+
+fn speeds(track: &Track) -> Speeds {
+    [Channel::OmegaF, Channel::OmegaC].map(|c| (0..track.observations()).map(|k| track.mean(c, k)).collect())
+}
+
+/// The same when they were so: the clutch locks when the speeds meet, not when late sensors show it.
+fn in_time(track: &Track, speeds: &Speeds, with: &Disturbances) -> Speeds {
+    let n = track.observations();
+    let pace = track.interval() * track.rows_per_observation as f64;
+    std::array::from_fn(|c| {
+        let ahead = (with.late[c] / pace).round() as usize;
+        (0..n).map(|k| speeds[c][(k + ahead).min(n - 1)]).collect()
+    })
+}
+
+/// Observations in which the clutch is locked as far as speeds alone can say: they do not differ, and over such a stretch their difference does not go from one side to the
+/// other, as that of speeds which only cross does. Next to slip it is not believed: taken for slip, a lock loses what it would have said, and no more.
+pub fn locked_without_position(track: &Track, with: &Disturbances) -> Vec<bool> {
+    let speeds = in_time(track, &speeds(track), with);
+    let alike = locked(&speeds, with, |_| true);
+    let n = alike.len();
+    let slip = |k: usize| speeds[0][k].0 - speeds[1][k].0;
+    let mut all = vec![false; n];
+    let mut k = 0;
+    while k < n {
+        let begin = k;
+        while k < n && alike[k] {
+            k += 1;
+        }
+        // Ends of the recording are no slip.
+        let from = if begin == 0 { 0 } else { begin + LOCK_UP_OBSERVATIONS };
+        let to = if k == n { n } else { k.saturating_sub(LOCK_UP_OBSERVATIONS) };
+        if from + LOCK_UP_OBSERVATIONS < to {
+            let middle = begin + (k - begin) / 2;
+            let mean = |range: std::ops::Range<usize>| {
+                let known = range.map(slip).filter(|s| s.is_finite());
+                let (sum, count) = known.fold((0.0, 0.0), |(s, n), x| (s + x, n + 1.0));
+                sum / count
+            };
+            // The means of both halves are half of the way apart that slip goes in all.
+            let way = 2.0 * (mean(middle..k) - mean(begin..middle)).abs();
+            if !(way > LOCKED_MEAN * slip_noise(with)) {
+                all[from..to].fill(true);
+            }
+        }
+        k += usize::from(k < n);
+    }
+    all
 }
 
 /// Time at rest under the brakes after which shafts have come to rest too, s.

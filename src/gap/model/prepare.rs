@@ -5,6 +5,7 @@ use super::noise::{self, Noise};
 use super::replay;
 use super::tolerance::{self, Car, Logger, Tolerances, Wander};
 use super::track::{CONTROL_INTERVAL_S, Track};
+use super::unknown_clutch;
 use crate::campaign::Recording;
 use crate::gap::infer::density::Problem;
 use crate::vehicle::Vehicle;
@@ -50,15 +51,17 @@ pub fn logger(tracks: &[Track]) -> Logger {
 }
 
 /// Recordings of a car with these disturbances, ready to be fitted.
-pub fn problem(tracks: Vec<Track>, vehicle: &Vehicle, tolerances: &Tolerances, with: &Disturbances) -> Problem {
+pub fn problem(mut tracks: Vec<Track>, vehicle: &Vehicle, tolerances: &Tolerances, with: &Disturbances) -> Problem {
+    tracks.iter_mut().filter(|t| t.position_free).for_each(|t| unknown_clutch::command(t, vehicle, with));
     let filters = tracks.par_iter().map(|t| filter_of(t, vehicle, with)).collect();
     Problem { tracks, filters, vehicle: *vehicle, shared: tolerances.shared.clone(), own: tolerances.own.clone() }
 }
 
-/// The filter of a recording, with the clutch torque that the nominal car shows in a corrected replay.
+/// The filter of a recording, with the clutch torque that the nominal car shows in a corrected replay. Without a position it is an unknown input, and the track has its
+/// command already ([`unknown_clutch::command`]).
 pub fn filter_of(track: &Track, vehicle: &Vehicle, with: &Disturbances) -> Filter {
     let without = filter(track, vehicle, &Disturbances { clutch: NONE, ..*with }, &[]);
-    if with.clutch.sigma == 0.0 {
+    if with.clutch.sigma == 0.0 || track.position_free {
         return without;
     }
     let torque = replay::torques(track, &without, &Car::nominal(vehicle), track.theta_0);

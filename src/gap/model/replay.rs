@@ -3,6 +3,7 @@
 use super::filter::{Filter, STATES, state};
 use super::tolerance::{Car, Signal};
 use super::track::{Channel, Track};
+use super::unknown_clutch;
 use crate::effects::param as effects;
 use crate::plant::{Inputs, Outputs, Plant, Start};
 use std::ops::Range;
@@ -86,6 +87,8 @@ pub fn replay(
     missing: Option<&Missing>,
     mut at: impl FnMut(usize, &Outputs, &mut Plant, &mut Added),
 ) {
+    let seen = track.stand_in.as_ref().map(|clutch| unknown_clutch::with_clutch_of(clutch, car));
+    let car = seen.as_ref().unwrap_or(car);
     let [late_f, late_c, late_report, late_command] =
         [Signal::OmegaF, Signal::OmegaC, Signal::Report, Signal::Command].map(|s| car.late[s as usize]);
     let inputs = |k: usize| {
@@ -156,22 +159,47 @@ pub fn corrected(
     car: &Car,
     theta: [f64; 2],
     missing: Option<&Missing>,
+    each: impl FnMut(usize, &Outputs),
+) -> Vec<f64> {
+    let noise = 1.0 / filter.gains.iter().map(|g| g.weight[0]).fold(1e-3, f64::max);
+    let begin = start(track, car, 0, theta, noise);
+    followed(track, filter, car, &begin, 0..track.rows(), missing, Told::All, each)
+}
+
+/// What a replay is told of what was measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Told {
+    /// Everything.
+    All,
+    /// The clutch torque that the flywheel's balance gives, where it is an unknown input.
+    ClutchTorque,
+}
+
+/// A replay over `rows` that is told that much: its whitened innovations, 0 where it is told nothing; `each` sees what the sensors would show in every row, and for the clutch
+/// torque, where that is an unknown input, what it was found to be.
+#[allow(clippy::too_many_arguments)]
+pub fn followed(
+    track: &Track,
+    filter: &Filter,
+    car: &Car,
+    begin: &Start,
+    rows: Range<usize>,
+    missing: Option<&Missing>,
+    told: Told,
     mut each: impl FnMut(usize, &Outputs),
 ) -> Vec<f64> {
     let n = track.observations();
     let mut speeds = Vec::with_capacity(2 * n + filter.bench.iter().map(Vec::len).sum::<usize>());
     let mut bench: [Vec<f64>; 3] = [Vec::new(), Vec::new(), Vec::new()];
-    let noise = 1.0 / filter.gains.iter().map(|g| g.weight[0]).fold(1e-3, f64::max);
     let speed_gain = car.effects[crate::effects::param::clutch_speed_gain::gain];
-    let begin = start(track, car, 0, theta, noise);
     let late = [effects::engine_speed_delay::delay, effects::clutch_speed_delay::delay];
     let smooth = [effects::engine_speed_delay::smoothing, effects::clutch_speed_delay::smoothing];
     let age: [f64; 2] = std::array::from_fn(|c| car.effects[late[c]] + car.effects[smooth[c]]);
     let mut estimate = [0.0; STATES];
     let mut sums = [(0.0, 0_usize); 5];
-    let mut k = 0;
-    let mut last_row = track.rows_of(0).end - 1;
-    replay(track, car, &begin, 0..track.rows(), missing, |row, now, plant, added| {
+    let mut k = (rows.start / track.rows_per_observation).min(n - 1);
+    let mut last_row = track.rows_of(k).end - 1;
+    replay(track, car, begin, rows, missing, |row, now, plant, added| {
         each(row, now);
         for (c, predicted) in [now.omega_f, now.omega_c, now.x_to_actual, now.t_fc, now.theta_c].into_iter().enumerate() {
             let error = track.measured[c].get(row).map_or(f64::NAN, |y| y - predicted);
@@ -186,17 +214,35 @@ pub fn corrected(
         let mean = |c: usize| sums[c].0 / sums[c].1.max(1) as f64;
         let mut corrected = [0.0; 2];
         for c in 0..2 {
-            if gain.weight[c] == 0.0 {
+            let gives_torque = c == 0 && filter.unknown[k];
+            if gain.weight[c] == 0.0 || told == Told::ClutchTorque && !gives_torque {
                 speeds.push(0.0);
                 continue;
             }
             let innovation = mean(c) - corrected[c] - estimate[[state::NOISE_F, state::NOISE_C][c]];
-            speeds.push(innovation * gain.weight[c]);
-            let of = gain.of[c];
+            speeds.push(if gives_torque { 0.0 } else { innovation * gain.weight[c] });
+            let mut of = gain.of[c];
+            if filter.unknown[k] {
+                // What is unknown is a torque: which one the flywheel shows depends on its inertia.
+                let inertia = plant.config().constants.driveline.J_f;
+                of[state::CLUTCH] *= inertia / filter.inertia[0];
+                if gives_torque && !plant.state().stuck {
+                    // It has been missing for as long as it takes to move the flywheel by what is corrected.
+                    let torque = of[state::CLUTCH] * innovation;
+                    let seconds = if of[state::CLUTCH] < 0.0 { -inertia * of[0] / of[state::CLUTCH] } else { filter.gains[k - 1].interval };
+                    let before = plant.outputs().omega_c;
+                    plant.correct_clutch(torque, seconds, age[0]);
+                    corrected[1] = plant.outputs().omega_c - before;
+                    let kept = if told == Told::All { 2..STATES } else { state::CLUTCH..state::CLUTCH + 1 };
+                    kept.for_each(|s| estimate[s] += of[s] * innovation);
+                    continue;
+                }
+            }
             (corrected[0], corrected[1]) = (corrected[0] + of[0] * innovation, corrected[1] + of[1] * innovation);
             (2..STATES).for_each(|s| estimate[s] += of[s] * innovation);
             // A speed that is sensed late tells of a moment ago; the torques that it shows missing have moved the speeds since.
-            let torque = [of[state::ENGINE] - of[state::CLUTCH], of[state::LOAD] + of[state::CLUTCH]];
+            let clutch = if filter.unknown[k] { 0.0 } else { of[state::CLUTCH] };
+            let torque = [of[state::ENGINE] - clutch, of[state::LOAD] + clutch];
             let rate = [torque[0] * innovation / filter.inertia[0], torque[1] * innovation / filter.inertia[1]];
             plant.correct_speeds([of[0] * innovation, of[1] * innovation / speed_gain], rate, age[c]);
             let found = if plant.state().stuck { of[state::LOAD] + of[state::ENGINE] } else { of[state::LOAD] };
@@ -209,7 +255,10 @@ pub fn corrected(
             bench[c].push(mean(c + 2) * weights[k]);
         }
         estimate.iter_mut().zip(gain.decay).skip(2).for_each(|(e, d)| *e *= d);
-        let clutch = estimate[state::CLUTCH];
+        if track.position_free {
+            plant.transmit(estimate[state::CLUTCH]);
+        }
+        let clutch = if track.position_free { 0.0 } else { estimate[state::CLUTCH] };
         // The gains belong to one pair of inertias, and so do the accelerations that they ask for: a candidate with others would be corrected by more
         // or less, and gain or lose by that alone.
         let share = shares(filter.inertia, plant);

@@ -5,6 +5,7 @@
 //! goes from one sample to the next, as a command that changes at every tick would. A slow control unit misses nothing ([`Recording::held`]).
 
 use crate::campaign::Recording;
+use crate::vehicle::Vehicle;
 
 /// Channels that a recording may hold, in the order in which [`Track::measured`] has them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,12 +94,18 @@ pub struct Track {
     pub rows_per_observation: usize,
     /// [`Recording::held`].
     pub held: bool,
+    /// Whether nothing says where the bearing is: the clutch torque is an unknown input ([`super::unknown_clutch`]), and what a bench measures of it and its temperature
+    /// is left out.
+    pub position_free: bool,
+    /// Then the vehicle whose clutch stands in, once a command was made.
+    pub stand_in: Option<Box<Vehicle>>,
 }
 
 impl Track {
     /// Takes over a recording.
     pub fn new(r: &Recording) -> Self {
-        let optional = |v: &Option<Vec<f64>>| v.clone().unwrap_or_default();
+        let position_free = r.x_to_cmd.is_empty();
+        let optional = |v: &Option<Vec<f64>>| v.clone().filter(|_| !position_free).unwrap_or_default();
         let interval = 1.0 / r.sample_rate_hz;
         let (ticks, tick_of_row) = ticks(r, interval);
         Self {
@@ -114,6 +121,8 @@ impl Track {
             theta_0_sigma: r.theta_0_sigma,
             rows_per_observation: ((OBSERVATION_S / interval).round() as usize).max(1),
             held: r.held,
+            position_free,
+            stand_in: None,
         }
     }
 
