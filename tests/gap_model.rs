@@ -101,6 +101,17 @@ fn the_order_of_a_ripple_is_found() {
     }
 }
 
+/// What an order costs is that it was looked for, not how far it is from once a turn.
+#[test]
+fn a_ripple_is_believed_whatever_its_order() {
+    let judder = effects::find("judder").unwrap();
+    for order in [1.3, 3.1, 5.0] {
+        let problem = made_up(|e| (e[param::judder::sine], e[param::judder::order]) = (0.1, order));
+        let found = search(&problem, &|_, _| {});
+        assert_eq!(found.best().effects, [judder], "order {order}");
+    }
+}
+
 #[test]
 fn a_brake_is_no_gap() {
     let (mut recordings, vehicle_json) = example();

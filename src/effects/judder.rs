@@ -17,7 +17,7 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Friction,
     amplitudes: &[param::judder::cosine, param::judder::sine],
     act: Act::Pulsation(apply),
-    starts: &[&[(param::judder::cosine, 0.1), (param::judder::order, 1.02)]],
+    starts: &[&[(param::judder::cosine, 0.1), (param::judder::order, 4.0)]],
     shown_by: "slip at constant position, sampled fast",
 };
 

@@ -3,6 +3,9 @@
 use super::density::{Point, Problem, TEMPERATURES, size};
 use crate::effects::{self, PARAMETERS, REGISTRY};
 
+/// Step of a finite difference along a ripple's order: after the longest slip its phase is a tenth of a radian off.
+const ORDER_STEP: f64 = 2e-4;
+
 /// One free coordinate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coordinate {
@@ -20,6 +23,7 @@ impl Coordinate {
     /// Step of a finite difference, in the coordinate's unit.
     pub fn step(self) -> f64 {
         match self {
+            Self::Effect(effects::param::judder::order) => ORDER_STEP,
             Self::Effect(k) => 0.01 * size(k),
             _ => 0.1,
         }
