@@ -147,7 +147,9 @@ fn settings(values: &[f64]) -> Settings {
 }
 
 fn walk_settings(settings: &mut Settings, words: &mut impl Words) {
-    SETTINGS.iter().for_each(|s| words.real_within((s.get_mut)(settings), s.min, s.max));
+    for s in &SETTINGS {
+        words.reals_within(std::slice::from_mut((s.get_mut)(settings)), std::iter::once((s.min, s.max)));
+    }
 }
 
 /// Every field by name: a new field does not compile until it is saved too.

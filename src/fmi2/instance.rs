@@ -396,7 +396,10 @@ impl Instance {
     /// # Errors
     /// Words that no instance of this model saved; then the instance must be reset.
     pub fn load(&mut self, payload: &[u64]) -> Result<Status, Refusal> {
-        let mut reader = Reader { words: payload, failed: false };
+        self.read(Reader { words: payload, failed: false, foreign: false })
+    }
+
+    fn read(&mut self, mut reader: Reader) -> Result<Status, Refusal> {
         let mut number = 0;
         reader.word(&mut number, |n| CallState::from_number(n).is_some());
         walk_moving(&mut self.moving, &mut reader);
@@ -426,7 +429,7 @@ impl Instance {
         // What a campaign has found is no part of a state.
         let parts = Parts { registered, fresh: self.fresh.clone(), faults: self.faults.clone(), validated: None };
         let mut scratch = Self::from_parts(parts, silent);
-        scratch.load(payload)?;
+        scratch.read(Reader { words: payload, failed: false, foreign: true })?;
         let sound = |(v, x): (&Variable, &f64)| v.is_measurement() || v.causality == Causality::Output || (*x >= v.min && *x <= v.max);
         if self.description.variables.iter().zip(&scratch.values).all(sound) {
             return Ok(Status::Ok);

@@ -243,7 +243,7 @@ fn parameters(values: &[f64]) -> Parameters {
 }
 
 fn walk_parameters(parameters: &mut Parameters, words: &mut impl Words) {
-    parameters.iter_mut().zip(&PARAMETERS).for_each(|(value, p)| words.real_within(value, p.min, p.max));
+    words.reals_within(parameters, PARAMETERS.iter().map(|p| (p.min, p.max)));
 }
 
 /// Every field by name: a new field does not compile until it is saved too.

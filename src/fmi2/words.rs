@@ -23,11 +23,9 @@ pub trait Words {
     fn reals(&mut self, values: &mut [f64]) {
         values.iter_mut().for_each(|value| self.real(value));
     }
-    /// A number that must lie from `min` to `max` when read.
-    fn real_within(&mut self, value: &mut f64, min: f64, max: f64) {
-        let mut word = value.to_bits();
-        self.word(&mut word, |w| (min..=max).contains(&f64::from_bits(w)));
-        *value = f64::from_bits(word);
+    /// Numbers in a row, each of which must lie within its bounds when read from outside.
+    fn reals_within(&mut self, values: &mut [f64], _: impl Iterator<Item = (f64, f64)>) {
+        self.reals(values);
     }
     /// A number that may be none.
     fn any_real(&mut self, value: &mut f64) {
@@ -74,6 +72,8 @@ pub struct Reader<'a> {
     pub words: &'a [u64],
     /// Something was missing or invalid.
     pub failed: bool,
+    /// The words come from outside. What an instance of this process saved has bounds that were checked when it was set.
+    pub foreign: bool,
 }
 
 impl Reader<'_> {
@@ -103,6 +103,17 @@ impl Words for Reader<'_> {
             finite &= value.is_finite();
         }
         self.failed |= !finite;
+    }
+    fn reals_within(&mut self, values: &mut [f64], bounds: impl Iterator<Item = (f64, f64)>) {
+        if !self.foreign {
+            return self.reals(values);
+        }
+        for (value, (min, max)) in values.iter_mut().zip(bounds) {
+            match self.next().map(f64::from_bits) {
+                Some(read) if (min..=max).contains(&read) => *value = read,
+                _ => self.failed = true,
+            }
+        }
     }
     fn word(&mut self, value: &mut u64, valid: impl Fn(u64) -> bool) {
         match self.next() {
