@@ -41,7 +41,6 @@ fn learned(car: &Car, place: Subsystem) -> (Tried, Closed) {
         log_posterior: 0.0,
         probability: 1.0,
         fit: Some(fit(&problem, Free::default(), &nominal, 0, None)),
-        curvature: None,
     };
     let conclusion = Conclusion {
         verdict: Verdict::Unexplained,

@@ -1,12 +1,14 @@
 //! The model of the data against cars that the plant itself makes up: what it takes for noise is noise, and what it finds is what was put in.
 
 use kisspoint::campaign::{self, Recording};
-use kisspoint::effects::{self, REGISTRY, param};
+use kisspoint::effects::{self, REGISTRY, Subsystem, param};
 use kisspoint::gap::infer::density::{Problem, misfit};
 use kisspoint::gap::infer::fit::{Free, fit};
+use kisspoint::gap::infer::form::forms;
+use kisspoint::gap::infer::posterior::posterior;
 use kisspoint::gap::infer::pulsation;
-use kisspoint::gap::infer::search::search;
-use kisspoint::gap::model::replay::{replay, start};
+use kisspoint::gap::infer::search::{Hypothesis, search};
+use kisspoint::gap::model::replay::{Missing, replay, start};
 use kisspoint::gap::model::tolerance::Car;
 use kisspoint::gap::model::track::{Channel, Track};
 use kisspoint::gap::model::{filter, prepare};
@@ -31,6 +33,11 @@ fn example() -> (Vec<Recording>, serde_json::Value) {
 
 /// The bundled campaign's inputs, as a car with these effects would have answered them, with white sensor noise of 0.1 rad/s.
 fn made_up(change: impl Fn(&mut effects::Parameters)) -> Problem {
+    made_up_under(change, |_| 0.0)
+}
+
+/// The same with a torque in N·m on the car's side that follows time alone, from the second given.
+fn made_up_under(change: impl Fn(&mut effects::Parameters), torque: impl Fn(f64) -> f64) -> Problem {
     let (mut recordings, vehicle_json) = example();
     let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
     let mut normal = normals(3);
@@ -41,7 +48,8 @@ fn made_up(change: impl Fn(&mut effects::Parameters)) -> Problem {
         change(&mut car.effects);
         let mut speeds = [vec![0.0; track.rows()], vec![0.0; track.rows()]];
         let begin = start(&track, &Car::nominal(&vehicle), 0, track.theta_0, 0.1);
-        replay(&track, &car, &begin, 0..track.rows(), None, |row, now, _, _| {
+        let missing = Missing { torque: [Vec::new(), track.time.iter().map(|t| torque(*t)).collect()], ..Missing::default() };
+        replay(&track, &car, &begin, 0..track.rows(), Some(&missing), |row, now, _, _| {
             (speeds[0][row], speeds[1][row]) = (now.omega_f + 0.1 * normal(), now.omega_c + 0.1 * normal());
         });
         [r.omega_f, r.omega_c] = speeds;
@@ -110,6 +118,56 @@ fn a_ripple_is_believed_whatever_its_order() {
         let found = search(&problem, &|_, _| {});
         assert_eq!(found.best().effects, [judder], "order {order}");
     }
+}
+
+#[test]
+fn the_forms_of_an_effect_change_an_eighth_of_it_and_add_up_in_the_innovations() {
+    let problem = made_up(|_| {});
+    let mass = effects::find("vehicle_mass").unwrap();
+    let mut point = problem.nominal();
+    point.effects[param::vehicle_mass::factor] = 1.2;
+    let (here, without) = (problem.all_residuals(&point, None), problem.all_residuals(&problem.nominal(), None));
+    let functions = forms(&problem, &point, &[mass]);
+    assert!(functions.len() >= 10 && functions.iter().flatten().all(|f| f.is_linear()), "{}", functions.len());
+    let square = |all: &mut dyn Iterator<Item = f64>| all.map(|x| x * x).sum::<f64>();
+    let effect = square(&mut here.iter().zip(&without).flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b)));
+    let expected = square(&mut functions.iter().flatten().flat_map(|f| f.innovations.iter().copied()));
+    assert!((expected / effect - 0.0144).abs() < 1e-6, "{expected} of {effect}");
+    point.missing = (0..functions.len()).map(|k| if k < 2 { 0.5 } else { 0.0 }).collect();
+    let both = problem.all_residuals(&point, Some(&functions));
+    for (r, (a, b)) in both.iter().zip(&here).enumerate() {
+        for (i, (a, b)) in a.iter().zip(b).enumerate() {
+            let form = 0.5 * (functions[0][r].innovations[i] + functions[1][r].innovations[i]);
+            assert!((a - b - form).abs() < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn the_larger_the_gap_the_less_its_likelihood_is_believed() {
+    let [healthy, ill] = [1.0, 1.3].map(|factor| made_up(|e| e[param::vehicle_mass::factor] = factor));
+    assert!(healthy.power > 0.9 && ill.power < 0.7 * healthy.power, "{} {}", healthy.power, ill.power);
+    // Evidence between two sets shrinks with it, while what they cost stays.
+    let mass = effects::find("vehicle_mass").unwrap();
+    let apart = |problem: &Problem| {
+        let of = |effects: &[usize]| Hypothesis::fitted(problem, effects.to_vec(), &problem.nominal(), 12, None);
+        let (with, without) = (of(&[mass]), of(&[]));
+        (with.lead - without.lead, with.log_posterior - without.log_posterior)
+    };
+    let (lead, believed) = apart(&ill);
+    assert!(lead > 0.0 && believed > 0.0 && believed < lead, "{lead} {believed}");
+}
+
+/// Gusts of wind: no state of the car says when they come, and no effect of the library is named for them.
+#[test]
+fn what_comes_and_goes_by_itself_is_placed_and_not_named() {
+    let gusts = |t: f64| 6.0 * ((1.7 * t).sin() + (3.1 * t + 0.5).sin());
+    let problem = made_up_under(|_| {}, gusts);
+    let found = search(&problem, &|_, _| {});
+    let weights = posterior(&problem, &found, &[]);
+    let best = weights.best();
+    assert_eq!((best.place, best.effects.len()), (Some(Subsystem::Driveline), 0), "{:?}", best.effects);
+    assert!(weights.of_place(Subsystem::Driveline) > 0.95, "{}", weights.of_place(Subsystem::Driveline));
 }
 
 #[test]

@@ -303,8 +303,7 @@ fn interval(f: &Findings, k: usize) -> Interval {
     let fit = explanation.fit.as_ref().expect("the best was fitted");
     let value = fit.point.effects[k];
     let at = fit.shared.iter().position(|c| *c == Coordinate::Effect(k));
-    let curvature = explanation.curvature.as_ref().unwrap_or(&fit.curvature);
-    let covariance = curvature.clone().cholesky().map(|c| c.inverse());
+    let covariance = fit.covariance();
     let variance = at.zip(covariance).map_or(f64::NAN, |(i, c)| c[(i, i)]);
     let half = INTERVAL * variance.max(0.0).sqrt();
     let p = &PARAMETERS[k];
@@ -325,7 +324,7 @@ fn ranked(f: &Findings, too_large: &dyn Fn(usize) -> bool) -> Vec<Ranked> {
             return (with - without, true);
         }
         // Not fitted: the linear model's promise, which is more than a fit would keep.
-        let promise = f.search.promised[e].map_or(0.0, |c| (0.5 * (base.fit.cost - c)).max(0.0));
+        let promise = f.search.promised[e].map_or(0.0, |c| (0.5 * f.problem.power * (base.fit.cost - c)).max(0.0));
         (base.log_posterior + promise + log_prior(1) - without, false)
     };
     let mut all: Vec<(usize, f64, bool)> = (0..REGISTRY.len()).map(|e| (e, odds(e).0, odds(e).1)).collect();

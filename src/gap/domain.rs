@@ -118,8 +118,7 @@ fn clutches(problem: &Problem, posterior: &Posterior, handed: &Handed) -> Vec<Cl
     likely
         .filter_map(|e| {
             let fit = e.fit.as_ref()?;
-            let curvature = e.curvature.as_ref().unwrap_or(&fit.curvature);
-            Some(clutch_of(problem, e.probability, &fit.point, &fit.shared, curvature.clone().cholesky().map(|c| c.inverse())))
+            Some(clutch_of(problem, e.probability, &fit.point, &fit.shared, fit.covariance()))
         })
         .collect()
 }

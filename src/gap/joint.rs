@@ -15,7 +15,7 @@ use nalgebra::DMatrix;
 pub fn joint(problem: &Problem, conclusion: &Conclusion) -> Option<Joint> {
     let explanation = &conclusion.explanation;
     let fit = explanation.fit.as_ref()?;
-    let all = explanation.curvature.as_ref().unwrap_or(&fit.curvature);
+    let all = &fit.curvature;
     // A prior is what is assembled of no recordings.
     let prior = assemble(&fit.point, &Frame { shared: fit.shared.clone(), own: Vec::new() }, &[], 0.0)?.curvature;
     let (gone, kept): (Vec<usize>, Vec<usize>) = (0..fit.shared.len()).partition(|&k| matches!(fit.shared[k], Coordinate::Missing(_)));

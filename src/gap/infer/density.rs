@@ -24,6 +24,9 @@ use std::sync::LazyLock;
 /// Where Huber's loss turns linear, in standard deviations.
 pub const HUBER: f64 = 4.0;
 
+/// Share of what an effect changes in the recordings to which it and its form describe what a real one changes.
+const ACCURACY: f64 = 0.02;
+
 /// Substep in s below which a plant is too fast to be replayed again and again.
 const LEAST_SUBSTEP_S: f64 = 2e-4;
 
@@ -43,6 +46,10 @@ pub struct Problem {
     pub shared: Vec<Nuisance>,
     /// Nuisances that every recording has of its own.
     pub own: Vec<Nuisance>,
+    /// States of the nominal car by recording, by state, by observation: what the form of an effect may depend on.
+    pub states: Vec<Vec<Vec<f64>>>,
+    /// Power of the likelihood when explanations are weighed; see [`Problem::coarsen`].
+    pub power: f64,
 }
 
 /// Functions that a missing law is made of: by function, by recording.
@@ -65,6 +72,14 @@ pub struct Point {
 pub type Residuals = Vec<f64>;
 
 impl Problem {
+    /// Allows for explanations that are not exact. What the car as its file gives it leaves unexplained, G, is explained by laws that are right to a share c of what they
+    /// change, [`ACCURACY`]; the recordings then are as far as R = ½ c² G nats from what even the true explanation predicts. A posterior that is given data of such a
+    /// distance, and not the data themselves, has the likelihood to the power of 1/(1 + R) (Miller and Dunson 2019, "Robust Bayesian inference via coarsening").
+    pub fn coarsen(&mut self) {
+        let left = misfit(&self.all_residuals(&self.nominal(), None)) - self.samples() as f64;
+        self.power = 1.0 / (1.0 + 0.5 * ACCURACY * ACCURACY * left.max(0.0));
+    }
+
     /// The nominal car.
     pub fn nominal(&self) -> Point {
         Point {
@@ -101,7 +116,11 @@ impl Problem {
     pub fn residuals(&self, k: usize, point: &Point, basis: Option<&Basis>) -> Residuals {
         let car = self.car(point, Some(k));
         let missing = basis.map(|b| combined(b, k, &point.missing));
-        replay::innovations(&self.tracks[k], &self.filters[k], &car, self.temperatures(point, k), missing.as_ref())
+        let mut all = replay::innovations(&self.tracks[k], &self.filters[k], &car, self.temperatures(point, k), missing.as_ref());
+        if let Some(m) = &missing {
+            all.iter_mut().zip(&m.innovations).for_each(|(r, x)| *r += x);
+        }
+        all
     }
 
     /// Innovations of all recordings.
@@ -125,6 +144,7 @@ fn combined(basis: &Basis, k: usize, amplitudes: &[f64]) -> Missing {
             add(&mut sum.sensed[side], &one.sensed[side], *a);
         }
         sum.bench.iter_mut().zip(&one.bench).for_each(|(sum, one)| add(sum, one, *a));
+        add(&mut sum.innovations, &one.innovations, *a);
     }
     sum
 }

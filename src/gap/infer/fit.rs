@@ -3,8 +3,8 @@
 //! Levenberg–Marquardt with derivatives along nuisances that are kept while the linear model keeps its word.
 
 use super::coordinate::{Coordinate, coordinates};
-use super::density::{Basis, Point, Problem, Residuals, cost};
-use super::linear::{Columns, Frame, Normal, all_products, assemble, derivatives, normal};
+use super::density::{Basis, Point, Problem, Residuals, cost, misfit, prior};
+use super::linear::{Columns, Frame, Normal, Products, all_products, assemble, derivatives};
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
@@ -25,6 +25,10 @@ pub struct Fit {
     pub log_evidence: f64,
     /// Derivatives near the mode; empty once they were let go.
     pub columns: Arc<Vec<Columns>>,
+    /// Coordinates that each recording has of its own.
+    pub own: Vec<Coordinate>,
+    /// Products of the derivatives, by recording.
+    pub parts: Arc<Vec<Products>>,
 }
 
 impl Fit {
@@ -52,6 +56,60 @@ impl Fit {
         self.pull() > STRAINED
     }
 
+    /// The fit without its functions: they are eliminated from its curvature.
+    pub fn marginal(&self) -> Self {
+        let (gone, kept): (Vec<usize>, Vec<usize>) =
+            (0..self.shared.len()).partition(|&k| matches!(self.shared[k], Coordinate::Missing(_)));
+        if gone.is_empty() {
+            return self.clone();
+        }
+        let all = &self.curvature;
+        let part = |rows: &[usize], columns: &[usize]| DMatrix::from_fn(rows.len(), columns.len(), |i, j| all[(rows[i], columns[j])]);
+        let cross = part(&gone, &kept);
+        let eliminated =
+            part(&gone, &gone).cholesky().map_or_else(|| DMatrix::zeros(kept.len(), kept.len()), |c| cross.tr_mul(&c.solve(&cross)));
+        Self {
+            point: Point { missing: Vec::new(), ..self.point.clone() },
+            shared: kept.iter().map(|&k| self.shared[k]).collect(),
+            curvature: part(&kept, &kept) - eliminated,
+            ..self.clone()
+        }
+    }
+
+    /// Logarithm of the evidence with the likelihood to a power, the mean over the sizes that a form may have ([`SIZES`]), and the fit at the size that suits
+    /// best. Functions from `law` on are those of forms.
+    pub fn weighed(&self, problem: &Problem, law: usize, power: f64) -> (f64, Self) {
+        let is_form = |c: &Coordinate| matches!(c, Coordinate::Missing(k) if *k >= law);
+        let sizes: &[f64] = if self.shared.iter().any(is_form) { &SIZES } else { &[1.0] };
+        let all: Vec<(f64, Self)> = sizes.iter().filter_map(|&size| self.at_size(problem, law, power, size)).collect();
+        let Some((most, best)) = all.iter().max_by(|a, b| a.0.total_cmp(&b.0)) else { return (f64::NEG_INFINITY, self.clone()) };
+        let sum: f64 = all.iter().map(|(evidence, _)| (evidence - most).exp()).sum();
+        (most + (sum / sizes.len() as f64).ln(), best.clone())
+    }
+
+    /// The same at one size, by the linear model at the mode.
+    fn at_size(&self, problem: &Problem, law: usize, power: f64, size: f64) -> Option<(f64, Self)> {
+        let frame = Frame { shared: self.shared.clone(), own: self.own.clone() };
+        let n = frame.shared.len() + frame.own.len();
+        let by = DVector::from_fn(n, |k, _| match frame.shared.get(k) {
+            Some(Coordinate::Missing(f)) if *f >= law => size,
+            _ => 1.0,
+        });
+        let scaled = |(p, g): &Products| (power * DMatrix::from_fn(n, n, |i, j| p[(i, j)] * by[i] * by[j]), power * g.component_mul(&by));
+        let parts: Vec<Products> = self.parts.iter().map(scaled).collect();
+        let mut point = self.point.clone();
+        point.missing.iter_mut().skip(law).for_each(|a| *a /= size);
+        let e = assemble(&point, &frame, &parts, 0.0)?;
+        let step = -e.curvature.clone().cholesky()?.solve(&e.gradient);
+        // The mode moves towards the priors.
+        let gain = e.eliminated.iter().map(|e| e.gain()).sum::<f64>() - e.gradient.dot(&step);
+        let cost = power * misfit(&self.residuals) + prior(&point) - gain;
+        let to = moved(problem, &frame, &e, &point, &step);
+        // What a power takes from the recordings is no reason to hand out another car.
+        let point = if power == 1.0 && problem.can_follow(&to) { to } else { self.point.clone() };
+        Some((laplace(cost, &e, &frame), Self { point, curvature: e.curvature, ..self.clone() }))
+    }
+
     /// Covariance of the shared coordinates.
     pub fn covariance(&self) -> Option<DMatrix<f64>> {
         self.curvature.clone().cholesky().map(|c| c.inverse())
@@ -60,6 +118,8 @@ impl Fit {
 
 /// Mean square of the nuisances beyond which a fit strains its tolerances: of a dozen and more standard normal numbers it is so once in a hundred times.
 const STRAINED: f64 = 2.0;
+/// Sizes that the form of an effect may have, relative to that with which it is fitted, each as likely: from nearly none to all of it.
+const SIZES: [f64; 3] = [0.04, 0.2, 1.0];
 /// Steps that an iteration tries, each shorter than the one before, and the factor on their damping.
 const TRIES: usize = 7;
 const SHRINK: f64 = 20.0;
@@ -144,7 +204,8 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
         done += usize::from(keeps_its_word || !kept);
         kept = keeps_its_word;
     }
-    let equations = normal(&point, &frame, &columns, &residuals, 0.0);
+    let parts = all_products(&columns, &residuals);
+    let equations = assemble(&point, &frame, &parts, 0.0);
     let (curvature, log_evidence) = match equations {
         Some(e) => {
             let evidence = laplace(now, &e, &frame);
@@ -152,7 +213,8 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
         }
         None => (DMatrix::identity(frame.shared.len(), frame.shared.len()), f64::NEG_INFINITY),
     };
-    Fit { point, cost: now, residuals, shared: frame.shared, curvature, log_evidence, columns: Arc::new(columns) }
+    let Frame { shared, own } = frame;
+    Fit { point, cost: now, residuals, shared, curvature, log_evidence, columns: Arc::new(columns), own, parts: Arc::new(parts) }
 }
 
 /// Logarithm of the evidence: density at the mode times the volume that the posterior leaves of the prior.

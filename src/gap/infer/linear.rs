@@ -107,6 +107,13 @@ fn derivative(
     residuals: &Residuals,
     coordinate: Coordinate,
 ) -> Vec<f64> {
+    if let (Coordinate::Missing(k), Some(basis)) = (coordinate, basis)
+        && basis[k][r].is_linear()
+    {
+        let mut column = basis[k][r].innovations.clone();
+        column.resize(residuals.len(), 0.0);
+        return column;
+    }
     let mut moved = point.clone();
     coordinate.move_by(problem, &mut moved, r, coordinate.step());
     let mut step = coordinate.get(&moved, r) - coordinate.get(point, r);
@@ -149,17 +156,21 @@ pub struct Normal {
     pub log_det_own: f64,
 }
 
+/// Products of one recording's columns among themselves and with its residuals.
+pub type Products = (DMatrix<f64>, DVector<f64>);
+
 /// Products of one recording's columns, weighted: AᵀWA and AᵀWr over all its coordinates.
-pub fn products(columns: &Columns, residuals: &Residuals) -> (DMatrix<f64>, DVector<f64>) {
+pub fn products(columns: &Columns, residuals: &Residuals) -> Products {
     let roots = DVector::from_iterator(residuals.len(), residuals.iter().map(|r| weight(*r).sqrt()));
     let mut weighted = columns.matrix.clone();
     weighted.column_iter_mut().for_each(|mut c| c.component_mul_assign(&roots));
     let r = DVector::from_iterator(residuals.len(), residuals.iter().map(|r| r * weight(*r).sqrt()));
-    (weighted.tr_mul(&weighted), weighted.tr_mul(&r))
+    // A product of matrices is blocked; tr_mul takes one scalar product after the other.
+    (weighted.transpose() * &weighted, weighted.tr_mul(&r))
 }
 
 /// Those of all recordings.
-pub fn all_products(columns: &[Columns], residuals: &[Residuals]) -> Vec<(DMatrix<f64>, DVector<f64>)> {
+pub fn all_products(columns: &[Columns], residuals: &[Residuals]) -> Vec<Products> {
     columns.par_iter().zip(residuals).map(|(c, r)| products(c, r)).collect()
 }
 
@@ -169,7 +180,7 @@ pub fn normal(point: &Point, frame: &Frame, columns: &[Columns], residuals: &[Re
 }
 
 /// From products that are there.
-pub fn assemble(point: &Point, frame: &Frame, parts: &[(DMatrix<f64>, DVector<f64>)], damping: f64) -> Option<Normal> {
+pub fn assemble(point: &Point, frame: &Frame, parts: &[Products], damping: f64) -> Option<Normal> {
     let (s, o) = (frame.shared.len(), frame.own.len());
     let mut curvature = DMatrix::zeros(s, s);
     let mut gradient = DVector::zeros(s);

@@ -3,6 +3,7 @@
 pub mod coordinate;
 pub mod density;
 pub mod fit;
+pub mod form;
 pub mod learned;
 pub mod limit;
 pub mod linear;

@@ -5,9 +5,8 @@
 use super::density::{Point, Problem, misfit};
 use super::fit::Fit;
 use super::search::{Hypothesis, MOST_EFFECTS, Search, taken_over};
-use super::unknown::{Gain, Unknown, beside, form, places};
+use super::unknown::{Unknown, beside, places};
 use crate::effects::{REGISTRY, Subsystem};
-use nalgebra::DMatrix;
 
 /// One explanation with its share of the posterior.
 #[derive(Clone, Debug)]
@@ -22,12 +21,7 @@ pub struct Explanation {
     pub probability: f64,
     /// Fit; of a missing law that was not worth one, none.
     pub fit: Option<Fit>,
-    /// Curvature along the fit's shared coordinates, the unknown form of the effects eliminated; none where the form was not weighed.
-    pub curvature: Option<DMatrix<f64>>,
 }
-
-/// Sets of effects whose forms are weighed: the most probable ones by the library's own forms.
-const FORMS_WEIGHED: usize = 8;
 
 /// The posterior, the most probable explanation first.
 #[derive(Clone, Debug)]
@@ -62,16 +56,13 @@ impl Posterior {
 
 /// Missing laws beside the most probable set and beside none, if that set strains its tolerances and one of them leads it by more than is worth a look; else none.
 pub fn laws_far_ahead(problem: &Problem, search: &Search) -> Vec<Unknown> {
-    let mut best = search.best().clone();
+    let best = search.best();
     if !best.fit.strains() {
         return Vec::new();
     }
-    if !best.effects.is_empty() {
-        best.log_posterior += form(problem, &best.fit, &best.effects).map_or(0.0, |g| g.nats);
-    }
-    let laws = beside_sets(problem, search, &best, &[]);
-    let far = best.log_posterior + search.behind(best.fit.log_evidence);
-    if laws.iter().any(|l| l.fit.is_some() && l.log_posterior > far) { laws } else { Vec::new() }
+    let laws = beside_sets(problem, search, best, &[]);
+    let far = best.lead + search.behind(best.fit.log_evidence);
+    if laws.iter().any(|l| l.fit.is_some() && l.lead > far) { laws } else { Vec::new() }
 }
 
 fn beside_sets(problem: &Problem, search: &Search, best: &Hypothesis, known: &[Unknown]) -> Vec<Unknown> {
@@ -79,55 +70,51 @@ fn beside_sets(problem: &Problem, search: &Search, best: &Hypothesis, known: &[U
         let there: Vec<Unknown> = known.iter().filter(|u| u.effects == set.effects).cloned().collect();
         if there.is_empty() { places(problem, set, least) } else { there }
     };
-    let mut all = beside(best, best.log_posterior);
+    let mut all = beside(best, best.lead);
     if !best.effects.is_empty() {
-        all.extend(beside(search.base(), best.log_posterior - search.behind(best.fit.log_evidence)));
+        all.extend(beside(search.base(), best.lead - search.behind(best.fit.log_evidence)));
     }
-    all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+    all.sort_by(|a, b| b.lead.total_cmp(&a.lead));
     all
 }
 
 /// Weighs missing laws beside what the search found; `known` ones are not worked out again.
 pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Posterior {
-    let leader = search.best();
-    let near = |log_posterior: f64| log_posterior > leader.log_posterior - search.behind(leader.fit.log_evidence);
-    let with_form: Vec<Option<Gain>> = search
-        .hypotheses
-        .iter()
-        .enumerate()
-        .map(
-            |(k, h)| {
-                if k < FORMS_WEIGHED && near(h.log_posterior) && !h.effects.is_empty() { form(problem, &h.fit, &h.effects) } else { None }
-            },
-        )
-        .collect();
-    let mut sets: Vec<Hypothesis> = search.hypotheses.clone();
     let mut all: Vec<Explanation> = Vec::new();
-    for (h, gain) in sets.iter_mut().zip(with_form) {
-        h.log_posterior += gain.as_ref().map_or(0.0, |g| g.nats);
+    for h in &search.hypotheses {
         all.push(Explanation {
             effects: h.effects.clone(),
             place: None,
             log_posterior: h.log_posterior,
             probability: 0.0,
             fit: Some(h.fit.clone()),
-            curvature: gain.map(|g| g.curvature),
         });
     }
-    sets.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
-    let best = &sets[0];
+    let best = search.best();
     let mut unknowns = beside_sets(problem, search, best, known);
+    // The set that is believed may be a smaller one than that which leads.
+    let believed = search.hypotheses.iter().max_by(|a, b| a.log_posterior.total_cmp(&b.log_posterior)).unwrap_or(best);
+    if !believed.effects.is_empty() && believed.effects != best.effects {
+        unknowns.extend(places(problem, believed, believed.lead));
+    }
     // A law that is missing may have been what an effect stood in for, or stand in for one: both are tried from the best.
-    if let Some(first) = unknowns.iter().find(|u| u.fit.is_some()).filter(|u| u.log_posterior > best.log_posterior).cloned() {
+    if let Some(first) = unknowns.iter().find(|u| u.fit.is_some()).filter(|u| u.lead > best.lead).cloned() {
         unknowns.extend(changed_beside(problem, search, first));
     }
-    all.extend(unknowns.into_iter().map(|u| Explanation {
+    // Of two fits of one explanation the better one, and either before a promise.
+    unknowns.sort_by(|a, b| b.fit.is_some().cmp(&a.fit.is_some()).then(b.lead.total_cmp(&a.lead)));
+    let mut distinct: Vec<Unknown> = Vec::new();
+    for u in unknowns {
+        if !distinct.iter().any(|d| d.effects == u.effects && d.law.place == u.law.place) {
+            distinct.push(u);
+        }
+    }
+    all.extend(distinct.into_iter().map(|u| Explanation {
         effects: u.effects,
-        place: Some(u.place),
+        place: Some(u.law.place),
         log_posterior: u.log_posterior,
         probability: 0.0,
         fit: u.fit,
-        curvature: None,
     }));
     let fitted = all.iter().filter(|e| e.fit.is_some()).map(|e| e.log_posterior);
     let most = fitted.fold(f64::NEG_INFINITY, f64::max);
@@ -163,11 +150,11 @@ fn changed_beside(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unk
         }
         others.iter_mut().for_each(|o| o.0.sort_unstable());
         others.retain(|o| all.iter().all(|u: &Unknown| u.effects != o.0));
-        let other = |(effects, start): &(Vec<usize>, Point)| beside(problem, effects, current.place, &current.basis, start, from.known());
+        let other = |(effects, start): &(Vec<usize>, Point)| beside(problem, effects, &current.law, start, from.known());
         let others: Vec<Unknown> = others.iter().map(other).collect();
-        let Some(best) = others.iter().max_by(|a, b| a.log_posterior.total_cmp(&b.log_posterior)).cloned() else { break };
+        let Some(best) = others.iter().max_by(|a, b| a.lead.total_cmp(&b.lead)).cloned() else { break };
         all.extend(others);
-        if best.log_posterior < current.log_posterior {
+        if best.lead < current.lead {
             break;
         }
         current = best;
@@ -180,7 +167,7 @@ fn changed_beside(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unk
     for single in singles {
         let mut point = start.clone().unwrap_or_else(|| problem.nominal());
         point.effects = single.fit.point.effects;
-        all.push(beside(problem, &single.effects, current.place, &current.basis, &point, current.fit.as_ref().and_then(Fit::known)));
+        all.push(beside(problem, &single.effects, &current.law, &point, current.fit.as_ref().and_then(Fit::known)));
     }
     all
 }

@@ -5,11 +5,11 @@
 //! turn once more or less on the way, are starts.
 
 use super::coordinate::Coordinate;
-use super::density::{Basis, Point, Problem};
+use super::density::{Point, Problem};
 use super::fit::{Fit, along};
 use super::linear::Frame;
 use crate::effects::{Act, REGISTRY};
-use crate::gap::model::replay::{self, Missing};
+use crate::gap::model::replay;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -88,43 +88,6 @@ pub fn starts(problem: &Problem, point: &Point) -> Vec<(usize, Point)> {
     }
     fits.into_iter().map(|f| (effect, f.point)).collect()
 }
-
-/// Slips in rad/s around which a ripple may be stronger, weaker or shifted, and how wide around them.
-const BANDS: [(f64, f64); 4] = [(0.0, 12.0), (30.0, 18.0), (70.0, 28.0), (140.0, 50.0)];
-
-/// How a real ripple's size and phase may differ over slip: by a share of the clutch torque, cosine and sine, in each band.
-pub fn form(problem: &Problem, point: &Point, effect: usize) -> Basis {
-    let order = point.effects[REGISTRY[effect].parameters.start + 2];
-    let one = |k: usize| {
-        let track = &problem.tracks[k];
-        let car = problem.car(point, Some(k));
-        let (mut torque, mut slip) = (vec![0.0; track.rows()], vec![0.0; track.rows()]);
-        replay::corrected(track, &problem.filters[k], &car, problem.temperatures(point, k), None, |row, now| {
-            torque[row] = if now.phase == crate::plant::Phase::Slipping { now.t_fc } else { 0.0 };
-            slip[row] = (now.omega_f - now.omega_c).max(0.0);
-        });
-        let mut angle = 0.0;
-        let turned: Vec<[f64; 2]> = (0..track.rows())
-            .map(|row| {
-                let next = track.time.get(row + 1).map_or(0.0, |t| t - track.time[row]);
-                let middle = angle + 0.5 * slip[row] * next;
-                angle += slip[row] * next;
-                [(order * middle).cos(), (order * middle).sin()]
-            })
-            .collect();
-        let function = |(centre, width): (f64, f64), part: usize| {
-            let near = |row: usize| (-0.5 * ((slip[row] - centre) / width).powi(2)).exp();
-            let disc: Vec<f64> = (0..track.rows()).map(|row| FORM_SHARE * torque[row] * turned[row][part] * near(row)).collect();
-            Missing::of_clutch(disc)
-        };
-        BANDS.iter().flat_map(|band| [function(*band, 0), function(*band, 1)]).collect::<Vec<Missing>>()
-    };
-    let by_track: Vec<Vec<Missing>> = (0..problem.tracks.len()).into_par_iter().map(one).collect();
-    (0..2 * BANDS.len()).map(|f| by_track.iter().map(|t| t[f].clone()).collect()).collect()
-}
-
-/// Share of the clutch torque that one standard deviation of a ripple's form takes before it is scaled.
-const FORM_SHARE: f64 = 0.05;
 
 fn stretches(problem: &Problem, point: &Point, k: usize) -> Vec<Stretch> {
     let (track, filter) = (&problem.tracks[k], &problem.filters[k]);

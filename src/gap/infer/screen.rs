@@ -20,6 +20,7 @@ pub struct Anchor {
     pub point: Point,
     /// Effects that are free there.
     pub effects: Vec<usize>,
+    basis: Option<Basis>,
     residuals: Vec<Residuals>,
     frame: Frame,
     /// Derivatives there.
@@ -38,7 +39,7 @@ impl Anchor {
         let columns = known.filter(|f| f.known().is_some()).map_or_else(anew, |f| f.columns.clone());
         let equations = normal(point, &frame, &columns, &residuals, 0.0)?;
         let cost = cost(point, &residuals);
-        Some(Self { point: point.clone(), effects: effects.to_vec(), residuals, frame, columns, equations, cost })
+        Some(Self { point: point.clone(), effects: effects.to_vec(), basis: basis.cloned(), residuals, frame, columns, equations, cost })
     }
 }
 
@@ -111,7 +112,7 @@ pub struct Screening {
 /// Largest factor on a start that the linear model may ask for.
 const LARGEST_FACTOR: f64 = 6.0;
 
-/// Share of a start at which an effect that resembles a tolerance is replayed too: within it the trade between the two is linear.
+/// Share of a start at which every effect is replayed too: what is as small, or trades with a tolerance, is linear from there and not from the whole start.
 const SMALL_SHARE: f64 = 0.1;
 
 /// Shares of a start at which limits are asked for: a limit is that of the share that is nearest to it, for what resembles a tolerance at its limit may not do so at
@@ -167,8 +168,7 @@ fn screen_at(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)], sha
 fn starts(problem: &Problem, anchor: &Anchor, effect: usize, entry: &'static Entry, for_limits: Option<&[f64]>) -> Vec<Candidate> {
     let car = problem.car(&anchor.point, None);
     let same: Vec<Option<(usize, f64)>> = problem.shared.iter().map(|n| n.same_as(&car)).collect();
-    let twin = same.iter().flatten().any(|(k, _)| entry.parameters.contains(k));
-    let shares: &[f64] = for_limits.unwrap_or(if twin { &[1.0, SMALL_SHARE] } else { &[1.0] });
+    let shares: &[f64] = for_limits.unwrap_or(&[1.0, SMALL_SHARE]);
     let mut all = Vec::new();
     for (which, start) in entry.effect.starts.iter().enumerate() {
         // What a tolerance does exactly is told from it by its prior alone, not by how far two finite steps are from one line.
@@ -214,7 +214,7 @@ fn part(problem: &Problem, anchor: &Anchor, candidates: &[Candidate], r: usize) 
                 let column = anchor.columns[r].matrix.column(tolerance);
                 return (column.iter().zip(&roots).map(|(x, w)| sigmas * x * w).collect::<Vec<f64>>(), f64::NAN);
             }
-            let there = problem.residuals(r, &c.point, None);
+            let there = problem.residuals(r, &c.point, anchor.basis.as_ref());
             let misfit = there.iter().map(|r| huber(*r)).sum::<f64>();
             (there.iter().zip(here).zip(&roots).map(|((a, b), w)| (a - b) * w).collect::<Vec<f64>>(), misfit)
         })
@@ -249,6 +249,11 @@ pub struct Promise {
 }
 
 impl Screening {
+    /// Cost that the linear model promises without any candidate.
+    pub fn settled(&self) -> f64 {
+        self.cost
+    }
+
     /// Promise of these candidates together; none if one of them would have to go the other way.
     pub fn promise(&self, members: &[usize]) -> Option<Promise> {
         let m = members.len();

@@ -6,8 +6,9 @@
 //! better.
 
 use super::coordinate::Coordinate;
-use super::density::{Point, Problem, STRAINS, cost, size};
+use super::density::{Basis, Point, Problem, STRAINS, cost, size};
 use super::fit::{Fit, Free, LOOK, fit};
+use super::form::forms;
 use super::linear::Columns;
 use super::pulsation;
 use super::screen::{Anchor, Promise, Screening, screen};
@@ -20,17 +21,35 @@ use std::sync::Arc;
 pub struct Hypothesis {
     /// Effects, by their place in the registry, ascending.
     pub effects: Vec<usize>,
-    /// Fit.
+    /// Fit, the effects' forms eliminated.
     pub fit: Fit,
-    /// Logarithm of the posterior probability, nats, up to a constant of the recordings.
+    /// Fit with the functions of their forms.
+    pub formed: Fit,
+    /// These functions.
+    pub basis: Basis,
+    /// Logarithm of the posterior probability, nats, up to a constant of the recordings, with the whole likelihood: where the search goes.
+    pub lead: f64,
+    /// The same with the likelihood to the problem's power: what is believed.
     pub log_posterior: f64,
 }
 
 impl Hypothesis {
-    fn new(mut effects: Vec<usize>, fit: Fit) -> Self {
+    fn new(problem: &Problem, mut effects: Vec<usize>, formed: Fit, basis: Basis) -> Self {
         effects.sort_unstable();
-        let log_posterior = fit.log_evidence + log_prior(effects.len()) + moments(&fit, &effects);
-        Self { effects, fit, log_posterior }
+        let (lead, sharp) = formed.weighed(problem, 0, 1.0);
+        let (log_posterior, coarse) = formed.weighed(problem, 0, problem.power);
+        let lead = lead + log_prior(effects.len()) + moments(&sharp, &effects);
+        let log_posterior = log_posterior + log_prior(effects.len()) + moments(&coarse, &effects);
+        let fit = Fit { point: sharp.point, ..coarse }.marginal();
+        Self { effects, fit, formed, basis, lead, log_posterior }
+    }
+
+    /// Fits a set with the forms of its effects. `known` are derivatives along nuisances of a place nearby.
+    pub fn fitted(problem: &Problem, effects: Vec<usize>, start: &Point, iterations: usize, known: Option<&[Columns]>) -> Self {
+        let basis = forms(problem, start, &effects);
+        let start = Point { missing: Vec::new(), ..start.clone() };
+        let formed = fit(problem, Free { effects: &effects, basis: Some(&basis) }, &start, iterations, known);
+        Self::new(problem, effects, formed, basis)
     }
 }
 
@@ -94,7 +113,7 @@ impl Search {
     pub fn of(&self, effects: &[usize]) -> Option<&Hypothesis> {
         self.hypotheses.iter().find(|h| h.effects == effects)
     }
-    /// The most probable set.
+    /// The set that leads.
     pub fn best(&self) -> &Hypothesis {
         &self.hypotheses[0]
     }
@@ -104,20 +123,20 @@ impl Search {
     }
     fn add(&mut self, h: Hypothesis) {
         match self.hypotheses.iter_mut().find(|o| o.effects == h.effects) {
-            Some(o) if o.log_posterior < h.log_posterior => *o = h,
+            Some(o) if o.lead < h.lead => *o = h,
             Some(_) => {}
             None => self.hypotheses.push(h),
         }
-        self.hypotheses.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+        self.hypotheses.sort_by(|a, b| b.lead.total_cmp(&a.lead));
         self.let_go();
     }
     /// Lets go of the derivatives of the least probable sets when all of them together take too much memory.
     fn let_go(&mut self) {
         let mut held = 0;
         for h in &mut self.hypotheses {
-            held += h.fit.columns.iter().map(|c| 8 * c.matrix.len()).sum::<usize>();
+            held += h.formed.columns.iter().map(|c| 8 * c.matrix.len()).sum::<usize>();
             if held > MOST_BYTES && !h.effects.is_empty() {
-                h.fit.columns = Arc::default();
+                (h.fit.columns, h.formed.columns) = (Arc::default(), Arc::default());
             }
         }
     }
@@ -130,9 +149,10 @@ const MOST_BYTES: usize = 200_000_000;
 pub const MOST_EFFECTS: usize = 3;
 /// Iterations of a fit that stays.
 const STAY: usize = 12;
-/// Candidates that are looked at per anchor, and those of them that are fitted to the end.
+/// Candidates that are looked at from the fitted car, from the nominal one if a gap dragged that along, and those of them that are fitted to the end.
 const LOOKED_AT: usize = 4;
-const FITTED: usize = 2;
+const LOOKED_AT_AGAIN: usize = 2;
+const FITTED: usize = 5;
 /// Sets that are extended.
 const BEAM: [usize; MOST_EFFECTS - 1] = [2, 1];
 /// Nats behind the best after a look up to which a fit is finished, beside this share of what the best explains.
@@ -147,23 +167,23 @@ pub const DRAGGED: f64 = 3.0;
 pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Search {
     progress("tolerances", 0.0);
     let nominal = problem.nominal();
-    let base = fit(problem, Free::default(), &nominal, STAY, None);
+    let base = Hypothesis::fitted(problem, Vec::new(), &nominal, STAY, None);
     let mut found = Search { hypotheses: Vec::new(), promised: vec![None; REGISTRY.len()], ripples: Vec::new(), screened: Vec::new() };
-    found.add(Hypothesis::new(Vec::new(), base));
+    found.add(base);
     let mut frontier: Vec<Vec<usize>> = vec![Vec::new()];
     for size in 1..=MOST_EFFECTS {
-        let best = found.best().log_posterior;
+        let best = found.best().lead;
         for set in &frontier {
             progress(["effects", "pairs", "triples"][size - 1], 0.2 * size as f64);
             extend(problem, &mut found, set);
         }
         let mut of_size: Vec<&Hypothesis> = found.hypotheses.iter().filter(|h| h.effects.len() == size).collect();
-        if size == MOST_EFFECTS || of_size.first().is_none_or(|h| h.log_posterior < best) {
+        if size == MOST_EFFECTS || of_size.first().is_none_or(|h| h.lead < best) {
             break;
         }
         of_size.truncate(BEAM[size - 1]);
-        let most = BEHIND_NATS + BEHIND_SHARE * (of_size[0].log_posterior - best);
-        of_size.retain(|h| found.best().log_posterior - h.log_posterior < most);
+        let most = BEHIND_NATS + BEHIND_SHARE * (of_size[0].lead - best);
+        of_size.retain(|h| found.best().lead - h.lead < most);
         frontier = of_size.into_iter().map(|h| h.effects.clone()).collect();
     }
     found
@@ -176,16 +196,18 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
         return;
     }
     found.screened.push((set.to_vec(), from.fit.cost));
-    let mut places: Vec<(Point, Option<&Fit>)> = vec![(from.fit.point.clone(), Some(&from.fit))];
+    let formed = &from.formed;
+    let mut places: Vec<(Point, Option<&Fit>)> = vec![(formed.point.clone(), Some(formed))];
     if from.fit.pull() > DRAGGED {
-        places.push((Point { effects: from.fit.point.effects, ..problem.nominal() }, None));
+        let (effects, missing) = (formed.point.effects, formed.point.missing.clone());
+        places.push((Point { effects, missing, ..problem.nominal() }, None));
     }
     // A ripple's order is looked for once, from the car within its tolerances: it does not depend on what else is wrong.
     if set.is_empty() {
         found.ripples = pulsation::starts(problem, &from.fit.point).into_iter().map(|(e, p)| (e, p.effects)).collect();
     }
     let ripple = |(e, p): &(usize, Parameters)| {
-        let mut point = from.fit.point.clone();
+        let mut point = formed.point.clone();
         REGISTRY[*e].parameters.clone().for_each(|k| point.effects[k] = p[k]);
         (*e, point)
     };
@@ -193,9 +215,10 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
     let mut starts: Vec<(Vec<usize>, Point, f64, usize)> = Vec::new();
     let mut columns: Vec<Arc<Vec<Columns>>> = Vec::new();
     for (point, known) in &places {
-        let Some(anchor) = Anchor::new(problem, point, set, None, *known) else { continue };
-        let screening = screen(problem, &anchor, &further);
-        let least = from.fit.cost - LEAST_PROMISE;
+        let Some(anchor) = Anchor::new(problem, point, set, Some(&from.basis), *known) else { continue };
+        let screening = screen(problem, &anchor, if columns.is_empty() { &further } else { &[] });
+        // From the nominal car a linear model promises less of everything, of no effect as well.
+        let least = screening.settled().max(from.fit.cost) - LEAST_PROMISE;
         let singles = screening.singles();
         if set.is_empty() {
             for p in &singles {
@@ -204,46 +227,51 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
             }
         }
         let pairs = if set.len() + 2 <= MOST_EFFECTS { screening.pairs() } else { Vec::new() };
-        let worthwhile = singles.iter().filter(|p| p.cost < least).take(LOOKED_AT);
+        let most = if columns.is_empty() { LOOKED_AT } else { LOOKED_AT_AGAIN };
+        let worthwhile = singles.iter().filter(|p| p.cost < least).take(most);
         let together = pairs.iter().filter(|p| singles.first().is_some_and(|s| p.cost < s.cost - 2.0 * LEAST_PROMISE)).take(2);
         let begun = worthwhile.chain(together).map(|p| started(&anchor, &screening, set, p, columns.len()));
         starts.extend(begun.filter(|s| problem.can_follow(&s.1)));
         columns.push(anchor.columns);
     }
-    starts.extend(taken_over(problem, &from.fit.point, set).into_iter().map(|(effects, point)| {
-        let there = cost_at(problem, &point);
+    starts.extend(taken_over(problem, &formed.point, set).into_iter().map(|(effects, point)| {
+        let there = cost(&point, &problem.all_residuals(&point, Some(&from.basis)));
         (effects, point, there, 0)
     }));
     // A ripple starts as its scan found it: what a linear model makes of a phase that is nearly right says little.
     if set.is_empty() {
         starts.extend(further.into_iter().map(|(e, point)| (vec![e], point, f64::NEG_INFINITY, 0)));
     }
-    // Of two starts of one set the more promising.
+    // Of two starts of one set from one anchor the more promising.
     starts.iter_mut().for_each(|s| s.0.sort_unstable());
-    starts.sort_by(|a, b| a.0.cmp(&b.0).then(a.2.total_cmp(&b.2)));
+    starts.sort_by(|a, b| a.0.cmp(&b.0).then(a.3.cmp(&b.3)).then(a.2.total_cmp(&b.2)));
     // Ripples of different orders are different starts.
     let orders = |p: &Point, set: &[usize]| {
         let ripples = set.iter().filter(|&&e| matches!(REGISTRY[e].effect.act, Act::Pulsation(_)));
         ripples.map(|&e| p.effects[REGISTRY[e].parameters.start + 2]).sum::<f64>()
     };
-    starts.dedup_by(|later, kept| later.0 == kept.0 && orders(&later.1, &later.0) == orders(&kept.1, &kept.0));
-    let mut looked: Vec<(Vec<usize>, Fit, f64)> = starts
+    starts.dedup_by(|later, kept| later.0 == kept.0 && later.3 == kept.3 && orders(&later.1, &later.0) == orders(&kept.1, &kept.0));
+    let mut looked: Vec<(Hypothesis, f64)> = starts
         .into_par_iter()
         .map(|(effects, start, promise, anchor)| {
             let known = columns.get(anchor).map(|c| c.as_slice());
-            let fitted = fit(problem, Free { effects: &effects, basis: None }, &start, LOOK, known);
-            (effects, fitted, promise)
+            // From the nominal car it is further.
+            let iterations = if anchor == 0 { LOOK } else { 2 * LOOK };
+            (Hypothesis::fitted(problem, effects, &start, iterations, known), promise)
         })
         .collect();
-    // More effects can only explain more. A look that does not bear that out was led astray by derivatives of elsewhere: the most promising get their own.
-    looked.sort_by(|a, b| a.2.total_cmp(&b.2));
-    let astray: Vec<&mut (Vec<usize>, Fit, f64)> =
-        looked.iter_mut().filter(|l| l.2.is_finite() && l.1.cost > from.fit.cost).take(FITTED).collect();
-    astray.into_par_iter().for_each(|(effects, fitted, _)| {
-        *fitted = fit(problem, Free { effects, basis: None }, &fitted.point, LOOK + 1, None);
+    // More effects can only explain more, but for a ripple out of phase. A look that does not bear that out was led astray by derivatives of elsewhere: the most promising get their own.
+    looked.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let astray: Vec<&mut (Hypothesis, f64)> =
+        looked.iter_mut().filter(|l| l.1.is_finite() && !pulsates(&l.0.effects) && l.0.fit.cost > from.fit.cost).take(FITTED).collect();
+    astray.into_par_iter().for_each(|(h, _)| {
+        *h = Hypothesis::fitted(problem, h.effects.clone(), &h.formed.point, LOOK + 1, None);
     });
-    let looked = looked.into_iter().map(|(effects, fitted, _)| (effects, fitted)).collect();
-    finish(problem, found, looked);
+    finish(problem, found, looked.into_iter().map(|(h, _)| h).collect());
+}
+
+fn pulsates(effects: &[usize]) -> bool {
+    effects.iter().any(|&e| matches!(REGISTRY[e].effect.act, Act::Pulsation(_)))
 }
 
 fn started(anchor: &Anchor, screening: &Screening, set: &[usize], promise: &Promise, k: usize) -> (Vec<usize>, Point, f64, usize) {
@@ -275,24 +303,15 @@ pub fn taken_over(problem: &Problem, from: &Point, set: &[usize]) -> Vec<(Vec<us
 }
 
 /// Fits to the end what came near the best after a look.
-fn finish(problem: &Problem, found: &mut Search, mut looked: Vec<(Vec<usize>, Fit)>) {
-    looked.sort_by(|a, b| b.1.log_evidence.total_cmp(&a.1.log_evidence));
-    let Some(best) = looked.first().map(|l| l.1.log_evidence) else { return };
+fn finish(problem: &Problem, found: &mut Search, mut looked: Vec<Hypothesis>) {
+    looked.sort_by(|a, b| b.fit.log_evidence.total_cmp(&a.fit.log_evidence));
+    let Some(best) = looked.first().map(|l| l.fit.log_evidence) else { return };
     let most = found.behind(best);
-    let (near, far): (Vec<_>, Vec<_>) = looked.into_iter().enumerate().partition(|(k, l)| *k < FITTED && best - l.1.log_evidence < most);
-    for (_, (effects, rough)) in far {
-        found.add(Hypothesis::new(effects, rough));
-    }
-    let done: Vec<(Vec<usize>, Fit)> = near
-        .into_par_iter()
-        .map(|(_, (effects, rough))| {
-            let fitted = fit(problem, Free { effects: &effects, basis: None }, &rough.point, STAY, rough.known());
-            (effects, fitted)
-        })
-        .collect();
-    for (effects, fitted) in done {
-        found.add(Hypothesis::new(effects, fitted));
-    }
+    let (near, far): (Vec<_>, Vec<_>) = looked.into_iter().enumerate().partition(|(k, l)| *k < FITTED && best - l.fit.log_evidence < most);
+    far.into_iter().for_each(|(_, h)| found.add(h));
+    let stays = |(_, h): (usize, Hypothesis)| Hypothesis::fitted(problem, h.effects, &h.formed.point, STAY, h.formed.known());
+    let done: Vec<Hypothesis> = near.into_par_iter().map(stays).collect();
+    done.into_iter().for_each(|h| found.add(h));
 }
 
 /// Drops every member of the best set in turn; what is left is fitted from there and looks for a better companion, if it fits better than it did or if the
@@ -309,25 +328,24 @@ pub fn exchange(problem: &Problem, found: &mut Search) {
         }
         for &dropped in &best.effects {
             let rest: Vec<usize> = best.effects.iter().copied().filter(|e| *e != dropped).collect();
-            let mut start = best.fit.point.clone();
+            let mut start = best.formed.point.clone();
             for p in REGISTRY[dropped].parameters.clone() {
                 start.effects[p] = PARAMETERS[p].null;
             }
             let before = found.of(&rest).map(|h| h.fit.cost);
-            let free = || Free { effects: &rest, basis: None };
-            let looked = fit(problem, free(), &start, LOOK, best.fit.known());
-            let better = before.is_some_and(|b| looked.cost < b - LEAST_PROMISE);
-            let near = best.fit.log_evidence - looked.log_evidence < found.behind(best.fit.log_evidence);
+            let looked = Hypothesis::fitted(problem, rest.clone(), &start, LOOK, best.formed.known());
+            let better = before.is_some_and(|b| looked.fit.cost < b - LEAST_PROMISE);
+            let near = best.fit.log_evidence - looked.fit.log_evidence < found.behind(best.fit.log_evidence);
             let whole = better || near && before.is_none();
-            let fitted = if whole { fit(problem, free(), &looked.point, STAY, looked.known()) } else { looked };
-            found.add(Hypothesis::new(rest.clone(), fitted));
+            let stays = || Hypothesis::fitted(problem, rest.clone(), &looked.formed.point, STAY, looked.formed.known());
+            found.add(if whole { stays() } else { looked });
             if better || strained {
                 extend(problem, found, &rest);
             }
         }
         // The twins of tolerances that are pulled, in the place of each member.
         if strained {
-            let all = taken_over(problem, &best.fit.point, &best.effects);
+            let all = taken_over(problem, &best.formed.point, &best.effects);
             let swapped = all.into_iter().flat_map(|(effects, point)| {
                 let newcomer = effects.iter().copied().find(|e| !best.effects.contains(e));
                 best.effects.clone().into_iter().filter_map(move |dropped| {
@@ -340,13 +358,10 @@ pub fn exchange(problem: &Problem, found: &mut Search) {
                     newcomer.map(|_| (set, point))
                 })
             });
-            let looked: Vec<(Vec<usize>, Fit)> = swapped
+            let looked: Vec<Hypothesis> = swapped
                 .collect::<Vec<_>>()
                 .into_par_iter()
-                .map(|(set, point)| {
-                    let fitted = fit(problem, Free { effects: &set, basis: None }, &point, LOOK + 1, best.fit.known());
-                    (set, fitted)
-                })
+                .map(|(set, point)| Hypothesis::fitted(problem, set, &point, LOOK + 1, best.formed.known()))
                 .collect();
             finish(problem, found, looked);
         }
@@ -361,7 +376,3 @@ pub fn exchange(problem: &Problem, found: &mut Search) {
 const EXCHANGES: usize = 4;
 /// Share of its strain that a strained set may keep in a round for another one: what only changes places is not on its way to what is wrong.
 const STRAIN_LEFT: f64 = 0.75;
-/// Cost of a point, for checks.
-pub fn cost_at(problem: &Problem, point: &Point) -> f64 {
-    cost(point, &problem.all_residuals(point, None))
-}

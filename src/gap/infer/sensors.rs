@@ -5,7 +5,6 @@
 //! at most twice its white noise, or a gap could hide behind it.
 
 use super::density::{Point, Problem, Residuals, misfit};
-use super::fit::{Free, fit};
 use super::search::Hypothesis;
 use crate::gap::model::filter::Disturbances;
 use crate::gap::model::noise::Noise;
@@ -29,8 +28,8 @@ pub fn may_be_held(tracks: &[Track]) -> bool {
 /// Whether recordings whose inputs are held (`held`) are likelier than the same ones whose inputs are not (`straight`), with the effects that suit the latter best.
 pub fn rather_held(held: &Problem, straight: &Problem, best: &Hypothesis) -> bool {
     let log_det = |p: &Problem| 0.5 * p.filters.iter().map(|f| f.log_det).sum::<f64>();
-    let fitted = fit(held, Free { effects: &best.effects, basis: None }, &best.fit.point, TOLD_APART, None);
-    fitted.log_evidence - log_det(held) > best.fit.log_evidence - log_det(straight) + WORTH_NATS
+    let fitted = Hypothesis::fitted(held, best.effects.clone(), &best.fit.point, TOLD_APART, None);
+    fitted.fit.log_evidence - log_det(held) > best.fit.log_evidence - log_det(straight) + WORTH_NATS
 }
 
 /// Iterations that tell inputs that are held from inputs that are not.

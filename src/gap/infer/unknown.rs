@@ -1,17 +1,16 @@
-//! What no effect of the library accounts for, as hypotheses beside the others: a missing law in one subsystem, alone or beside a set of effects; and the
-//! form of an effect, which is never quite the library's.
+//! What no effect of the library accounts for, as hypotheses beside the others: a missing law in one subsystem, alone or beside a set of effects.
 //!
-//! Both are sums of the functions of `model::missing`. Their evidence follows from one linear Gaussian model at a mode: with G the curvature along the
+//! It is a sum of the functions of `model::missing`: of states, and of time alone for what comes and goes by itself. Its evidence follows from one linear Gaussian model at a mode: with G the curvature along the
 //! amplitudes (all else eliminated, in units of their prior) and g the gradient, they gain ½ gᵀ(1 + G)⁻¹g − ½ ln det(1 + G) nats. A missing law has the
-//! size of a fault worth the name, and the places that gain most are fitted. A form has the size [`FORM`] of what its effect does to the recordings.
+//! size of a fault worth the name or some times that; sizes are summed over, and the places that gain most are fitted, with a form of their own.
 
-use super::coordinate::coordinates;
+use super::coordinate::Coordinate;
 use super::density::{Basis, Point, Problem, Residuals, weight};
 use super::fit::{Fit, Free, LOOK, fit};
-use super::linear::{Columns, Frame, Normal, normal};
-use super::pulsation;
+use super::form::{forms, of_law};
+use super::linear::{Columns, Frame, Normal, Products, assemble};
 use super::search::{DRAGGED, Hypothesis, log_prior, moments};
-use crate::effects::{Act, PARAMETERS, REGISTRY, Subsystem};
+use crate::effects::Subsystem;
 use crate::gap::model::missing;
 use crate::gap::model::replay::Missing;
 use nalgebra::{DMatrix, DVector};
@@ -21,23 +20,30 @@ use std::sync::Arc;
 /// Prior probability that some law is missing in a given subsystem.
 const PLACE_PRIOR: f64 = 0.012;
 
-/// How far the form of a real effect is from the library's: standard deviation of what that changes in the recordings, relative to what the effect
-/// itself changes in them.
-const FORM: f64 = 0.4;
+/// A law that is missing.
+#[derive(Clone, Debug)]
+pub struct Law {
+    /// Where.
+    pub place: Subsystem,
+    /// Its functions.
+    basis: Basis,
+    /// Logarithm of its prior odds: of one in this place, and of as many sizes as say as much as this one.
+    log_odds: f64,
+}
 
 /// A missing law in one place, beside a set of effects.
 #[derive(Clone, Debug)]
 pub struct Unknown {
     /// Effects beside it.
     pub effects: Vec<usize>,
-    /// Where.
-    pub place: Subsystem,
-    /// Logarithm of the posterior probability, nats, on the scale of the search.
+    /// The law.
+    pub law: Law,
+    /// Logarithm of the posterior probability, nats, with the whole likelihood, as of [`Hypothesis::lead`].
+    pub lead: f64,
+    /// The same with the likelihood to the problem's power.
     pub log_posterior: f64,
     /// Fit, if it was fitted.
     pub fit: Option<Fit>,
-    /// Functions of the law.
-    pub basis: Basis,
 }
 
 /// Places beside a set are fitted if their linear evidence is this near that of the best.
@@ -45,80 +51,99 @@ const FITTED_NATS: f64 = 15.0;
 const FITTED: usize = 2;
 const MOST_FITTED: usize = 4;
 
-/// Logarithm of the prior odds of a missing law at some place, of one of its sizes.
-fn place_prior() -> f64 {
-    (PLACE_PRIOR / (1.0 - PLACE_PRIOR)).ln() - (SIZES.len() as f64).ln()
-}
+/// Sizes of what follows nothing but time, relative to that of what follows states, each as likely.
+const OF_TIME: [f64; 3] = [0.0, 0.25, 1.0];
+
+/// Least distance of the times of a law that follows nothing but time, s: what comes and goes faster has died away in the speeds.
+const APART_S: f64 = 0.5;
+/// Time in s after which what a bump did to the speeds has been corrected.
+const FORGOTTEN_S: f64 = 4.0;
+/// Most times in all recordings; where they would be further apart than so many seconds they say nothing.
+const MOST_TIMES: f64 = 300.0;
+const FAR_APART_S: f64 = 2.0;
 
 /// How large a missing law may be, in sizes of a fault worth the name: each as likely as another.
 const SIZES: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
 
 /// Missing laws beside a set of effects, every place, most probable first. They are fitted if the best of them promises more than `least`.
 pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
-    let at = Mode::new(problem, &of.fit, &of.effects, None);
-    let Some(at) = at else { return Vec::new() };
-    let laws: Vec<Law> = Subsystem::ALL.into_iter().map(|place| at.law(place)).collect();
-    let mut found: Vec<(Unknown, f64)> = laws
-        .iter()
-        .map(|Law { place, basis, columns: law }| {
-            let (place, mut basis) = (*place, basis.clone());
-            let beside = at.forms(&of.effects, Some(place), &laws);
-            let of_size = |size: f64| {
-                let all: Vec<Changes> = law.iter().zip(&beside).map(|(l, b)| joined(&(l * size), b)).collect();
-                (size, at.gain(&all).nats)
-            };
-            let (size, gain) = SIZES.map(of_size).into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).expect("there are sizes");
-            basis.iter_mut().flatten().for_each(|f| f.scale(size));
-            let log_posterior = of.fit.log_evidence + log_prior(of.effects.len()) + moments(&of.fit, &of.effects) + gain + place_prior();
-            (Unknown { effects: of.effects.clone(), place, log_posterior, fit: None, basis }, size)
-        })
-        .collect();
+    let (Some(sharp), Some(coarse)) = (Mode::new(problem, of, 1.0), Mode::new(problem, of, problem.power)) else { return Vec::new() };
+    let mut found: Vec<(Unknown, f64)> = Subsystem::ALL.into_iter().map(|place| promised(problem, of, [&sharp, &coarse], place)).collect();
     // Tolerances that the gap bent are no good start for a law that explains it.
     let bent = of.fit.pull() > DRAGGED;
     let straight = Point { effects: of.fit.point.effects, ..problem.nominal() };
     // A fit may fall short of its promise: the most promising is fitted until the first two are.
     for _ in 0..MOST_FITTED {
-        found.sort_by(|a, b| b.0.log_posterior.total_cmp(&a.0.log_posterior));
-        let best = found[0].0.log_posterior;
-        let worthwhile = |u: &Unknown| u.fit.is_none() && best > least && best - u.log_posterior < FITTED_NATS;
+        found.sort_by(|a, b| b.0.lead.total_cmp(&a.0.lead));
+        let best = found[0].0.lead;
+        let worthwhile = |u: &Unknown| u.fit.is_none() && best > least && best - u.lead < FITTED_NATS;
         let Some((u, size)) = found.iter_mut().take(FITTED).find(|(u, _)| worthwhile(u)) else { break };
-        let place = u.place;
-        *u = beside(problem, &of.effects, place, &u.basis, &of.fit.point, of.fit.known());
+        *u = beside(problem, &of.effects, &u.law, &of.fit.point, of.formed.known());
         if bent {
-            let mut basis = functions(problem, &straight, place);
+            let mut basis = functions(problem, &straight, u.law.place);
             basis.iter_mut().flatten().for_each(|f| f.scale(*size));
-            let other = beside(problem, &of.effects, place, &basis, &straight, None);
-            if other.log_posterior > u.log_posterior {
+            basis.extend(u.law.basis.iter().skip(basis.len()).cloned());
+            let other = beside(problem, &of.effects, &Law { basis, ..u.law }, &straight, None);
+            if other.lead > u.lead {
                 *u = other;
             }
         }
     }
     let mut found: Vec<Unknown> = found.into_iter().map(|(u, _)| u).collect();
-    found.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+    found.iter_mut().filter(|u| u.fit.is_none()).for_each(|u| u.law.basis = Basis::new());
+    found.sort_by(|a, b| b.lead.total_cmp(&a.lead));
     found
 }
 
-/// A missing law at a place beside a set, fitted from a point. `known` are derivatives along nuisances there.
-pub fn beside(problem: &Problem, effects: &[usize], place: Subsystem, basis: &Basis, start: &Point, known: Option<&[Columns]>) -> Unknown {
-    let fitted = fit(problem, Free { effects, basis: Some(basis) }, start, LOOK + 2, known);
-    let form = Mode::new(problem, &fitted, effects, Some(basis)).map_or(0.0, |m| m.gain(&m.forms(effects, Some(place), &[])).nats);
-    let log_posterior = fitted.log_evidence + form + log_prior(effects.len()) + moments(&fitted, effects) + place_prior();
-    Unknown { effects: effects.to_vec(), place, log_posterior, fit: Some(fitted), basis: basis.clone() }
+/// What a law promises at a place by the linear models with the whole likelihood and with its power, and the size of its functions of states that suits best.
+fn promised(problem: &Problem, of: &Hypothesis, [sharp, coarse]: [&Mode; 2], place: Subsystem) -> (Unknown, f64) {
+    struct OfSize {
+        states: f64,
+        time: f64,
+        gain: f64,
+        coarse: f64,
+    }
+    let mut basis = functions(problem, &of.fit.point, place);
+    let changes = sharp.with_times(place, sharp.columns(&basis));
+    let (sharp, coarse) = (sharp.information(&changes), coarse.information(&changes));
+    let of_size = |states: f64, time: f64| {
+        let by = DVector::from_fn(changes[0].ncols(), |f, _| if f < basis.len() { states } else { time });
+        OfSize { states, time, gain: sharp.gain(&by), coarse: coarse.gain(&by) }
+    };
+    let all: Vec<OfSize> = SIZES.iter().flat_map(|&size| OF_TIME.map(|share| of_size(size, share * size))).collect();
+    let best = all.iter().max_by(|a, b| a.coarse.total_cmp(&b.coarse)).expect("there are sizes");
+    let as_good = all.iter().map(|one| (one.coarse - best.coarse).exp()).sum::<f64>() / all.len() as f64;
+    let log_odds = (PLACE_PRIOR / (1.0 - PLACE_PRIOR)).ln() + as_good.ln();
+    let mut timed = if best.time > 0.0 { linear(&changes, basis.len()) } else { Basis::new() };
+    basis.iter_mut().flatten().for_each(|f| f.scale(best.states));
+    timed.iter_mut().flatten().for_each(|f| f.scale(best.time));
+    basis.extend(timed);
+    let (lead, log_posterior) = (of.lead + best.gain + log_odds, of.log_posterior + best.coarse + log_odds);
+    (Unknown { effects: of.effects.clone(), law: Law { place, basis, log_odds }, lead, log_posterior, fit: None }, best.states)
 }
 
-/// What the unknown form of its effects adds to a set: nats of evidence, and the curvature along the shared coordinates that is left.
-pub fn form(problem: &Problem, fit: &Fit, effects: &[usize]) -> Option<Gain> {
-    let mode = Mode::new(problem, fit, effects, None)?;
-    Some(mode.gain(&mode.forms(effects, None, &[])))
-}
-
-/// What functions beside a mode gain.
-#[derive(Clone, Debug)]
-pub struct Gain {
-    /// Logarithm of the evidence that they add, nats.
-    pub nats: f64,
-    /// Curvature of half the cost along the mode's shared coordinates, the functions' amplitudes eliminated.
-    pub curvature: DMatrix<f64>,
+/// A missing law at a place beside a set with the forms of its effects, fitted from a point. `known` are derivatives along nuisances there.
+pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, known: Option<&[Columns]>) -> Unknown {
+    let count = law.basis.len();
+    let all: Basis = law.basis.iter().cloned().chain(forms(problem, start, effects)).collect();
+    let mut start = start.clone();
+    start.missing.truncate(count);
+    let formless = fit(problem, Free { effects, basis: Some(&all) }, &start, LOOK + 2, known);
+    let form = of_law(problem, &formless.point, &all, count);
+    let all: Basis = all.into_iter().chain(form).collect();
+    let fitted = fit(problem, Free { effects, basis: Some(&all) }, &formless.point, LOOK, formless.known());
+    let prior = log_prior(effects.len()) + law.log_odds;
+    let (lead, sharp) = fitted.weighed(problem, count, 1.0);
+    let (log_posterior, fitted) = fitted.weighed(problem, count, problem.power);
+    let lead = lead + prior + moments(&sharp, effects);
+    let log_posterior = log_posterior + prior + moments(&fitted, effects);
+    // Functions are eliminated, and their derivatives are let go: there may be hundreds.
+    let kept = fitted.shared.iter().filter(|c| !matches!(c, Coordinate::Missing(_))).count();
+    let functions = fitted.shared.len() - kept;
+    let without = |c: &Columns| Columns { matrix: c.matrix.clone().remove_columns(kept, functions) };
+    let columns = Arc::new(fitted.columns.iter().map(without).collect());
+    let fit = Fit { columns, parts: Arc::default(), ..fitted.marginal() };
+    Unknown { effects: effects.to_vec(), law: law.clone(), lead, log_posterior, fit: Some(fit) }
 }
 
 /// Functions of the law at `place`, as a point's car would see them.
@@ -134,6 +159,16 @@ fn functions(problem: &Problem, point: &Point, place: Subsystem) -> Basis {
     (0..count).map(|f| by_track.iter().map(|t| t[f].clone()).collect()).collect()
 }
 
+/// Functions from this one on as what they change in the innovations, for which nothing has to be replayed.
+fn linear(changes: &[Changes], from: usize) -> Basis {
+    let one = |c: &Changes, f: usize| {
+        let column = c.column(f);
+        let moves = column.iter().any(|x| *x != 0.0);
+        Missing { innovations: if moves { column.iter().copied().collect() } else { Vec::new() }, ..Missing::default() }
+    };
+    (from..changes.first().map_or(0, DMatrix::ncols)).map(|f| changes.iter().map(|c| one(c, f)).collect()).collect()
+}
+
 /// Amplitude, in standard deviations, at which a function is replayed.
 const STEP: f64 = 0.5;
 
@@ -142,38 +177,47 @@ struct Mode<'a> {
     problem: &'a Problem,
     fit: &'a Fit,
     /// Functions that are fitted there.
-    basis: Option<&'a Basis>,
+    basis: &'a Basis,
     columns: Arc<Vec<Columns>>,
     equations: Normal,
+    power: f64,
+}
+
+/// Curvature and gradient along the amplitudes of functions, without their prior, all else eliminated.
+struct Information {
+    gram: DMatrix<f64>,
+    slope: DVector<f64>,
+}
+
+impl Information {
+    /// Logarithm of the evidence that functions of these sizes add, nats.
+    fn gain(&self, by: &DVector<f64>) -> f64 {
+        let n = by.len();
+        let gram = DMatrix::from_fn(n, n, |i, j| by[i] * by[j] * self.gram[(i, j)] + f64::from(u8::from(i == j)));
+        let slope = self.slope.component_mul(by);
+        let Some(law) = gram.cholesky() else { return 0.0 };
+        let log_det = 2.0 * law.l_dirty().diagonal().map(f64::ln).sum();
+        0.5 * slope.dot(&law.solve(&slope)) - 0.5 * log_det
+    }
 }
 
 /// Changes of one recording's innovations for one standard deviation of each function.
 type Changes = DMatrix<f64>;
 
-/// The functions of a place's law, and what they change at a mode.
-struct Law {
-    place: Subsystem,
-    basis: Basis,
-    columns: Vec<Changes>,
-}
-
-fn joined(a: &Changes, b: &Changes) -> Changes {
-    DMatrix::from_fn(a.nrows(), a.ncols() + b.ncols(), |i, j| if j < a.ncols() { a[(i, j)] } else { b[(i, j - a.ncols())] })
-}
-
 impl<'a> Mode<'a> {
-    fn new(problem: &'a Problem, fit: &'a Fit, effects: &[usize], basis: Option<&'a Basis>) -> Option<Self> {
-        let (shared, own) = coordinates(problem, effects, basis.map_or(0, Vec::len));
-        let frame = Frame { shared, own };
-        let columns = fit.derivatives(problem, &frame, basis);
-        let equations = normal(&fit.point, &frame, &columns, &fit.residuals, 0.0)?;
-        Some(Self { problem, fit, basis, columns, equations })
+    fn new(problem: &'a Problem, of: &'a Hypothesis, power: f64) -> Option<Self> {
+        let fit = &of.formed;
+        let frame = Frame { shared: fit.shared.clone(), own: fit.own.clone() };
+        let columns = fit.derivatives(problem, &frame, Some(&of.basis));
+        let parts: Vec<Products> = fit.parts.iter().map(|(p, g)| (p * power, g * power)).collect();
+        let equations = assemble(&fit.point, &frame, &parts, 0.0)?;
+        Some(Self { problem, fit, basis: &of.basis, columns, equations, power })
     }
 
     /// What each function changes, by recording.
     fn columns(&self, further: &Basis) -> Vec<Changes> {
-        let there: Basis = self.basis.into_iter().flatten().chain(further).cloned().collect();
-        let fitted = there.len() - further.len();
+        let there: Basis = self.basis.iter().chain(further).cloned().collect();
+        let fitted = self.basis.len();
         let mut point = self.fit.point.clone();
         point.missing.resize(there.len(), 0.0);
         let one = |r: usize| {
@@ -192,93 +236,95 @@ impl<'a> Mode<'a> {
         (0..self.problem.tracks.len()).into_par_iter().map(one).collect()
     }
 
-    fn law(&self, place: Subsystem) -> Law {
-        let basis = functions(self.problem, &self.fit.point, place);
-        let columns = self.columns(&basis);
-        Law { place, basis, columns }
-    }
-
-    /// What the forms of these effects change, by recording; not of those that lie where a law is missing as a whole. `known` laws are not replayed again.
-    fn forms(&self, effects: &[usize], but_at: Option<Subsystem>, known: &[Law]) -> Vec<Changes> {
-        let mut all: Vec<Changes> = self.fit.residuals.iter().map(|r| DMatrix::zeros(r.len(), 0)).collect();
-        let pulsates = |e: usize| matches!(REGISTRY[e].effect.act, Act::Pulsation(_));
-        let smooth = Subsystem::ALL.into_iter().filter(|p| Some(*p) != but_at).map(|place| {
-            let there = effects.iter().filter(|&&e| REGISTRY[e].effect.subsystem == place && !pulsates(e));
-            (there.map(|&e| self.change(e)).sum::<f64>(), None, place)
-        });
-        let ripples = effects.iter().filter(|&&e| pulsates(e)).map(|&e| (self.change(e), Some(e), REGISTRY[e].effect.subsystem));
-        // Effects that work against each other change more than the whole gap; their forms are told from it alone.
-        let sum: f64 = effects.iter().map(|&e| self.change(e)).sum();
-        let share = if sum > 0.0 { (self.gap() / sum).min(1.0) } else { 1.0 };
-        for (change, ripple, place) in smooth.chain(ripples).collect::<Vec<_>>() {
-            if change == 0.0 {
-                continue;
-            }
-            let point = &self.fit.point;
-            let mut columns = match (ripple, known.iter().find(|l| l.place == place)) {
-                (Some(e), _) => self.columns(&pulsation::form(self.problem, point, e)),
-                (None, Some(law)) => law.columns.clone(),
-                (None, None) => self.law(place).columns,
-            };
-            let whole: f64 = columns.iter().map(DMatrix::norm_squared).sum();
-            // Never larger than a law that is missing altogether.
-            let scale = (FORM * (share * change / whole.max(f64::MIN_POSITIVE)).sqrt()).min(1.0);
-            columns.iter_mut().for_each(|c| *c *= scale);
-            all = all.iter().zip(&columns).map(|(a, b)| joined(a, b)).collect();
+    /// The same changes, and those of functions of time alone at a place: bumps, each in one recording. What bumps of a comb change is taken apart by time.
+    fn with_times(&self, place: Subsystem, changes: Vec<Changes>) -> Vec<Changes> {
+        let (problem, point) = (self.problem, &self.fit.point);
+        let span = |r: usize| problem.tracks[r].time[problem.tracks[r].time.len() - 1] - problem.tracks[r].time[0];
+        let total: f64 = (0..changes.len()).map(span).sum();
+        let width = APART_S.max(total / MOST_TIMES);
+        if width > FAR_APART_S {
+            return changes;
         }
-        all
-    }
-
-    /// Sum of squares of what an effect changes in the innovations.
-    fn change(&self, effect: usize) -> f64 {
-        let mut point = self.fit.point.clone();
-        REGISTRY[effect].parameters.clone().for_each(|p| point.effects[p] = PARAMETERS[p].null);
-        self.off(&point, self.basis)
-    }
-
-    /// The same of everything that the mode has beyond the nominal car.
-    fn gap(&self) -> f64 {
-        self.off(&self.problem.nominal(), None)
-    }
-
-    /// Sum of squares of the difference in innovations between a point and the mode.
-    fn off(&self, point: &Point, basis: Option<&Basis>) -> f64 {
-        let square = |r: usize| {
-            let there = self.problem.residuals(r, point, basis);
-            there.iter().zip(&self.fit.residuals[r]).map(|(a, b)| (a - b).powi(2)).sum::<f64>()
+        let teeth = (FORGOTTEN_S / width).ceil() as usize;
+        let of_recording = |r: usize| -> Vec<Vec<f64>> {
+            let track = &problem.tracks[r];
+            let combs = missing::combs(
+                place,
+                width,
+                teeth,
+                track,
+                &problem.filters[r],
+                &problem.car(point, Some(r)),
+                problem.temperatures(point, r),
+            );
+            let n = track.observations();
+            let last = |i: usize| track.rows_of(if i < 2 * n { i / 2 } else { (i - 2 * n) % n }).end - 1;
+            let first_in = |i: usize| ((track.time[last(i)] - track.time[0]) / width + 1.0) as usize;
+            let bumps = (span(r) / width) as usize + 1;
+            let mut all = vec![vec![0.0; self.fit.residuals[r].len()]; bumps];
+            for (comb, function) in combs.into_iter().enumerate() {
+                for (i, change) in self.change(r, function).into_iter().enumerate() {
+                    // The last bump of this comb that has begun.
+                    let begun = first_in(i);
+                    if let Some(bump) = begun.checked_sub(comb).map(|since| comb + since / teeth * teeth)
+                        && bump < bumps
+                    {
+                        all[bump][i] = change;
+                    }
+                }
+            }
+            all.retain(|column| column.iter().any(|x| *x != 0.0));
+            all
         };
-        // Summed in one order, whatever the threads do.
-        (0..self.problem.tracks.len()).into_par_iter().map(square).collect::<Vec<f64>>().iter().sum()
+        let timed: Vec<Vec<Vec<f64>>> = (0..changes.len()).into_par_iter().map(of_recording).collect();
+        let count: usize = timed.iter().map(Vec::len).sum();
+        let mut next = changes.first().map_or(0, DMatrix::ncols);
+        let with = |(matrix, timed): (Changes, Vec<Vec<f64>>)| {
+            let mut all = matrix.clone().resize_horizontally(matrix.ncols() + count, 0.0);
+            for column in timed {
+                all.column_mut(next).copy_from_slice(&column);
+                next += 1;
+            }
+            all
+        };
+        changes.into_iter().zip(timed).map(with).collect()
     }
 
-    fn gain(&self, changes: &[Changes]) -> Gain {
+    /// What one standard deviation of a function changes in recording `r`.
+    fn change(&self, r: usize, function: Missing) -> Vec<f64> {
+        let mut there: Basis = self.basis.clone();
+        there.push(vec![Missing::default(); self.problem.tracks.len()]);
+        let last = there.len() - 1;
+        there[last][r] = function;
+        let mut moved = self.fit.point.clone();
+        moved.missing.push(STEP);
+        let there = self.problem.residuals(r, &moved, Some(&there));
+        there.iter().zip(&self.fit.residuals[r]).map(|(a, b)| (a - b) / STEP).collect()
+    }
+
+    /// What the recordings say of functions with these changes.
+    fn information(&self, changes: &[Changes]) -> Information {
         let curvature = &self.equations.curvature;
         let m = changes.first().map_or(0, DMatrix::ncols);
-        let none = || Gain { nats: 0.0, curvature: curvature.clone() };
-        if m == 0 {
-            return none();
-        }
+        let (mut gram, mut slope, mut cross) = (DMatrix::zeros(m, m), DVector::zeros(m), DMatrix::zeros(curvature.nrows(), m));
         let parts: Vec<(DMatrix<f64>, DVector<f64>, DMatrix<f64>)> = changes.par_iter().enumerate().map(|(r, v)| self.part(r, v)).collect();
-        let (mut gram, mut slope, mut cross) = (DMatrix::identity(m, m), DVector::zeros(m), DMatrix::zeros(curvature.nrows(), m));
         for (g, s, c) in parts {
             gram += g;
             slope += s;
             cross += c;
         }
-        let (Some(root), Some(own)) = (curvature.clone().cholesky(), gram.clone().cholesky()) else { return none() };
-        let left = curvature - &cross * own.solve(&cross.transpose());
-        let solved = root.solve(&cross);
-        gram -= cross.tr_mul(&solved);
-        slope -= solved.tr_mul(&self.equations.gradient);
-        let Some(law) = gram.cholesky() else { return none() };
-        let log_det = 2.0 * law.l_dirty().diagonal().map(f64::ln).sum();
-        Gain { nats: 0.5 * slope.dot(&law.solve(&slope)) - 0.5 * log_det, curvature: left }
+        if let Some(root) = curvature.clone().cholesky() {
+            let solved = root.solve(&cross);
+            gram -= cross.transpose() * &solved;
+            slope -= solved.tr_mul(&self.equations.gradient);
+        }
+        Information { gram, slope }
     }
 
     /// One recording's products of the changes among themselves, with its residuals, and with the shared coordinates, own unknowns eliminated.
     fn part(&self, r: usize, changes: &Changes) -> (DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
         let here: &Residuals = &self.fit.residuals[r];
-        let w = DVector::from_iterator(here.len(), here.iter().map(|r| weight(*r).sqrt()));
+        let w = DVector::from_iterator(here.len(), here.iter().map(|r| (self.power * weight(*r)).sqrt()));
         let weigh = |m: &DMatrix<f64>| {
             let mut m = m.clone();
             m.column_iter_mut().for_each(|mut c| c.component_mul_assign(&w));
@@ -288,10 +334,10 @@ impl<'a> Mode<'a> {
         let (v, a) = (weigh(changes), weigh(&known.matrix));
         let weighted = DVector::from_column_slice(here).component_mul(&w);
         let s = self.equations.curvature.nrows();
-        let products = a.tr_mul(&v);
+        let products = a.transpose() * &v;
         let (shared, own) = (products.rows(0, s).into_owned(), products.rows(s, products.nrows() - s).into_owned());
         let e = &self.equations.eliminated[r];
-        let gram = v.tr_mul(&v) - own.tr_mul(&e.solve(&own));
+        let gram = v.transpose() * &v - own.tr_mul(&e.solve(&own));
         let slope = v.tr_mul(&weighted) - own.tr_mul(e.offset());
         let cross = shared - e.coupling().tr_mul(&own);
         (gram, slope, cross)

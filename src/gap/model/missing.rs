@@ -138,36 +138,90 @@ fn bump(x: f64, centre: f64, length: f64) -> f64 {
     (-0.5 * ((x - centre) / length).powi(2)).exp()
 }
 
+/// States along a corrected replay that a law may depend on, by observation: slip, disc temperature, position and its direction, engine speed, torque
+/// asked for, time.
+pub fn states(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Vec<Vec<f64>> {
+    let s = signals(track, filter, car, theta);
+    let direction = direction(&s);
+    let last: Vec<usize> = (0..track.observations()).map(|k| track.rows_of(k).end - 1).collect();
+    [&s.slip, &s.theta, &s.position, &direction, &s.speed[0], &s.report, &s.time].map(|v| last.iter().map(|&row| v[row]).collect()).to_vec()
+}
+
+/// Direction in which the bearing moves, from −1 to 1.
+fn direction(s: &Signals) -> Vec<f64> {
+    let slow = lagged(&s.position, s.dt, 0.05);
+    s.position.iter().zip(&slow).map(|(x, slow)| ((x - slow) / 0.02).tanh()).collect()
+}
+
+/// Sizes of a fault worth the name: torque of engine and car in N·m, bearing in mm, share of the clutch torque, disc temperature in K.
+const ENGINE: f64 = 4.0;
+const CAR: f64 = 3.0;
+const BEARING: f64 = 0.05;
+const CLUTCH: f64 = 0.08;
+const DISC: f64 = 12.0;
+
+impl Signals {
+    /// A torque of the clutch, by row.
+    fn clutch(&self, f: &dyn Fn(usize) -> f64) -> Missing {
+        Missing::of_clutch((0..self.slipping.len()).map(|k| if self.slipping[k] { f(k) } else { 0.0 }).collect())
+    }
+    /// A bearing that is elsewhere, in mm: its sensor shows it as well.
+    fn moved(&self, f: &dyn Fn(usize) -> f64) -> Missing {
+        let mut m = self.clutch(&|k| self.stiffness[k] * f(k));
+        m.bench[0] = self.by_row(f);
+        m
+    }
+    /// A disc that is as much warmer, in K: its sensor shows it as well.
+    fn warmed(&self, f: &dyn Fn(usize) -> f64) -> Missing {
+        let mut m = self.clutch(&|k| self.warmth[k] * f(k));
+        m.bench[2] = self.by_row(f);
+        m
+    }
+    /// A torque on one side, N·m.
+    fn on(&self, side: usize, f: &dyn Fn(usize) -> f64) -> Missing {
+        let mut m = Missing::default();
+        m.torque[side] = self.by_row(f);
+        m
+    }
+    /// An error of one speed as sensed, rad/s.
+    fn sensed(&self, side: usize, f: &dyn Fn(usize) -> f64) -> Missing {
+        let mut m = Missing::default();
+        m.sensed[side] = self.by_row(f);
+        m
+    }
+    fn by_row(&self, f: &dyn Fn(usize) -> f64) -> Vec<f64> {
+        (0..self.slipping.len()).map(f).collect()
+    }
+}
+
+/// Functions of time alone, for what no state leads to, of the size of a fault worth the name: `teeth` combs of bumps, each as wide as the next comb is away and as many times that
+/// from one bump to the next. Only of subsystems in which something may come and go by itself; none of others.
+pub fn combs(place: Subsystem, width: f64, teeth: usize, track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Vec<Missing> {
+    if matches!(place, Subsystem::ClutchForce | Subsystem::Thermal | Subsystem::Sensors) {
+        return Vec::new();
+    }
+    let s = signals(track, filter, car, theta);
+    let period = teeth as f64 * width;
+    let one = |comb: usize| {
+        let from_bump = |k: usize| {
+            let after = (s.time[k] - s.time[0] - comb as f64 * width).rem_euclid(period);
+            after.min(period - after)
+        };
+        let bump = |k: usize| (1.0 - from_bump(k) / width).max(0.0);
+        match place {
+            Subsystem::Engine => s.on(0, &|k| ENGINE * bump(k)),
+            Subsystem::Actuator => s.moved(&|k| BEARING * bump(k)),
+            Subsystem::Driveline => s.on(1, &|k| CAR * bump(k)),
+            _ => s.clutch(&|k| CLUTCH * s.torque[k] * bump(k)),
+        }
+    };
+    (0..teeth).map(one).collect()
+}
+
 /// The functions of a subsystem's missing law, row by row, each scaled to one standard deviation.
 pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Vec<Missing> {
     let s = signals(track, filter, car, theta);
     let n = track.rows();
-    let clutch = |f: &dyn Fn(usize) -> f64| {
-        let torque: Vec<f64> = (0..n).map(|k| if s.slipping[k] { f(k) } else { 0.0 }).collect();
-        Missing::of_clutch(torque)
-    };
-    // A bearing that is elsewhere, in mm, and a disc that is as much warmer, in K: sensors of theirs show it as well.
-    let moved = |f: &dyn Fn(usize) -> f64| {
-        let mut m = clutch(&|k| s.stiffness[k] * f(k));
-        m.bench[0] = (0..n).map(f).collect();
-        m
-    };
-    let warmed = |f: &dyn Fn(usize) -> f64| {
-        let mut m = clutch(&|k| s.warmth[k] * f(k));
-        m.bench[2] = (0..n).map(f).collect();
-        m
-    };
-    let on = |side: usize, f: &dyn Fn(usize) -> f64| {
-        let torque: Vec<f64> = (0..n).map(f).collect();
-        let mut m = Missing::default();
-        m.torque[side] = torque;
-        m
-    };
-    let sensed = |side: usize, f: &dyn Fn(usize) -> f64| {
-        let mut m = Missing::default();
-        m.sensed[side] = (0..n).map(f).collect();
-        m
-    };
     // Time since the faces met; work done and time slipped since the recording began.
     let (mut since, mut work, mut slipped, mut done) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], 0.0);
     for k in 1..n {
@@ -178,106 +232,99 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
     }
     let power: Vec<f64> = (0..n).map(|k| (s.torque[k] * s.slip[k]).max(0.0)).collect();
     let share = |k: usize| (s.position[k] - s.travel[0]) / (s.travel[1] - s.travel[0]);
-    let direction: Vec<f64> = {
-        let slow = lagged(&s.position, s.dt, 0.05);
-        (0..n).map(|k| ((s.position[k] - slow[k]) / 0.02).tanh()).collect()
-    };
+    let direction = direction(&s);
     let mut all: Vec<Missing> = Vec::new();
     match place {
         Subsystem::Engine => {
-            const SIZE: f64 = 4.0;
             for centre in [70.0, 130.0, 200.0, 280.0] {
-                all.push(on(0, &|k| SIZE * bump(s.speed[0][k], centre, 45.0)));
+                all.push(s.on(0, &|k| ENGINE * bump(s.speed[0][k], centre, 45.0)));
             }
             for centre in [-20.0, 20.0, 60.0, 110.0] {
-                all.push(on(0, &|k| SIZE * bump(s.report[k], centre, 25.0)));
+                all.push(s.on(0, &|k| ENGINE * bump(s.report[k], centre, 25.0)));
             }
             for tau in [0.05, 0.2, 0.8] {
                 let slow = lagged(&s.report, s.dt, tau);
-                all.push(on(0, &|k| 0.3 * (slow[k] - s.report[k])));
+                // What an engine is slow to give it may be quick to take away.
+                all.push(s.on(0, &|k| 0.3 * (slow[k] - s.report[k]).min(0.0)));
+                all.push(s.on(0, &|k| 0.3 * (slow[k] - s.report[k]).max(0.0)));
             }
         }
         Subsystem::Actuator => {
-            const SIZE: f64 = 0.05;
             for tau in [0.04, 0.15, 0.6] {
                 let slow = lagged(&s.command, s.dt, tau);
-                all.push(moved(&|k| (slow[k] - s.command[k]).clamp(-1.0, 1.0) * 0.3));
+                all.push(s.moved(&|k| (slow[k] - s.command[k]).clamp(-1.0, 1.0) * 0.3));
             }
             for width in [0.05, 0.2] {
                 let follows = played(&s.command, width);
-                all.push(moved(&|k| follows[k] - s.command[k]));
+                all.push(s.moved(&|k| follows[k] - s.command[k]));
             }
-            all.push(moved(&|k| SIZE * direction[k]));
+            all.push(s.moved(&|k| BEARING * direction[k]));
             for tau in [0.3, 1.5] {
-                all.push(moved(&|k| SIZE * (1.0 - (-since[k] / tau).exp())));
+                all.push(s.moved(&|k| BEARING * (1.0 - (-since[k] / tau).exp())));
             }
             for tau in [3.0, 20.0] {
                 let pressed = lagged(&(0..n).map(|k| share(k).clamp(0.0, 1.0)).collect::<Vec<_>>(), s.dt, tau);
-                all.push(moved(&|k| SIZE * 2.0 * pressed[k]));
+                all.push(s.moved(&|k| BEARING * 2.0 * pressed[k]));
             }
         }
         Subsystem::ClutchForce => {
-            const SIZE: f64 = 0.08;
             for centre in [0.25, 0.4, 0.55, 0.7, 0.9] {
-                all.push(clutch(&|k| SIZE * s.torque[k] * bump(share(k), centre, 0.12)));
+                all.push(s.clutch(&|k| CLUTCH * s.torque[k] * bump(share(k), centre, 0.12)));
             }
             for centre in [0.35, 0.65] {
-                all.push(clutch(&|k| SIZE * s.torque[k] * direction[k] * bump(share(k), centre, 0.2)));
+                all.push(s.clutch(&|k| CLUTCH * s.torque[k] * direction[k] * bump(share(k), centre, 0.2)));
             }
             for tau in [0.2, 1.0] {
-                all.push(clutch(&|k| SIZE * s.torque[k] * (-since[k] / tau).exp()));
+                all.push(s.clutch(&|k| CLUTCH * s.torque[k] * (-since[k] / tau).exp()));
             }
             for centre in [40.0, 110.0, 180.0] {
-                all.push(clutch(&|k| SIZE * s.torque[k] * bump(s.theta[k], centre, 40.0)));
+                all.push(s.clutch(&|k| CLUTCH * s.torque[k] * bump(s.theta[k], centre, 40.0)));
             }
         }
         Subsystem::Friction => {
-            const SIZE: f64 = 0.08;
             for (centre, length) in [(0.0, 6.0), (12.0, 10.0), (35.0, 18.0), (70.0, 28.0), (130.0, 45.0)] {
-                all.push(clutch(&|k| SIZE * s.torque[k] * bump(s.slip[k].abs(), centre, length)));
+                all.push(s.clutch(&|k| CLUTCH * s.torque[k] * bump(s.slip[k].abs(), centre, length)));
             }
             for centre in [30.0, 80.0, 130.0, 190.0] {
-                all.push(clutch(&|k| SIZE * s.torque[k] * bump(s.theta[k], centre, 28.0)));
+                all.push(s.clutch(&|k| CLUTCH * s.torque[k] * bump(s.theta[k], centre, 28.0)));
             }
             for scale in [2e3, 6e3] {
-                all.push(clutch(&|k| SIZE * s.torque[k] * (power[k] / scale).tanh()));
+                all.push(s.clutch(&|k| CLUTCH * s.torque[k] * (power[k] / scale).tanh()));
             }
             for joules in [2e3, 1e4, 5e4] {
-                all.push(clutch(&|k| SIZE * s.torque[k] * (-work[k] / joules).exp()));
+                all.push(s.clutch(&|k| CLUTCH * s.torque[k] * (-work[k] / joules).exp()));
             }
             for seconds in [0.5, 3.0] {
-                all.push(clutch(&|k| SIZE * s.torque[k] * (-slipped[k] / seconds).exp()));
+                all.push(s.clutch(&|k| CLUTCH * s.torque[k] * (-slipped[k] / seconds).exp()));
             }
         }
         Subsystem::Thermal => {
-            const SIZE: f64 = 12.0;
             for tau in [0.3, 1.5, 8.0, 40.0] {
                 // A part that takes the heat of the last τ, over 3 kW.
                 let heat = lagged(&power, s.dt, tau);
                 let most = 3e3 * (1.0_f64).min(1.5 / tau).max(0.1);
-                all.push(warmed(&|k| SIZE * heat[k] / most));
+                all.push(s.warmed(&|k| DISC * heat[k] / most));
             }
             let start = s.theta[0];
-            all.push(warmed(&|k| SIZE * (s.theta[k] - start) / 60.0));
-            all.push(warmed(&|_| SIZE));
+            all.push(s.warmed(&|k| DISC * (s.theta[k] - start) / 60.0));
+            all.push(s.warmed(&|_| DISC));
             for tau in [0.3, 1.5] {
                 let heat = lagged(&power, s.dt, tau);
-                all.push(clutch(&|k| 0.08 * s.torque[k] * heat[k] / 3e3));
+                all.push(s.clutch(&|k| 0.08 * s.torque[k] * heat[k] / 3e3));
             }
         }
         Subsystem::Driveline => {
-            const SIZE: f64 = 3.0;
             for centre in [8.0, 50.0, 110.0, 180.0, 260.0] {
-                all.push(on(1, &|k| SIZE * bump(s.speed[1][k], centre, if centre < 20.0 { 15.0 } else { 40.0 })));
+                all.push(s.on(1, &|k| CAR * bump(s.speed[1][k], centre, if centre < 20.0 { 15.0 } else { 40.0 })));
             }
-            all.push(on(1, &|k| SIZE * (s.speed[1][k] / 0.5).tanh()));
-            all.push(on(1, &|k| 0.1 * car.vehicle.driveline.J_c * s.pace[1][k]));
+            all.push(s.on(1, &|k| CAR * (s.speed[1][k] / 0.5).tanh()));
+            all.push(s.on(1, &|k| 0.1 * car.vehicle.driveline.J_c * s.pace[1][k]));
             for tau in [0.05, 0.3] {
                 let slow = lagged(&s.pace[1], s.dt, tau);
-                all.push(on(1, &|k| 0.1 * car.vehicle.driveline.J_c * (s.pace[1][k] - slow[k])));
+                all.push(s.on(1, &|k| 0.1 * car.vehicle.driveline.J_c * (s.pace[1][k] - slow[k])));
             }
             for tau in [0.5, 2.0, 8.0] {
-                all.push(on(1, &|k| SIZE * (-s.time[k] / tau).exp()));
+                all.push(s.on(1, &|k| CAR * (-s.time[k] / tau).exp()));
             }
         }
         Subsystem::Sensors => {
@@ -285,10 +332,10 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
             for side in 0..2 {
                 let speed = averaged(&s.speed[side], s.dt);
                 let pace = averaged(&s.pace[side], s.dt);
-                all.push(sensed(side, &|k| 0.01 * speed[k]));
-                all.push(sensed(side, &|k| -0.008 * pace[k]));
+                all.push(s.sensed(side, &|k| 0.01 * speed[k]));
+                all.push(s.sensed(side, &|k| -0.008 * pace[k]));
                 for centre in [10.0, 60.0, 130.0, 220.0] {
-                    all.push(sensed(side, &|k| bump(speed[k], centre, if centre < 20.0 { 15.0 } else { 45.0 })));
+                    all.push(s.sensed(side, &|k| bump(speed[k], centre, if centre < 20.0 { 15.0 } else { 45.0 })));
                 }
             }
         }

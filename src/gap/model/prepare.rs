@@ -1,6 +1,7 @@
 //! From a campaign to what is fitted: tracks, noise, tolerances, filters.
 
 use super::filter::{Disturbances, Filter, filter};
+use super::missing;
 use super::noise::{self, Noise};
 use super::replay;
 use super::tolerance::{self, Car, Logger, Tolerances, Wander};
@@ -51,8 +52,13 @@ pub fn logger(tracks: &[Track]) -> Logger {
 
 /// Recordings of a car with these disturbances, ready to be fitted.
 pub fn problem(tracks: Vec<Track>, vehicle: &Vehicle, tolerances: &Tolerances, with: &Disturbances) -> Problem {
-    let filters = tracks.par_iter().map(|t| filter_of(t, vehicle, with)).collect();
-    Problem { tracks, filters, vehicle: *vehicle, shared: tolerances.shared.clone(), own: tolerances.own.clone() }
+    let filters: Vec<Filter> = tracks.par_iter().map(|t| filter_of(t, vehicle, with)).collect();
+    let (shared, own) = (tolerances.shared.clone(), tolerances.own.clone());
+    let car = Car::nominal(vehicle);
+    let states = tracks.par_iter().zip(&filters).map(|(t, f)| missing::states(t, f, &car, t.theta_0)).collect();
+    let mut problem = Problem { tracks, filters, vehicle: *vehicle, shared, own, states, power: 1.0 };
+    problem.coarsen();
+    problem
 }
 
 /// The filter of a recording, with the clutch torque that the nominal car shows in a corrected replay.

@@ -28,12 +28,19 @@ pub struct Missing {
     pub sensed: [Vec<f64>; 2],
     /// What it adds to the bench channels, by row: bearing in mm, clutch torque in N·m, disc temperature in °C; empty for none.
     pub bench: [Vec<f64>; 3],
+    /// What it adds to the whitened innovations; empty for none.
+    pub innovations: Vec<f64>,
 }
 
 impl Missing {
     /// Makes the law that many times as large.
     pub fn scale(&mut self, by: f64) {
-        self.torque.iter_mut().chain(&mut self.sensed).chain(&mut self.bench).flatten().for_each(|x| *x *= by);
+        let replayed = self.torque.iter_mut().chain(&mut self.sensed).chain(&mut self.bench);
+        replayed.chain([&mut self.innovations]).flatten().for_each(|x| *x *= by);
+    }
+    /// Whether it moves the innovations alone: then no replay has to know of it.
+    pub fn is_linear(&self) -> bool {
+        self.torque.iter().chain(&self.sensed).chain(&self.bench).all(Vec::is_empty)
     }
     fn torque(&self, side: usize, row: usize) -> f64 {
         self.torque[side].get(row).copied().unwrap_or(0.0)

@@ -59,6 +59,8 @@ pub struct Planner {
     own: Vec<Nuisance>,
     with: Disturbances,
     logger: Logger,
+    /// Power of the likelihood of what has been recorded.
+    power: f64,
 }
 
 impl Planner {
@@ -82,7 +84,7 @@ impl Planner {
         let [x, t, theta] = sensors.bench;
         let noise = [sensors.speed, sensors.speed, x, t, theta].map(white);
         let with = prepare::healthy(noise, sensors.torque, 0.0, &tolerances);
-        Ok(Self { manoeuvres, vehicle: *vehicle, shared: tolerances.shared, own: tolerances.own, with, logger })
+        Ok(Self { manoeuvres, vehicle: *vehicle, shared: tolerances.shared, own: tolerances.own, with, logger, power: 1.0 })
     }
 
     /// Of a car that has been recorded: manoeuvres are logged as its recordings were.
@@ -91,7 +93,8 @@ impl Planner {
         let has = |c: usize| problem.tracks.iter().any(|t| !t.measured[c].is_empty());
         let sigma = |node: usize| problem.tracks.iter().map(|t| t.theta_0_sigma[node]).fold(0.0, f64::max);
         let logger = Logger { rate_hz: 1.0 / interval, bench: [has(2), has(3), has(4)], theta_0_sigma: [sigma(0), sigma(1)] };
-        Self { manoeuvres, vehicle: problem.vehicle, shared: problem.shared.clone(), own: problem.own.clone(), with: *with, logger }
+        let (shared, own) = (problem.shared.clone(), problem.own.clone());
+        Self { manoeuvres, vehicle: problem.vehicle, shared, own, with: *with, logger, power: problem.power }
     }
 
     /// The recording of a manoeuvre, without noise, as this car answers it.
@@ -103,7 +106,8 @@ impl Planner {
     fn problem(&self, what: &Manoeuvre, car: &Car) -> Problem {
         let track = Track::new(&self.recording(what, car));
         let filter = prepare::filter_of(&track, &self.vehicle, &self.with);
-        Problem { tracks: vec![track], filters: vec![filter], vehicle: self.vehicle, shared: self.shared.clone(), own: self.own.clone() }
+        let (shared, own) = (self.shared.clone(), self.own.clone());
+        Problem { tracks: vec![track], filters: vec![filter], vehicle: self.vehicle, shared, own, states: Vec::new(), power: self.power }
     }
 
     /// The car as the vehicle file gives it.

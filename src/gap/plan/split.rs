@@ -53,7 +53,7 @@ pub fn rivals(posterior: &Posterior) -> Vec<Rival> {
                 probability: e.probability,
                 point: fit.point.clone(),
                 shared: fit.shared.clone(),
-                precision: e.curvature.clone().unwrap_or_else(|| fit.curvature.clone()),
+                precision: fit.curvature.clone(),
             })
         })
         .collect();
@@ -129,8 +129,9 @@ fn split(planner: &Planner, rivals: &[Rival], what: &Manoeuvre) -> Split {
         for i in (0..n).filter(|i| *i != j) {
             let d: Vec<f64> = innovations[j].iter().zip(&innovations[i]).map(|(e_j, e_i)| e_j - e_i).collect();
             let (curvature, gradient) = products(&columns[0], &d);
+            let (curvature, gradient) = (curvature * problem.power, gradient * problem.power);
             let followed = (curvature + &known).cholesky().map_or(0.0, |root| gradient.dot(&root.solve(&gradient)));
-            nats[(i, j)] = 0.5 * (misfit(&[d]) - followed).max(0.0);
+            nats[(i, j)] = 0.5 * (problem.power * misfit(&[d]) - followed).max(0.0);
         }
     }
     Split { nats }

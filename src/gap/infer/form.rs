@@ -1,0 +1,109 @@
+//! The form of an effect: how the real one differs from the library's.
+//!
+//! An effect changes the whitened innovations by d: what they are with it less what they are without. A real one does more here and less there,
+//!
+//! ```text
+//! d (1 + Σ a_jk H_k(u_j)) ,   a_jk normal,
+//! ```
+//!
+//! with u_j the states that its law may depend on ([`missing::states`](crate::gap::model::missing::states)), each shifted and scaled to mean 0 and variance 1 where the effect acts, and H_k
+//! the Hermite polynomials of first and second degree. All a_jk have one standard deviation, so that the form is expected to change [`FORM`] of what the effect
+//! changes. A ripple may also be shifted in phase: its d is joined by that of the ripple a quarter of a turn on.
+//!
+//! The functions are linear in the innovations: a fit takes them along without replays of their own.
+
+use super::density::{Basis, Point, Problem, Residuals};
+use crate::effects::{Act, PARAMETERS, REGISTRY};
+use crate::gap::model::replay::Missing;
+
+/// How far the form of a real effect is from the library's: standard deviation of what that changes in the recordings, relative to what the effect itself
+/// changes in them.
+const FORM: f64 = 0.12;
+
+/// Scaled states beyond which a function stays as it is.
+const FAR: f64 = 2.5;
+
+/// The functions of the forms of these effects at a point, one standard deviation each.
+pub fn forms(problem: &Problem, point: &Point, effects: &[usize]) -> Basis {
+    if effects.is_empty() {
+        return Basis::new();
+    }
+    let point = &Point { missing: Vec::new(), ..point.clone() };
+    let here = problem.all_residuals(point, None);
+    effects.iter().flat_map(|&e| of_effect(problem, point, e, &here)).collect()
+}
+
+fn of_effect(problem: &Problem, point: &Point, effect: usize, here: &[Residuals]) -> Basis {
+    let entry = &REGISTRY[effect];
+    let mut moved = point.clone();
+    entry.parameters.clone().for_each(|p| moved.effects[p] = PARAMETERS[p].null);
+    let without = problem.all_residuals(&moved, None);
+    let mut changes = vec![difference(here, &without)];
+    if matches!(entry.effect.act, Act::Pulsation(_)) {
+        let k = entry.parameters.start;
+        let mut turned = point.clone();
+        (turned.effects[k], turned.effects[k + 1]) = (-point.effects[k + 1], point.effects[k]);
+        changes.push(difference(&problem.all_residuals(&turned, None), &without));
+    }
+    of_changes(problem, &changes, FORM)
+}
+
+/// The functions of the form of a missing law: what its first `amplitudes` change at a point. Of a law that nobody knows the form is as uncertain as its size.
+pub fn of_law(problem: &Problem, point: &Point, basis: &Basis, amplitudes: usize) -> Basis {
+    let mut without = point.clone();
+    without.missing[..amplitudes].fill(0.0);
+    let change = difference(&problem.all_residuals(point, Some(basis)), &problem.all_residuals(&without, Some(basis)));
+    of_changes(problem, &[change], 1.0)
+}
+
+/// The functions of changes, so that all of them together change this share of what the first one is.
+fn of_changes(problem: &Problem, changes: &[Vec<Residuals>], share: f64) -> Basis {
+    let whole = square(&changes[0]);
+    if whole == 0.0 {
+        return Basis::new();
+    }
+    let functions: Vec<Vec<Residuals>> = changes.iter().flat_map(|d| modulated(problem, d)).collect();
+    let all: f64 = functions.iter().map(|f| square(f)).sum();
+    let scale = share * (whole / all.max(f64::MIN_POSITIVE)).sqrt();
+    let one = |values: Residuals| Missing { innovations: values.into_iter().map(|x| scale * x).collect(), ..Missing::default() };
+    functions.into_iter().map(|f| f.into_iter().map(one).collect()).collect()
+}
+
+/// A change times the polynomials of every state.
+fn modulated(problem: &Problem, change: &[Residuals]) -> Vec<Vec<Residuals>> {
+    // Two speeds per observation, then the bench channels, one value each.
+    let state = |j: usize, r: usize, i: usize| {
+        let n = problem.tracks[r].observations();
+        problem.states[r][j][if i < 2 * n { i / 2 } else { (i - 2 * n) % n }]
+    };
+    let times = |j: usize, f: &dyn Fn(f64) -> f64| -> Vec<Residuals> {
+        let one = |(r, d): (usize, &Residuals)| d.iter().enumerate().map(|(i, d)| d * f(state(j, r, i))).collect();
+        change.iter().enumerate().map(one).collect()
+    };
+    let whole = square(change);
+    let mut functions = Vec::new();
+    for j in 0..problem.states[0].len() {
+        let mean = |f: &dyn Fn(f64) -> f64| {
+            let weighted = times(j, f);
+            change.iter().zip(&weighted).flat_map(|(d, w)| d.iter().zip(w)).map(|(d, w)| d * w).sum::<f64>() / whole
+        };
+        let centre = mean(&|x| x);
+        let spread = mean(&|x| (x - centre).powi(2)).sqrt();
+        // A state that stands still modulates nothing.
+        if spread <= 1e-9 * centre.abs() || !spread.is_finite() {
+            continue;
+        }
+        let u = |x: f64| ((x - centre) / spread).clamp(-FAR, FAR);
+        functions.push(times(j, &u));
+        functions.push(times(j, &|x| (u(x).powi(2) - 1.0) / std::f64::consts::SQRT_2));
+    }
+    functions
+}
+
+fn difference(a: &[Residuals], b: &[Residuals]) -> Vec<Residuals> {
+    a.iter().zip(b).map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b).collect()).collect()
+}
+
+fn square(all: &[Residuals]) -> f64 {
+    all.iter().flatten().map(|x| x * x).sum()
+}
