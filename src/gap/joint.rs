@@ -1,7 +1,7 @@
 //! The normal posterior of what all recordings share, and the prior that is in it: what a fleet is pooled from.
 //!
-//! With H the posterior's precision, m its mode, P and c those of the prior, the recordings alone say N⁻¹(H m − P c, H − P). A law that is missing
-//! beside the effects is eliminated from H.
+//! With H the posterior's precision, m its mode, P and c those of the prior, the recordings alone say N⁻¹(H m − P c, H − P). Forms of the
+//! effects, and a law that is missing beside them, are eliminated from H, as from every fit that the posterior holds.
 
 use super::answer::{Joint, Real, SameAs, Unknown};
 use super::infer::coordinate::Coordinate;
@@ -9,23 +9,16 @@ use super::infer::density::Problem;
 use super::infer::linear::{Frame, assemble};
 use super::verdict::Conclusion;
 use crate::effects::PARAMETERS;
-use nalgebra::DMatrix;
 
 /// That of the explanation that stands; none if its curvature is not positive.
 pub fn joint(problem: &Problem, conclusion: &Conclusion) -> Option<Joint> {
     let explanation = &conclusion.explanation;
     let fit = explanation.fit.as_ref()?;
-    let all = &fit.curvature;
     // A prior is what is assembled of no recordings.
     let prior = assemble(&fit.point, &Frame { shared: fit.shared.clone(), own: Vec::new() }, &[], 0.0)?.curvature;
-    let (gone, kept): (Vec<usize>, Vec<usize>) = (0..fit.shared.len()).partition(|&k| matches!(fit.shared[k], Coordinate::Missing(_)));
-    let part = |rows: &[usize], columns: &[usize]| DMatrix::from_fn(rows.len(), columns.len(), |i, j| all[(rows[i], columns[j])]);
-    let cross = part(&gone, &kept);
-    let precision = part(&kept, &kept) - cross.tr_mul(&part(&gone, &gone).cholesky()?.solve(&cross));
-    let covariance = precision.clone().cholesky()?.inverse();
+    let covariance = fit.covariance()?;
     let car = problem.car(&fit.point, None);
-    let unknown = |&k: &usize| {
-        let c = fit.shared[k];
+    let unknown = |&c: &Coordinate| {
         let (value, centre) = (Real(c.get(&fit.point, 0)), Real(c.centre()));
         match c {
             Coordinate::Shared(n) => {
@@ -53,17 +46,17 @@ pub fn joint(problem: &Problem, conclusion: &Conclusion) -> Option<Joint> {
                 one_sided: false,
                 same_as: None,
             },
-            Coordinate::Missing(_) | Coordinate::Own(_) => unreachable!("only shared unknowns without a missing law are kept"),
+            Coordinate::Missing(_) | Coordinate::Own(_) => unreachable!("functions are eliminated, and own unknowns are not shared"),
         }
     };
     let lower = |i: usize| (0..=i).map(move |j| (i, j));
     Some(Joint {
-        unknowns: kept.iter().map(unknown).collect(),
-        precision: (0..kept.len()).map(|i| lower(i).map(|at| Real(precision[at])).collect()).collect(),
-        covariance: (0..kept.len()).map(|i| lower(i).map(|at| Real(covariance[at])).collect()).collect(),
-        prior_precision: (0..kept.len())
+        unknowns: fit.shared.iter().map(unknown).collect(),
+        precision: (0..fit.shared.len()).map(|i| lower(i).map(|at| Real(fit.curvature[at])).collect()).collect(),
+        covariance: (0..fit.shared.len()).map(|i| lower(i).map(|at| Real(covariance[at])).collect()).collect(),
+        prior_precision: (0..fit.shared.len())
             .flat_map(lower)
-            .map(|(i, j)| (i, j, prior[(kept[i], kept[j])]))
+            .map(|(i, j)| (i, j, prior[(i, j)]))
             .filter(|entry| entry.2 != 0.0)
             .map(|(i, j, value)| (i, j, Real(value)))
             .collect(),
