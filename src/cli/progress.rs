@@ -27,6 +27,11 @@ impl Progress {
         self.0.set_position((share * STEPS as f64) as u64);
     }
 
+    /// Says to standard error, terminal or not, what remains.
+    pub fn line(&self, text: &str) {
+        self.0.suspend(|| eprintln!("{text}"));
+    }
+
     /// Takes the bar away.
     pub fn finish(&self) {
         self.0.finish_and_clear();

@@ -2,6 +2,7 @@
 
 use super::closed::{self, Closed};
 use super::folder;
+use super::kept::Kept;
 use super::predicted::{self, Predicted};
 use crate::campaign::{self, ReadOptions};
 use crate::cli::error::{CommandError, at};
@@ -66,20 +67,26 @@ pub struct Outcome {
     pub error: Option<String>,
 }
 
-/// Draws into a folder, diagnoses the folder, opens the seal.
+/// Draws into a folder, diagnoses the folder, opens the seal. The folder is gone afterwards, unless its answer is kept.
 ///
 /// # Errors
 /// A folder that cannot be written. A campaign that cannot be diagnosed is an outcome, not an error.
-pub fn examine(folder: &Path, subject: Subject) -> Result<Outcome, CommandError> {
+pub fn examine(folder: &Path, subject: Subject, kept: Option<&Kept>) -> Result<Outcome, CommandError> {
     let Subject { car, alteration } = subject;
-    if !folder::stopped() {
+    if !folder::stopped() && kept.is_none() {
         car.write(folder).map_err(at(folder))?;
     }
     let Car { campaign, unseen, truth, real } = car;
     let vehicle_json = campaign.vehicle_json;
     let sealed = Sealed(truth, real, unseen);
-    let answer = answer(folder);
-    let _ = std::fs::remove_dir_all(folder);
+    let answer = match kept {
+        Some(kept) => kept.answer(folder, || answer(folder)),
+        None => {
+            let answer = answer(folder);
+            let _ = std::fs::remove_dir_all(folder);
+            answer
+        }
+    };
     let (json, error) = match answer {
         Ok(json) => (json, None),
         Err(error) => (Value::Null, Some(error.to_string())),
@@ -145,6 +152,23 @@ impl Outcome {
     /// Whether this place is one of the true ones.
     pub fn is_at(&self, place: Option<&str>) -> bool {
         self.truth.effects.iter().any(|e| Some(e.subsystem) == place)
+    }
+
+    /// What was said and what is true, in a line.
+    pub fn line(&self) -> String {
+        let named = |n: &Named| {
+            let ids: Vec<&str> = std::iter::once(&n.id).chain(&n.group).map(String::as_str).collect();
+            n.probability.map_or(ids.join(" or "), |p| format!("{} ({:.0} %)", ids.join(" or "), 100.0 * p))
+        };
+        let or = |ids: Vec<String>, none: &str| if ids.is_empty() { none.to_owned() } else { ids.join(", ") };
+        let said = self.error.clone().map_or_else(
+            || {
+                let places = self.primary.iter().chain(&self.unexplained_at).map(|place| format!("; {place}")).collect::<String>();
+                format!("{}: {}{places}", self.verdict, or(self.named.iter().map(named).collect(), "no effect named"))
+            },
+            |error| format!("not diagnosed: {error}"),
+        );
+        format!("{said} | true: {}", or(self.true_ids().map(str::to_owned).collect(), "healthy"))
     }
 
     /// Everything about it for people who look closer.

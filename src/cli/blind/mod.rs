@@ -9,11 +9,13 @@
 //! - [`scores`]: counts, shares and their intervals
 //! - [`reliability`]: what claimed probabilities and intervals are worth
 //! - [`planned`]: what a plan promises against what drawn cars do
+//! - [`kept`]: answers that an interrupted examination gave already
 //! - [`folder`]: a temporary folder that is gone afterwards, also after an interruption
 
 pub mod closed;
 pub mod examine;
 pub mod folder;
+pub mod kept;
 pub mod planned;
 pub mod predicted;
 pub mod reliability;
@@ -24,11 +26,13 @@ use super::output::{print, print_json};
 use super::progress::Progress;
 use examine::{Outcome, Subject};
 use folder::Temporary;
+use kept::Kept;
 use rayon::prelude::*;
 use realcar::Place;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
 
 /// Options of `kisspoint blind`.
 #[derive(clap::Args, Debug)]
@@ -57,7 +61,7 @@ pub struct Args {
     /// File for the curve of --plan: how often effects at multiples of the predicted limit are found, SVG
     #[arg(long, value_name = "FILE", requires = "plan")]
     curve: Option<PathBuf>,
-    /// Keep the campaigns and their answers in this folder
+    /// Keep the campaigns, what is true of them and each diagnosis in this folder; a run that was interrupted goes on from there
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
     /// Draw the campaigns and diagnose none; needs --keep
@@ -117,24 +121,37 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
         }
     }
     let bar = Progress::new();
-    let folder = Temporary::new(seed)?;
+    let kept = args.keep.as_deref().map(Kept::beside).transpose()?;
+    let mut temporary = None;
+    let folder = match &args.keep {
+        Some(folder) => folder.as_path(),
+        None => temporary.insert(Temporary::new(seed)?).path(),
+    };
     let done = AtomicUsize::new(0);
     let one = |k: usize| {
-        let outcome = examine::examine(&folder.path().join(format!("car_{k:04}")), args.draw(seed, k));
+        let began = Instant::now();
+        let name = case(k);
+        let outcome = examine::examine(&folder.join(&name), args.draw(seed, k), kept.as_ref())?;
         let count = 1 + done.fetch_add(1, Ordering::Relaxed);
+        bar.line(&format!("{count:>3} of {cars}  {name}  {:>4.0} s  {}", began.elapsed().as_secs_f64(), outcome.line()));
         bar.tell(&format!("car {count} of {cars}"), count as f64 / cars as f64);
-        outcome
+        Ok(outcome)
     };
     let outcomes: Result<Vec<Outcome>, CommandError> = pool.install(|| (0..cars).into_par_iter().map(one).collect());
     bar.finish();
     report(&outcomes?, seed, args)
 }
 
+/// Name of the car of an index.
+fn case(index: usize) -> String {
+    format!("case_{:03}", index + 1)
+}
+
 /// Writes the campaigns as `case_001` and on, and what is true of them as `answers.json`.
 fn keep(folder: &Path, cars: usize, draw: impl Fn(usize) -> Subject + Sync) -> Result<(), CommandError> {
     let one = |k: usize| {
         let Subject { car, alteration } = draw(k);
-        let name = format!("case_{:03}", k + 1);
+        let name = case(k);
         car.write(&folder.join(&name)).map_err(at(folder))?;
         let ids: Vec<&str> = car.truth.effects.iter().map(|e| e.id).collect();
         let told: Vec<String> = car.truth.effects.iter().map(|e| format!("{}: {}", e.id, e.shape)).collect();
