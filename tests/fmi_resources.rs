@@ -73,6 +73,25 @@ fn an_fmu_starts_as_its_own_car_or_not_at_all() {
     }
 }
 
+/// What was read for one instance serves the next ones only as long as the file stands as it was.
+#[test]
+fn a_vehicle_file_that_changes_between_instances_is_read_again() {
+    let (folder, other) = other_car("changed");
+    let of_other = guid(&kisspoint::fmu::MODELS[0], &other);
+    let location = uri(&folder);
+    for _ in 0..2 {
+        assert_eq!(inertia(&of_other, Some(&location)), Some(OTHER_J_C));
+    }
+    let file = folder.join("vehicle.json");
+    let text = fs::read_to_string(&file).unwrap();
+    fs::write(&file, format!("{}\n", Vehicle::paper().to_value())).unwrap();
+    assert_eq!(inertia(&of_other, Some(&location)), None, "it is another car's now");
+    fs::write(&file, format!("{text}\n\n")).unwrap();
+    assert_eq!(inertia(&of_other, Some(&location)), Some(OTHER_J_C));
+    fs::remove_file(&file).unwrap();
+    assert_eq!(inertia(&of_other, Some(&location)), None, "it is gone");
+}
+
 #[cfg(unix)]
 #[test]
 fn a_folder_named_in_latin_1_is_found() {

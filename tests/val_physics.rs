@@ -4,7 +4,7 @@ use kisspoint::effects::{self, PARAMETERS, REGISTRY, SignalDelay, Subsystem, par
 use kisspoint::physics::cushion::{self, CushionSpring};
 use kisspoint::physics::friction::{self, Friction};
 use kisspoint::physics::{driveline, map, thermal};
-use kisspoint::plant::history::{CAPACITY, History};
+use kisspoint::plant::history::{CAPACITY, History, SIGNALS, Signal};
 use kisspoint::plant::{Inputs, Plant, Start};
 use kisspoint::vehicle::{Vehicle, VehicleError};
 use serde_json::json;
@@ -161,34 +161,36 @@ fn the_registry_finds_its_effects_and_says_how_large_they_are() {
 
 #[test]
 fn a_delay_line_is_what_it_holds() {
+    let signal = Signal::Flywheel;
     let mut line = History::new();
-    assert!(line.is_empty());
+    assert!(line.line(signal).is_empty());
     for (time, value) in [(0.0, 1.0), (0.5, 3.0), (1.0, 2.0)] {
-        line.push(time, value);
+        line.push(signal, time, value);
     }
     let mut copy = History::new();
-    assert!(line.iter().all(|(time, value)| copy.restore(time, value)));
-    assert!(copy == line);
-    copy.push(1.5, 0.0);
+    assert!(line.line(signal).iter().all(|(time, value)| copy.restore(signal, time, value)));
+    assert!(copy == line && copy.clone() == line);
+    assert!(SIGNALS.iter().filter(|other| !line.line(**other).is_empty()).eq([&signal]), "the lines are kept apart");
+    copy.push(signal, 1.5, 0.0);
     assert!(copy != line);
-    close("between two values", line.interpolate(0.25, 2.0, 9.0), 2.0);
-    close("before the first", line.interpolate(-1.0, 2.0, 9.0), 1.0);
-    close("after the last", line.interpolate(1.5, 2.0, 9.0), 5.5);
-    close("beyond now", line.interpolate(3.0, 2.0, 9.0), 9.0);
-    line.clear();
-    assert!(line.is_empty() && line == History::new());
-    close("of an empty line", line.interpolate(0.0, 2.0, 9.0), 9.0);
+    close("between two values", line.line(signal).interpolate(0.25, 2.0, 9.0), 2.0);
+    close("before the first", line.line(signal).interpolate(-1.0, 2.0, 9.0), 1.0);
+    close("after the last", line.line(signal).interpolate(1.5, 2.0, 9.0), 5.5);
+    close("beyond now", line.line(signal).interpolate(3.0, 2.0, 9.0), 9.0);
+    line.clear(signal);
+    assert!(line.line(signal).is_empty() && line == History::new());
+    close("of an empty line", line.line(signal).interpolate(0.0, 2.0, 9.0), 9.0);
     // The newest value gives way to one that comes soon after; the oldest goes when the line is full.
-    line.push(0.0, 1.0);
+    line.push(signal, 0.0, 1.0);
     for k in 1..=3 {
-        line.push(f64::from(k) * 5e-5, f64::from(k));
+        line.push(signal, f64::from(k) * 5e-5, f64::from(k));
     }
-    assert_eq!(line.iter().collect::<Vec<_>>(), [(0.0, 1.0), (3.0 * 5e-5, 3.0)]);
+    assert_eq!(line.line(signal).iter().collect::<Vec<_>>(), [(0.0, 1.0), (3.0 * 5e-5, 3.0)]);
     for k in 1..=CAPACITY as u32 {
-        line.push(f64::from(k) * 1e-3, f64::from(k));
+        line.push(signal, f64::from(k) * 1e-3, f64::from(k));
     }
-    assert_eq!((line.iter().count(), line.iter().next()), (CAPACITY, Some((1e-3, 1.0))));
-    assert!(!line.restore(9.0, 9.0), "a full line takes nothing up");
+    assert_eq!((line.line(signal).iter().count(), line.line(signal).iter().next()), (CAPACITY, Some((1e-3, 1.0))));
+    assert!(!line.restore(signal, 9.0, 9.0), "a full line takes nothing up");
 }
 
 #[test]

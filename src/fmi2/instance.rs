@@ -387,7 +387,9 @@ impl Instance {
         let mut writer = Writer(payload);
         writer.choice(&mut self.call_state.clone(), |s| s as u64, &[]);
         walk_moving(&mut self.moving.clone(), &mut writer);
-        writer.0.extend(self.values.iter().chain(&self.slopes).map(|v| v.to_bits()));
+        for values in [&self.values, &self.slopes] {
+            writer.0.extend(values.iter().map(|v| v.to_bits()));
+        }
         self.model.save(&mut writer);
     }
 

@@ -8,12 +8,14 @@ use crate::faults::Faults;
 use crate::physics::lag::LagState;
 use crate::physics::phase::Phase;
 use crate::plant::clutch::Branch;
-use crate::plant::history::CAPACITY;
+use crate::plant::history::{CAPACITY, SIGNALS};
 use crate::plant::pace::TooFast;
+use crate::plant::saved::equal;
 use crate::plant::{Inputs, Outputs, Plant, Start, State};
 use crate::validated::{Place, UNKNOWN_NM, Validated};
 use crate::vehicle::{NUMBERS, Vehicle};
 use std::ops::Range;
+use std::sync::LazyLock;
 
 include!(concat!(env!("OUT_DIR"), "/DrivelinePlant.rs"));
 
@@ -50,12 +52,13 @@ struct Known {
 
 /// A plant of the paper's car, to be started.
 pub fn make() -> Box<dyn Model> {
-    let vehicle = Vehicle::paper();
-    let start = Start { omega_f: 0.0, omega_c: 0.0, theta_c: 25.0, theta_b: 25.0 };
-    let plant = Plant::new(&vehicle, &effects::null(), &start, &Inputs::default());
+    static PAPER: LazyLock<Plant> = LazyLock::new(|| {
+        let start = Start { omega_f: 0.0, omega_c: 0.0, theta_c: 25.0, theta_b: 25.0 };
+        Plant::new(&Vehicle::paper(), &effects::null(), &start, &Inputs::default())
+    });
     Box::new(PlantModel {
-        plant,
-        vehicle,
+        plant: PAPER.clone(),
+        vehicle: Vehicle::paper(),
         numbers: [f64::NAN; NUMBERS.len()],
         faults: Faults::default(),
         base: effects::null(),
@@ -123,9 +126,10 @@ impl Model for PlantModel {
         }
         walk_parameters(&mut self.plant.config().parameters.clone(), to);
         walk_state(&mut self.plant.state().clone(), to);
-        for line in self.plant.delay_lines() {
-            to.word(&mut (line.iter().count() as u64), |_| true);
-            line.iter().for_each(|(mut time, mut value)| {
+        for signal in SIGNALS {
+            let line = self.plant.history().line(signal).iter();
+            to.word(&mut (line.len() as u64), |_| true);
+            line.for_each(|(mut time, mut value)| {
                 to.real(&mut time);
                 to.real(&mut value);
             });
@@ -139,21 +143,22 @@ impl Model for PlantModel {
         let (mut parameters, mut state) = (self.plant.config().parameters, *self.plant.state());
         walk_parameters(&mut parameters, from);
         walk_state(&mut state, from);
-        if values[NUMBERS_AT] != self.numbers {
+        if !equal(&values[NUMBERS_AT], &self.numbers) {
             self.vehicle = take_vehicle(&DESCRIPTION, values);
             self.numbers.copy_from_slice(&values[NUMBERS_AT]);
         }
         self.plant.take_up(&self.vehicle, &parameters, &state);
         self.compare();
-        for line in self.plant.delay_lines_mut() {
-            line.clear();
+        let history = self.plant.history_mut();
+        for signal in SIGNALS {
+            history.clear(signal);
             let mut count = 0;
             from.word(&mut count, |n| n <= CAPACITY as u64);
             for _ in 0..count {
                 let (mut time, mut value) = (0.0, 0.0);
                 from.real(&mut time);
                 from.real(&mut value);
-                line.restore(time, value);
+                history.restore(signal, time, value);
             }
         }
     }

@@ -18,6 +18,8 @@ use crate::vehicle::{Vehicle, VehicleError};
 use std::borrow::Cow;
 use std::fs;
 use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+use std::time::SystemTime;
 
 /// File with the vehicle's numbers in the resources.
 const VEHICLE_FILE: &str = "vehicle.json";
@@ -40,9 +42,43 @@ pub type Started = (Box<[f64]>, Faults, Option<Validated>);
 /// # Errors
 /// A vehicle file that is unsound, or values that are not those of the GUID.
 pub fn start_values(description: &Description, guid: &str, location: Option<&[u8]>, log: &mut Log) -> Result<Started, String> {
+    let place = place_of(location);
+    let stamp = place.as_ref().ok().and_then(Place::stamp);
+    let latest = || LATEST.lock().unwrap_or_else(PoisonError::into_inner);
+    if stamp.is_some()
+        && let Some(same) = latest().as_ref().filter(|latest| latest.guid == guid && latest.stamp == stamp)
+    {
+        return Ok(same.started.clone());
+    }
+    let started = checked_start_values(description, guid, place, log)?;
+    if stamp.is_some() {
+        *latest() = Some(Latest { guid: guid.into(), stamp, started: started.clone() });
+    }
+    Ok(started)
+}
+
+/// The vehicle file that was read last and what came of it: as a rule many instances are made of one FMU. What is kept are the values that the
+/// GUID names, so that a file which had changed without its stamp could start no other car.
+struct Latest {
+    guid: String,
+    stamp: Option<Stamp>,
+    started: Started,
+}
+
+static LATEST: Mutex<Option<Latest>> = Mutex::new(None);
+
+/// What tells whether a file is still the one that was read: its path, length and time of change.
+type Stamp = (PathBuf, u64, SystemTime);
+
+fn checked_start_values(
+    description: &Description,
+    guid: &str,
+    place: Result<Place<'_>, Missing>,
+    log: &mut Log,
+) -> Result<Started, String> {
     let mut fresh: Box<[f64]> = description.variables.iter().map(|v| v.start).collect();
     let (mut faults, mut validated) = (Faults::default(), None);
-    let absent = match vehicle_of_resources(location) {
+    let absent = match place.and_then(|place| place.read()) {
         Ok(Read { vehicle, effects, faults: read, validated: found }) => {
             put_vehicle(description, &vehicle, &effects, &mut fresh);
             // Only a model with effects plays them, or is validated.
@@ -85,28 +121,50 @@ struct Read {
     validated: Option<Validated>,
 }
 
-fn vehicle_of_resources(location: Option<&[u8]>) -> Result<Read, Missing> {
-    let (place, text) = vehicle_file(location)?;
-    let wrong = |e: VehicleError| Missing::Wrong(format!("{place}: {e}"));
-    let document: serde_json::Value = serde_json::from_str(&text).map_err(|e| wrong(VehicleError::Json(e.to_string())))?;
-    let faults = Faults::from_value(&document["faults"]).map_err(|e| Missing::Wrong(format!("{place}: {e}")))?;
-    let validated = Validated::from_value(&document["validated"]).map_err(|e| Missing::Wrong(format!("{place}: {e}")))?;
-    let (vehicle, effects) = (Vehicle::from_value(&document).map_err(wrong)?, effects::from_value(&document).map_err(wrong)?);
-    Ok(Read { vehicle, effects, faults, validated })
+/// Where the vehicle file is.
+enum Place<'a> {
+    File(PathBuf),
+    /// Its text. An FMU built from C sources, which may have no file system, hands it over in the URI itself.
+    Text(Cow<'a, str>),
 }
 
-/// Place and text of the vehicle file. An FMU built from C sources, which may have no file system, hands the text over in the URI itself.
-fn vehicle_file(location: Option<&[u8]>) -> Result<(String, Cow<'_, str>), Missing> {
+fn place_of(location: Option<&[u8]>) -> Result<Place<'_>, Missing> {
     let location = location.ok_or_else(|| Missing::Absent("fmuResourceLocation is NULL".into()))?;
     if let Some(text) = location.strip_prefix(IN_ITSELF) {
-        return Ok((VEHICLE_FILE.into(), String::from_utf8_lossy(text)));
+        return Ok(Place::Text(String::from_utf8_lossy(text)));
     }
     let folder = folder(location).ok_or_else(|| {
         Missing::Absent(format!("fmuResourceLocation \"{}\" names no folder on this machine", String::from_utf8_lossy(location)))
     })?;
-    let path = folder.join(VEHICLE_FILE);
-    let text = fs::read_to_string(&path).map_err(|e| Missing::Absent(format!("{} cannot be read: {e}", path.display())))?;
-    Ok((path.display().to_string(), text.into()))
+    Ok(Place::File(folder.join(VEHICLE_FILE)))
+}
+
+impl Place<'_> {
+    fn stamp(&self) -> Option<Stamp> {
+        let Self::File(path) = self else { return None };
+        let about = fs::metadata(path).ok()?;
+        Some((path.clone(), about.len(), about.modified().ok()?))
+    }
+
+    fn read(&self) -> Result<Read, Missing> {
+        match self {
+            Self::Text(text) => read(VEHICLE_FILE, text),
+            Self::File(path) => {
+                let place = path.display();
+                let text = fs::read_to_string(path).map_err(|e| Missing::Absent(format!("{place} cannot be read: {e}")))?;
+                read(&place.to_string(), &text)
+            }
+        }
+    }
+}
+
+fn read(place: &str, text: &str) -> Result<Read, Missing> {
+    let wrong = |e: VehicleError| Missing::Wrong(format!("{place}: {e}"));
+    let document: serde_json::Value = serde_json::from_str(text).map_err(|e| wrong(VehicleError::Json(e.to_string())))?;
+    let faults = Faults::from_value(&document["faults"]).map_err(|e| Missing::Wrong(format!("{place}: {e}")))?;
+    let validated = Validated::from_value(&document["validated"]).map_err(|e| Missing::Wrong(format!("{place}: {e}")))?;
+    let (vehicle, effects) = (Vehicle::from_value(&document).map_err(wrong)?, effects::from_value(&document).map_err(wrong)?);
+    Ok(Read { vehicle, effects, faults, validated })
 }
 
 /// Folder that the URI names; none if it is no file URI.

@@ -72,7 +72,7 @@ pub struct Reader<'a> {
     pub words: &'a [u64],
     /// Something was missing or invalid.
     pub failed: bool,
-    /// The words come from outside. What an instance of this process saved has bounds that were checked when it was set.
+    /// The words come from outside. What an instance of this process saved are numbers within their bounds, which were checked when they were set or computed.
     pub foreign: bool,
 }
 
@@ -97,12 +97,10 @@ impl Words for Reader<'_> {
             return;
         };
         self.words = rest;
-        let mut finite = true;
         for (value, word) in values.iter_mut().zip(taken) {
             *value = f64::from_bits(*word);
-            finite &= value.is_finite();
         }
-        self.failed |= !finite;
+        self.failed |= self.foreign && values.iter().any(|value| !value.is_finite());
     }
     fn reals_within(&mut self, values: &mut [f64], bounds: impl Iterator<Item = (f64, f64)>) {
         if !self.foreign {

@@ -13,6 +13,7 @@
 use super::actuation::{self, Chain};
 use super::clutch::{self, Found};
 use super::config::Config;
+use super::history::Signal;
 use super::motion::{self, Motion, Setting, index};
 use super::{Inputs, Phase, Plant, Start, State};
 
@@ -116,7 +117,7 @@ pub fn step(plant: &mut Plant, inputs: &Inputs, h: f64) {
     let end = start + h;
     let delayed = plant.config.constants.command_delay > 0.0;
     if delayed && inputs.x_to != plant.state.inputs.x_to {
-        plant.command.push(start, inputs.x_to);
+        plant.history.push(Signal::Command, start, inputs.x_to);
     }
     plant.state.inputs = *inputs;
     plant.iterations = 0;
@@ -139,10 +140,10 @@ pub fn substeps(plant: &Plant, h: f64) -> f64 {
 fn record_sensed(plant: &mut Plant) {
     let (c, s) = (&plant.config.constants, &plant.state);
     if !c.engine_speed_delay.is_none() {
-        plant.sensed_f.push(s.time, s.y[index::OMEGA_F]);
+        plant.history.push(Signal::Flywheel, s.time, s.y[index::OMEGA_F]);
     }
     if !c.clutch_speed_delay.is_none() {
-        plant.sensed_c.push(s.time, s.y[index::OMEGA_C]);
+        plant.history.push(Signal::Disc, s.time, s.y[index::OMEGA_C]);
     }
 }
 
@@ -170,8 +171,9 @@ fn substep(plant: &mut Plant, until: f64, delayed: bool) {
         let mut x_cmd = state.inputs.x_to;
         if delayed {
             let lag = config.constants.command_delay;
-            x_cmd = plant.command.held(state.time - lag);
-            if let Some(event) = plant.command.next_event(state.time - lag).filter(|_| !last) {
+            let line = plant.history.line(Signal::Command);
+            x_cmd = line.held(state.time - lag).unwrap_or(x_cmd);
+            if let Some(event) = line.next_event(state.time - lag).filter(|_| !last) {
                 h = h.min((event + lag - state.time).max(SLIVER * plant.max_substep));
             }
         }

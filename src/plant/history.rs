@@ -1,9 +1,9 @@
-//! Delay line: the last values of a signal with their times, in a ring of fixed size.
+//! Delay lines: the last values of signals with their times, in rings of fixed size.
 //!
 //! The longest delay (0.2 s) is kept at a resolution of [`RESOLUTION`]: values that come faster replace their
-//! predecessor, so that the ring never loses its oldest needed value, however short the steps.
+//! predecessor, so that a ring never loses its oldest needed value, however short the steps.
 
-/// Values kept.
+/// Values that each line keeps.
 pub const CAPACITY: usize = 1024;
 
 /// Age up to which values are surely kept, s.
@@ -12,120 +12,129 @@ pub const LONGEST: f64 = 0.2;
 /// Least time between two values kept, s.
 pub const RESOLUTION: f64 = 2e-4;
 
-/// A delay line.
-#[derive(Clone, Debug)]
-pub struct History {
-    /// Pairs (time, value); on the heap, for a task with a small stack makes plants too.
-    ring: Box<[(f64, f64)]>,
+/// How many signals have a line.
+const LINES: usize = 3;
+
+/// A signal that may come late.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Signal {
+    /// Position command.
+    Command,
+    /// Speed of the flywheel.
+    Flywheel,
+    /// Speed of the disc.
+    Disc,
+}
+
+/// All of them, in the order in which a saved state has them.
+pub const SIGNALS: [Signal; LINES] = [Signal::Command, Signal::Flywheel, Signal::Disc];
+
+/// A time and a value.
+type Pair = (f64, f64);
+
+/// Where the pairs of a line stand in its ring.
+#[derive(Clone, Copy, Debug, Default)]
+struct Span {
     first: usize,
     len: usize,
 }
 
-impl PartialEq for History {
-    fn eq(&self, other: &Self) -> bool {
-        self.iter().eq(other.iter())
-    }
-}
-
-impl History {
-    /// An empty line.
-    pub fn new() -> Self {
-        Self { ring: vec![(0.0, 0.0); CAPACITY].into_boxed_slice(), first: 0, len: 0 }
-    }
-
-    /// Forgets everything.
-    pub fn clear(&mut self) {
-        self.first = 0;
-        self.len = 0;
-    }
-
-    /// Whether nothing is kept.
-    pub fn is_empty(&self) -> bool {
-        self.len == 0
-    }
-
+impl Span {
     fn slot(&self, k: usize) -> usize {
         (self.first + k) % CAPACITY
     }
+}
 
-    fn at(&self, k: usize) -> (f64, f64) {
-        self.ring[self.slot(k)]
+/// The delay lines of a plant.
+#[derive(Debug)]
+pub struct History {
+    /// Slots of the rings, side by side; on the heap, for a task with a small stack makes plants too. All the room is there from the beginning, but a
+    /// slot is first written to when a line gets there: most plants have no delay, and pay nothing for untouched memory.
+    slots: Vec<[Pair; LINES]>,
+    spans: [Span; LINES],
+}
+
+impl History {
+    /// Empty lines.
+    pub fn new() -> Self {
+        Self { slots: Vec::with_capacity(CAPACITY), spans: [Span::default(); LINES] }
     }
 
-    /// The pairs (time, value) kept, oldest first.
-    pub fn iter(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
-        (0..self.len).map(|k| self.at(k))
+    /// The line of a signal, to be read.
+    pub fn line(&self, signal: Signal) -> Line<'_> {
+        Line { slots: &self.slots, span: self.spans[signal as usize], signal }
     }
 
-    /// Appends a pair that [`History::iter`] gave, as it stands; false when the line is full.
-    pub fn restore(&mut self, time: f64, value: f64) -> bool {
-        if self.len == CAPACITY {
+    /// Forgets a signal.
+    pub fn clear(&mut self, signal: Signal) {
+        self.spans[signal as usize] = Span::default();
+    }
+
+    /// The slot of the newest pair of a line.
+    fn newest(&mut self, signal: Signal) -> &mut Pair {
+        let span = self.spans[signal as usize];
+        let slot = span.slot(span.len - 1);
+        if slot >= self.slots.len() {
+            self.slots.resize(slot + 1, [(0.0, 0.0); LINES]);
+        }
+        &mut self.slots[slot][signal as usize]
+    }
+
+    /// Appends a pair that [`Line::iter`] gave, as it stands; false when the line is full.
+    pub fn restore(&mut self, signal: Signal, time: f64, value: f64) -> bool {
+        let span = &mut self.spans[signal as usize];
+        if span.len == CAPACITY {
             return false;
         }
-        let slot = self.slot(self.len);
-        self.ring[slot] = (time, value);
-        self.len += 1;
+        span.len += 1;
+        *self.newest(signal) = (time, value);
         true
     }
 
     /// Adds a value at a time that is not before the last one.
-    pub fn push(&mut self, time: f64, value: f64) {
+    pub fn push(&mut self, signal: Signal, time: f64, value: f64) {
+        let line = self.line(signal);
         // The newest value is replaced while the one before it is close; the first value of all always stays.
-        let crowded = self.len >= 2 && time - self.at(self.len - 2).0 < RESOLUTION;
+        let crowded = line.span.len >= 2 && time - line.at(line.span.len - 2).0 < RESOLUTION;
         if !crowded {
-            if self.len == CAPACITY {
-                self.first = self.slot(1);
+            let span = &mut self.spans[signal as usize];
+            if span.len == CAPACITY {
+                span.first = span.slot(1);
             } else {
-                self.len += 1;
+                span.len += 1;
             }
         }
-        let slot = self.slot(self.len - 1);
-        self.ring[slot] = (time, value);
+        *self.newest(signal) = (time, value);
     }
 
     /// Moves the values by `by`, and by `rate` per second for what came after the last `since` seconds began: what an observer finds wrong of a moment ago
     /// was wrong before it, and has been getting worse since.
-    pub fn correct(&mut self, by: f64, rate: f64, since: f64, now: f64) {
+    pub fn correct(&mut self, signal: Signal, by: f64, rate: f64, since: f64, now: f64) {
+        let span = self.spans[signal as usize];
         // Newest first; what is older than the longest delay is not asked for any more, but for the value that held at its beginning.
-        for k in (0..self.len).rev() {
-            let slot = self.slot(k);
-            let age = now - self.ring[slot].0;
-            self.ring[slot].1 += by + rate * (since - age).max(0.0);
+        for k in (0..span.len).rev() {
+            let (time, value) = &mut self.slots[span.slot(k)][signal as usize];
+            let age = now - *time;
+            *value += by + rate * (since - age).max(0.0);
             if age > LONGEST {
                 return;
             }
         }
     }
+}
 
-    /// Index of the last value at or before `time`.
-    fn before(&self, time: f64) -> Option<usize> {
-        let (mut low, mut high) = (0, self.len);
-        while low < high {
-            let middle = (low + high) / 2;
-            if self.at(middle).0 <= time { low = middle + 1 } else { high = middle }
-        }
-        low.checked_sub(1)
+/// A copy has all the room, too.
+impl Clone for History {
+    fn clone(&self) -> Self {
+        let mut copy = Self { spans: self.spans, ..Self::new() };
+        copy.slots.extend_from_slice(&self.slots);
+        copy
     }
+}
 
-    /// Value held at `time`: that of the last event at or before it, or the oldest.
-    pub fn held(&self, time: f64) -> f64 {
-        self.at(self.before(time).unwrap_or(0)).1
-    }
-
-    /// Time of the first event after `time`.
-    pub fn next_event(&self, time: f64) -> Option<f64> {
-        let next = self.before(time).map_or(0, |k| k + 1);
-        (next < self.len).then(|| self.at(next).0)
-    }
-
-    /// Value at `time`, linear between samples; after the last one towards `value_now` at `now`.
-    pub fn interpolate(&self, time: f64, now: f64, value_now: f64) -> f64 {
-        let Some(k) = self.before(time) else {
-            return if self.is_empty() { value_now } else { self.at(0).1 };
-        };
-        let (t0, v0) = self.at(k);
-        let (t1, v1) = if k + 1 < self.len { self.at(k + 1) } else { (now, value_now) };
-        if t1 > t0 { v0 + (v1 - v0) * ((time - t0) / (t1 - t0)).min(1.0) } else { v1 }
+impl PartialEq for History {
+    fn eq(&self, other: &Self) -> bool {
+        SIGNALS.iter().all(|s| self.line(*s).iter().eq(other.line(*s).iter()))
     }
 }
 
@@ -135,18 +144,73 @@ impl Default for History {
     }
 }
 
+/// The line of one signal.
+#[derive(Clone, Copy)]
+pub struct Line<'a> {
+    slots: &'a [[Pair; LINES]],
+    span: Span,
+    signal: Signal,
+}
+
+impl<'a> Line<'a> {
+    /// Whether nothing is kept.
+    pub fn is_empty(&self) -> bool {
+        self.span.len == 0
+    }
+
+    fn at(&self, k: usize) -> Pair {
+        self.slots[self.span.slot(k)][self.signal as usize]
+    }
+
+    /// The pairs (time, value) kept, oldest first.
+    pub fn iter(self) -> impl ExactSizeIterator<Item = (f64, f64)> + 'a {
+        (0..self.span.len).map(move |k| self.at(k))
+    }
+
+    /// Index of the last value at or before `time`.
+    fn before(&self, time: f64) -> Option<usize> {
+        let (mut low, mut high) = (0, self.span.len);
+        while low < high {
+            let middle = (low + high) / 2;
+            if self.at(middle).0 <= time { low = middle + 1 } else { high = middle }
+        }
+        low.checked_sub(1)
+    }
+
+    /// Value held at `time`: that of the last event at or before it, or the oldest; none of an empty line.
+    pub fn held(&self, time: f64) -> Option<f64> {
+        (!self.is_empty()).then(|| self.at(self.before(time).unwrap_or(0)).1)
+    }
+
+    /// Time of the first event after `time`.
+    pub fn next_event(&self, time: f64) -> Option<f64> {
+        let next = self.before(time).map_or(0, |k| k + 1);
+        (next < self.span.len).then(|| self.at(next).0)
+    }
+
+    /// Value at `time`, linear between samples; after the last one towards `value_now` at `now`.
+    pub fn interpolate(&self, time: f64, now: f64, value_now: f64) -> f64 {
+        let Some(k) = self.before(time) else {
+            return if self.is_empty() { value_now } else { self.at(0).1 };
+        };
+        let (t0, v0) = self.at(k);
+        let (t1, v1) = if k + 1 < self.span.len { self.at(k + 1) } else { (now, value_now) };
+        if t1 > t0 { v0 + (v1 - v0) * ((time - t0) / (t1 - t0)).min(1.0) } else { v1 }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn the_longest_delay_is_kept_however_short_the_steps() {
-        let mut line = History::new();
+        let mut all = History::new();
         let h = 1e-5;
         for k in 0..200_000 {
-            line.push(f64::from(k) * h, f64::from(k) * h);
+            all.push(Signal::Disc, f64::from(k) * h, f64::from(k) * h);
         }
-        let now = 199_999.0 * h;
+        let (now, line) = (199_999.0 * h, all.line(Signal::Disc));
         for delay in [0.0, 1e-3, 0.05, 0.199] {
             let got = line.interpolate(now - delay, now, now);
             assert!((got - (now - delay)).abs() < 1e-9, "delay {delay}: {got}");
@@ -155,11 +219,13 @@ mod tests {
 
     #[test]
     fn a_held_signal_changes_at_its_events() {
-        let mut line = History::new();
+        let mut all = History::new();
         for (t, v) in [(0.0, 1.0), (0.5, 2.0), (1.0, 3.0)] {
-            line.push(t, v);
+            all.push(Signal::Disc, t, v);
         }
-        assert_eq!((line.held(-1.0), line.held(0.49), line.held(0.5), line.held(9.0)), (1.0, 1.0, 2.0, 3.0));
+        let line = all.line(Signal::Disc);
+        assert_eq!([-1.0, 0.49, 0.5, 9.0].map(|t| line.held(t)), [1.0, 1.0, 2.0, 3.0].map(Some));
+        assert_eq!((all.line(Signal::Command).held(1.0), all.line(Signal::Command).is_empty()), (None, true));
         assert_eq!((line.next_event(0.5), line.next_event(1.0)), (Some(1.0), None));
     }
 }

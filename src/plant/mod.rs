@@ -27,7 +27,7 @@ pub use crate::physics::phase::Phase;
 use crate::vehicle::Vehicle;
 use clutch::Found;
 use config::Config;
-use history::History;
+use history::{History, SIGNALS, Signal};
 use motion::{Motion, index};
 use pace::TooFast;
 
@@ -129,9 +129,7 @@ pub struct Plant {
     state: State,
     /// What the last substep found of the faces at its end, under this configuration.
     found: Found,
-    command: History,
-    sensed_f: History,
-    sensed_c: History,
+    history: History,
     max_substep: f64,
     iterations: u64,
 }
@@ -143,9 +141,7 @@ impl Plant {
             config: Box::new(Config::new(vehicle, effects)),
             state: events::initial(start, inputs),
             found: Found::NOTHING,
-            command: History::new(),
-            sensed_f: History::new(),
-            sensed_c: History::new(),
+            history: History::new(),
             max_substep: MAX_SUBSTEP,
             iterations: 0,
         };
@@ -156,8 +152,8 @@ impl Plant {
     /// Back to time 0 at `start`; actuator and engine rest in the values of `inputs`. The effects that are set stay.
     pub fn restart(&mut self, start: &Start, inputs: &Inputs) {
         self.state = events::initial(start, inputs);
-        for line in [&mut self.command, &mut self.sensed_f, &mut self.sensed_c] {
-            line.clear();
+        for signal in SIGNALS {
+            self.history.clear(signal);
         }
         actuation::rest(&self.config, &mut self.state);
         events::settle_phase(&self.config, &mut self.state);
@@ -194,15 +190,15 @@ impl Plant {
     fn start_delay_lines(&mut self, command: f64) {
         let (c, s) = (&self.config.constants, &self.state);
         let lines = [
-            (&mut self.command, c.command_delay <= 0.0, command),
-            (&mut self.sensed_f, c.engine_speed_delay.is_none(), s.y[index::OMEGA_F]),
-            (&mut self.sensed_c, c.clutch_speed_delay.is_none(), s.y[index::OMEGA_C]),
+            (Signal::Command, c.command_delay <= 0.0, command),
+            (Signal::Flywheel, c.engine_speed_delay.is_none(), s.y[index::OMEGA_F]),
+            (Signal::Disc, c.clutch_speed_delay.is_none(), s.y[index::OMEGA_C]),
         ];
-        for (line, at_once, value) in lines {
+        for (signal, at_once, value) in lines {
             if at_once {
-                line.clear();
-            } else if line.is_empty() {
-                line.push(s.time, value);
+                self.history.clear(signal);
+            } else if self.history.line(signal).is_empty() {
+                self.history.push(signal, s.time, value);
             }
         }
     }
@@ -230,8 +226,8 @@ impl Plant {
         let (by, rate) = if self.state.stuck { (common(by), common(rate)) } else { (by, rate) };
         events::correct_speeds(&mut self.state, by[0] + rate[0] * since, by[1] + rate[1] * since);
         let now = self.state.time;
-        self.sensed_f.correct(by[0], rate[0], since, now);
-        self.sensed_c.correct(by[1], rate[1], since, now);
+        self.history.correct(Signal::Flywheel, by[0], rate[0], since, now);
+        self.history.correct(Signal::Disc, by[1], rate[1], since, now);
     }
 
     /// Tells twisted shafts of `torque` N·m that an observer found on the car's side: what accelerates the whole car so shows as an acceleration of the disc
@@ -255,7 +251,8 @@ impl Plant {
     /// Outputs now.
     pub fn outputs(&self) -> Outputs {
         let (s, c) = (&self.state, &self.config.constants);
-        let sensed = |line: &History, delay: SignalDelay, now: f64| {
+        let sensed = |signal: Signal, delay: SignalDelay, now: f64| {
+            let line = self.history.line(signal);
             let at = |age: f64| line.interpolate(s.time - age.min(history::LONGEST), s.time, now);
             match delay {
                 d if d.is_none() => now,
@@ -267,8 +264,8 @@ impl Plant {
             }
         };
         Outputs {
-            omega_f: sensed(&self.sensed_f, c.engine_speed_delay, s.y[index::OMEGA_F]),
-            omega_c: c.clutch_speed_gain * sensed(&self.sensed_c, c.clutch_speed_delay, s.y[index::OMEGA_C]),
+            omega_f: sensed(Signal::Flywheel, c.engine_speed_delay, s.y[index::OMEGA_F]),
+            omega_c: c.clutch_speed_gain * sensed(Signal::Disc, c.clutch_speed_delay, s.y[index::OMEGA_C]),
             t_e: s.inputs.t_e_ref,
             t_fc: events::clutch_torque(&self.config, &self.found, s),
             theta_c: s.y[index::THETA_C],

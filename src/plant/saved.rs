@@ -8,15 +8,15 @@ use crate::effects::Parameters;
 use crate::vehicle::Vehicle;
 
 impl Plant {
-    /// The delay lines: position command, flywheel speed, disc speed. With state, vehicle and effects they determine all that follows,
+    /// The delay lines. With state, vehicle and effects they determine all that follows,
     /// bit for bit.
-    pub fn delay_lines(&self) -> [&History; 3] {
-        [&self.command, &self.sensed_f, &self.sensed_c]
+    pub fn history(&self) -> &History {
+        &self.history
     }
 
     /// The delay lines, to be filled beside [`Plant::take_up`].
-    pub fn delay_lines_mut(&mut self) -> [&mut History; 3] {
-        [&mut self.command, &mut self.sensed_f, &mut self.sensed_c]
+    pub fn history_mut(&mut self) -> &mut History {
+        &mut self.history
     }
 
     /// Takes up a state that [`Plant::state`] gave, under the vehicle and effects that held then.
@@ -30,6 +30,6 @@ impl Plant {
 }
 
 /// Whether numbers are equal, all of them compared: nearly always they are, and without a way out in between the compiler takes several at a time.
-fn equal(a: &[f64], b: &[f64]) -> bool {
+pub fn equal(a: &[f64], b: &[f64]) -> bool {
     a.len() == b.len() && a.iter().zip(b).fold(true, |all, (a, b)| all & (a == b))
 }
