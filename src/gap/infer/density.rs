@@ -13,7 +13,7 @@
 use crate::effects::empirical::{CURVES, Curve};
 use crate::effects::{self, PARAMETERS, Parameters};
 use crate::gap::model::filter::Filter;
-use crate::gap::model::replay::{self, Missing};
+use crate::gap::model::replay::{self, Missing, Steps};
 use crate::gap::model::tolerance::{Car, Nuisance};
 use crate::gap::model::track::Track;
 use crate::plant::config::Config;
@@ -71,6 +71,14 @@ pub struct Point {
 /// Whitened innovations of one recording.
 pub type Residuals = Vec<f64>;
 
+/// A place from which changes of the innovations of one recording count.
+pub struct Baseline<'a> {
+    point: &'a Point,
+    basis: Option<&'a Basis>,
+    steps: Steps,
+    residuals: Residuals,
+}
+
 impl Problem {
     /// Allows for explanations that are not exact. What the car as its file gives it leaves unexplained, G, is explained by laws that are right to a share c of what they
     /// change, [`ACCURACY`]; the recordings then are as far as R = ½ c² G nats from what even the true explanation predicts. A posterior that is given data of such a
@@ -114,9 +122,13 @@ impl Problem {
 
     /// Innovations of recording `k`.
     pub fn residuals(&self, k: usize, point: &Point, basis: Option<&Basis>) -> Residuals {
+        self.replayed(k, point, basis, Steps::Rows)
+    }
+
+    fn replayed(&self, k: usize, point: &Point, basis: Option<&Basis>, steps: Steps) -> Residuals {
         let car = self.car(point, Some(k));
         let missing = basis.map(|b| combined(b, k, &point.missing));
-        let mut all = replay::innovations(&self.tracks[k], &self.filters[k], &car, self.temperatures(point, k), missing.as_ref());
+        let mut all = replay::innovations_in(steps, &self.tracks[k], &self.filters[k], &car, self.temperatures(point, k), missing.as_ref());
         if let Some(m) = &missing {
             all.iter_mut().zip(&m.innovations).for_each(|(r, x)| *r += x);
         }
@@ -126,6 +138,24 @@ impl Problem {
     /// Innovations of all recordings.
     pub fn all_residuals(&self, point: &Point, basis: Option<&Basis>) -> Vec<Residuals> {
         (0..self.tracks.len()).into_par_iter().map(|k| self.residuals(k, point, basis)).collect()
+    }
+
+    /// The place from which [`Problem::change`] counts, in recording `k`. `known` are the innovations there, if they are known.
+    pub fn baseline<'a>(&self, k: usize, point: &'a Point, basis: Option<&'a Basis>, known: Option<&Residuals>) -> Baseline<'a> {
+        // What pulsates changes within an observation.
+        let in_rows = self.tracks[k].rows_per_observation == 1 || self.car(point, Some(k)).pulsates();
+        let steps = if in_rows { Steps::Rows } else { Steps::Observations };
+        let residuals = known.filter(|_| in_rows).cloned().unwrap_or_else(|| self.replayed(k, point, basis, steps));
+        Baseline { point, basis, steps, residuals }
+    }
+
+    /// Change of the innovations of recording `k` from a baseline to a point with functions of this basis.
+    pub fn change(&self, k: usize, from: &Baseline, to: &Point, basis: Option<&Basis>) -> Residuals {
+        let difference = |there: Residuals, here: &Residuals| there.iter().zip(here).map(|(a, b)| a - b).collect();
+        if from.steps == Steps::Observations && self.car(to, Some(k)).pulsates() {
+            return difference(self.residuals(k, to, basis), &self.residuals(k, from.point, from.basis));
+        }
+        difference(self.replayed(k, to, basis, from.steps), &from.residuals)
     }
 
     /// Samples of all recordings.

@@ -12,9 +12,10 @@
 //!
 //! The functions are linear in the innovations: a fit takes them along without replays of their own.
 
-use super::density::{Basis, Point, Problem, Residuals};
+use super::density::{Baseline, Basis, Point, Problem, Residuals};
 use crate::effects::{Act, PARAMETERS, REGISTRY};
 use crate::gap::model::replay::Missing;
+use rayon::prelude::*;
 
 /// How far the form of a real effect is from the library's: standard deviation of what that changes in the recordings, relative to what the effect itself
 /// changes in them.
@@ -29,21 +30,21 @@ pub fn forms(problem: &Problem, point: &Point, effects: &[usize]) -> Basis {
         return Basis::new();
     }
     let point = &Point { missing: Vec::new(), ..point.clone() };
-    let here = problem.all_residuals(point, None);
-    effects.iter().flat_map(|&e| of_effect(problem, point, e, &here)).collect()
+    let from: Vec<Baseline> = (0..problem.tracks.len()).into_par_iter().map(|r| problem.baseline(r, point, None, None)).collect();
+    effects.iter().flat_map(|&e| of_effect(problem, point, e, &from)).collect()
 }
 
-fn of_effect(problem: &Problem, point: &Point, effect: usize, here: &[Residuals]) -> Basis {
+fn of_effect(problem: &Problem, point: &Point, effect: usize, from: &[Baseline]) -> Basis {
     let entry = &REGISTRY[effect];
     let mut moved = point.clone();
     entry.parameters.clone().for_each(|p| moved.effects[p] = PARAMETERS[p].null);
-    let without = problem.all_residuals(&moved, None);
-    let mut changes = vec![difference(here, &without)];
+    let mut changes = vec![less(problem, from, &moved)];
     if matches!(entry.effect.act, Act::Pulsation(_)) {
         let k = entry.parameters.start;
         let mut turned = point.clone();
         (turned.effects[k], turned.effects[k + 1]) = (-point.effects[k + 1], point.effects[k]);
-        changes.push(difference(&problem.all_residuals(&turned, None), &without));
+        let turn = less(problem, from, &turned);
+        changes.push(difference(&changes[0], &turn));
     }
     of_changes(problem, &changes, FORM)
 }
@@ -54,6 +55,11 @@ pub fn of_law(problem: &Problem, point: &Point, basis: &Basis, amplitudes: usize
     without.missing[..amplitudes].fill(0.0);
     let change = difference(&problem.all_residuals(point, Some(basis)), &problem.all_residuals(&without, Some(basis)));
     of_changes(problem, &[change], 1.0)
+}
+
+/// What forms are expected to change: the sum of squares of one standard deviation of each function.
+pub fn change(basis: &Basis) -> f64 {
+    basis.iter().flatten().flat_map(|f| &f.innovations).map(|x| x * x).sum()
 }
 
 /// The functions of changes, so that all of them together change this share of what the first one is.
@@ -98,6 +104,11 @@ fn modulated(problem: &Problem, change: &[Residuals]) -> Vec<Vec<Residuals>> {
         functions.push(times(j, &|x| (u(x).powi(2) - 1.0) / std::f64::consts::SQRT_2));
     }
     functions
+}
+
+/// Change from baselines to a point with less: what the effect in question does is minus this.
+fn less(problem: &Problem, from: &[Baseline], to: &Point) -> Vec<Residuals> {
+    from.par_iter().enumerate().map(|(r, from)| problem.change(r, from, to, None)).collect()
 }
 
 fn difference(a: &[Residuals], b: &[Residuals]) -> Vec<Residuals> {

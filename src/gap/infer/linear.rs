@@ -10,7 +10,7 @@
 //! so that the work is linear in the number of recordings.
 
 use super::coordinate::Coordinate;
-use super::density::{BENDS, Basis, Point, Problem, Residuals, STRAINS, TEMPERATURES, weight};
+use super::density::{BENDS, Baseline, Basis, Point, Problem, Residuals, STRAINS, TEMPERATURES, weight};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
@@ -53,7 +53,9 @@ pub fn derivatives(
     let fixed = |c: Coordinate| matches!(c, Coordinate::Shared(_) | Coordinate::Own(_));
     let fresh: Vec<usize> = (0..all.len()).filter(|&k| twin(k).is_none() && !(known.is_some() && fixed(all[k]))).collect();
     let tasks: Vec<(usize, usize)> = (0..problem.tracks.len()).flat_map(|r| fresh.iter().map(move |&k| (r, k))).collect();
-    let columns: Vec<Vec<f64>> = tasks.par_iter().map(|&(r, k)| derivative(problem, point, basis, r, &residuals[r], all[k])).collect();
+    let from: Vec<Baseline> = residuals.par_iter().enumerate().map(|(r, known)| problem.baseline(r, point, basis, Some(known))).collect();
+    let columns: Vec<Vec<f64>> =
+        tasks.par_iter().map(|&(r, k)| derivative(problem, point, basis, r, &from[r], residuals[r].len(), all[k])).collect();
     let mut columns = columns.into_iter();
     // Shared nuisances keep their places whatever effects are free; own ones are counted from the end.
     let place = |known: &Columns, k: usize| if k < frame.shared.len() { k } else { known.matrix.ncols() - (all.len() - k) };
@@ -104,14 +106,15 @@ fn derivative(
     point: &Point,
     basis: Option<&Basis>,
     r: usize,
-    residuals: &Residuals,
+    from: &Baseline,
+    length: usize,
     coordinate: Coordinate,
 ) -> Vec<f64> {
     if let (Coordinate::Missing(k), Some(basis)) = (coordinate, basis)
         && basis[k][r].is_linear()
     {
         let mut column = basis[k][r].innovations.clone();
-        column.resize(residuals.len(), 0.0);
+        column.resize(length, 0.0);
         return column;
     }
     let mut moved = point.clone();
@@ -122,8 +125,7 @@ fn derivative(
         coordinate.move_by(problem, &mut moved, r, -coordinate.step());
         step = coordinate.get(&moved, r) - coordinate.get(point, r);
     }
-    let there = problem.residuals(r, &moved, basis);
-    there.iter().zip(residuals).map(|(a, b)| (a - b) / step).collect()
+    problem.change(r, from, &moved, basis).into_iter().map(|change| change / step).collect()
 }
 
 /// One recording's own part of the normal equations, eliminated.

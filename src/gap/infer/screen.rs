@@ -207,6 +207,7 @@ struct Part {
 fn part(problem: &Problem, anchor: &Anchor, candidates: &[Candidate], r: usize) -> Part {
     let here = &anchor.residuals[r];
     let roots: Vec<f64> = here.iter().map(|r| weight(*r).sqrt()).collect();
+    let from = problem.baseline(r, &anchor.point, anchor.basis.as_ref(), Some(here));
     let (columns, misfit): (Vec<Vec<f64>>, Vec<f64>) = candidates
         .par_iter()
         .map(|c| {
@@ -214,9 +215,9 @@ fn part(problem: &Problem, anchor: &Anchor, candidates: &[Candidate], r: usize) 
                 let column = anchor.columns[r].matrix.column(tolerance);
                 return (column.iter().zip(&roots).map(|(x, w)| sigmas * x * w).collect::<Vec<f64>>(), f64::NAN);
             }
-            let there = problem.residuals(r, &c.point, anchor.basis.as_ref());
-            let misfit = there.iter().map(|r| huber(*r)).sum::<f64>();
-            (there.iter().zip(here).zip(&roots).map(|((a, b), w)| (a - b) * w).collect::<Vec<f64>>(), misfit)
+            let change = problem.change(r, &from, &c.point, anchor.basis.as_ref());
+            let misfit = change.iter().zip(here).map(|(change, here)| huber(here + change)).sum::<f64>();
+            (change.iter().zip(&roots).map(|(change, w)| change * w).collect::<Vec<f64>>(), misfit)
         })
         .unzip();
     let (n, m) = (here.len(), candidates.len());

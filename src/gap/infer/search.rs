@@ -8,7 +8,7 @@
 use super::coordinate::Coordinate;
 use super::density::{Basis, Point, Problem, STRAINS, cost, size};
 use super::fit::{Fit, Free, LOOK, fit};
-use super::form::forms;
+use super::form::{self, forms};
 use super::linear::Columns;
 use super::pulsation;
 use super::screen::{Anchor, Promise, Screening, screen};
@@ -49,7 +49,14 @@ impl Hypothesis {
         let basis = forms(problem, start, &effects);
         let start = Point { missing: Vec::new(), ..start.clone() };
         let formed = fit(problem, Free { effects: &effects, basis: Some(&basis) }, &start, iterations, known);
-        Self::new(problem, effects, formed, basis)
+        // A form is a share of what its effect changes where the fit ends, not where it began.
+        let there = forms(problem, &formed.point, &effects);
+        if (form::change(&there) / form::change(&basis)).ln().abs() < AS_LARGE {
+            return Self::new(problem, effects, formed, basis);
+        }
+        let start = Point { missing: Vec::new(), ..formed.point.clone() };
+        let formed = fit(problem, Free { effects: &effects, basis: Some(&there) }, &start, LOOK, formed.known());
+        Self::new(problem, effects, formed, there)
     }
 }
 
@@ -147,6 +154,8 @@ const MOST_BYTES: usize = 200_000_000;
 
 /// Most effects at a time.
 pub const MOST_EFFECTS: usize = 3;
+/// Difference of the logarithms of what two sets of forms change up to which they are as large as each other.
+const AS_LARGE: f64 = 0.2;
 /// Iterations of a fit that stays.
 const STAY: usize = 12;
 /// Candidates that are looked at from the fitted car, from the nominal one if a gap dragged that along, and those of them that are fitted to the end.

@@ -5,7 +5,7 @@
 //! size of a fault worth the name or some times that; sizes are summed over, and the places that gain most are fitted, with a form of their own.
 
 use super::coordinate::Coordinate;
-use super::density::{Basis, Point, Problem, Residuals, weight};
+use super::density::{Baseline, Basis, Point, Problem, Residuals, weight};
 use super::fit::{Fit, Free, LOOK, fit};
 use super::form::{forms, of_law};
 use super::linear::{Columns, Frame, Normal, Products, assemble};
@@ -222,13 +222,13 @@ impl<'a> Mode<'a> {
         point.missing.resize(there.len(), 0.0);
         let one = |r: usize| {
             let here = &self.fit.residuals[r];
+            let from = self.problem.baseline(r, &point, Some(&there), Some(here));
             let columns: Vec<Vec<f64>> = (0..further.len())
                 .into_par_iter()
                 .map(|k| {
                     let mut moved = point.clone();
                     moved.missing[fitted + k] = STEP;
-                    let there = self.problem.residuals(r, &moved, Some(&there));
-                    there.iter().zip(here).map(|(a, b)| (a - b) / STEP).collect()
+                    self.problem.change(r, &from, &moved, Some(&there)).into_iter().map(|change| change / STEP).collect()
                 })
                 .collect();
             DMatrix::from_fn(here.len(), further.len(), |i, k| columns[k][i])
@@ -261,9 +261,10 @@ impl<'a> Mode<'a> {
             let last = |i: usize| track.rows_of(if i < 2 * n { i / 2 } else { (i - 2 * n) % n }).end - 1;
             let first_in = |i: usize| ((track.time[last(i)] - track.time[0]) / width + 1.0) as usize;
             let bumps = (span(r) / width) as usize + 1;
+            let from = problem.baseline(r, point, Some(self.basis), Some(&self.fit.residuals[r]));
             let mut all = vec![vec![0.0; self.fit.residuals[r].len()]; bumps];
             for (comb, function) in combs.into_iter().enumerate() {
-                for (i, change) in self.change(r, function).into_iter().enumerate() {
+                for (i, change) in self.change(r, &from, function).into_iter().enumerate() {
                     // The last bump of this comb that has begun.
                     let begun = first_in(i);
                     if let Some(bump) = begun.checked_sub(comb).map(|since| comb + since / teeth * teeth)
@@ -290,16 +291,15 @@ impl<'a> Mode<'a> {
         changes.into_iter().zip(timed).map(with).collect()
     }
 
-    /// What one standard deviation of a function changes in recording `r`.
-    fn change(&self, r: usize, function: Missing) -> Vec<f64> {
+    /// What one standard deviation of a function changes in recording `r`, whose mode is the baseline.
+    fn change(&self, r: usize, from: &Baseline, function: Missing) -> Vec<f64> {
         let mut there: Basis = self.basis.clone();
         there.push(vec![Missing::default(); self.problem.tracks.len()]);
         let last = there.len() - 1;
         there[last][r] = function;
         let mut moved = self.fit.point.clone();
         moved.missing.push(STEP);
-        let there = self.problem.residuals(r, &moved, Some(&there));
-        there.iter().zip(&self.fit.residuals[r]).map(|(a, b)| (a - b) / STEP).collect()
+        self.problem.change(r, from, &moved, Some(&there)).into_iter().map(|change| change / STEP).collect()
     }
 
     /// What the recordings say of functions with these changes.

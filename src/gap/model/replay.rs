@@ -91,26 +91,44 @@ pub fn replay(
     start: &Start,
     rows: Range<usize>,
     missing: Option<&Missing>,
+    at: impl FnMut(usize, &Outputs, &mut Plant, &mut Added),
+) {
+    let first = rows.start;
+    stepped(track, car, start, first, rows.map(|row| row..row + 1), missing, at);
+}
+
+/// The same, with one step over all rows of each group: inputs are their means over it, and what sensors show goes straight from its beginning to its end. What `at`
+/// does to the plant then holds from the end of its row's group on.
+fn stepped(
+    track: &Track,
+    car: &Car,
+    start: &Start,
+    first: usize,
+    groups: impl Iterator<Item = Range<usize>>,
+    missing: Option<&Missing>,
     mut at: impl FnMut(usize, &Outputs, &mut Plant, &mut Added),
 ) {
     let [late_f, late_c, late_report, late_command] =
         [Signal::OmegaF, Signal::OmegaC, Signal::Report, Signal::Command].map(|s| car.late[s as usize]);
-    let inputs = |k: usize| {
+    let inputs = |ticks: Range<usize>| {
         // A report that is late belongs to an earlier torque: the torque of now is reported later.
-        let tick = track.inputs(k, late_report, late_command);
+        let tick = track.inputs(ticks, late_report, late_command);
         Inputs { x_to: tick.x_to, t_e_ref: tick.t_e, theta_h: tick.theta_h, t_load: 0.0 }
     };
-    let first = track.tick_of_row[rows.start];
-    let mut plant = Plant::new(&car.vehicle, &car.effects, start, &inputs(first));
+    let tick = track.tick_of_row[first];
+    let mut plant = Plant::new(&car.vehicle, &car.effects, start, &inputs(tick..tick + 1));
     plant.set_max_substep(SUBSTEP_S);
     let gain = car.effects[crate::effects::param::engine_torque_gain::gain];
     let speed_gain = car.effects[crate::effects::param::clutch_speed_gain::gain];
     let mut added = Added::default();
     let mut pace = [0.0; 2];
-    for row in rows {
+    let shown = |plant: &Plant, pace: [f64; 2]| {
         let mut now = plant.outputs();
         now.omega_f -= late_f * pace[0];
         now.omega_c -= late_c * pace[1] * speed_gain;
+        now
+    };
+    let with_missing = |mut now: Outputs, row: usize| {
         if let Some(m) = missing {
             now.omega_f += m.sensed(0, row);
             now.omega_c += m.sensed(1, row);
@@ -118,25 +136,76 @@ pub fn replay(
             now.t_fc += m.bench(1, row);
             now.theta_c += m.bench(2, row);
         }
-        at(row, &now, &mut plant, &mut added);
-        for k in track.tick_of_row[row]..track.tick_of_row[row + 1] {
-            let mut input = inputs(k);
-            let on = |side: usize| missing.map_or(0.0, |m| m.torque(side, row));
-            input.t_e_ref += (added.flywheel + on(0)) / gain;
-            input.t_load -= added.disc + on(1);
-            let h = track.tick_end(k) - track.ticks[k].time;
-            let before = &plant.state().y;
-            let speeds = [before[0], before[1]];
-            plant.step(&input, h);
-            let after = &plant.state().y;
-            pace = [(after[0] - speeds[0]) / h, (after[1] - speeds[1]) / h];
+        now
+    };
+    // Steps over some ticks with the missing torque of some rows.
+    let step = |plant: &mut Plant, ticks: Range<usize>, rows: Range<usize>, added: &Added| {
+        let (begin, end) = (track.ticks[ticks.start].time, track.tick_end(ticks.end - 1));
+        let mut input = inputs(ticks);
+        let on = |side: usize| missing.map_or(0.0, |m| rows.clone().map(|row| m.torque(side, row)).sum::<f64>() / rows.len() as f64);
+        input.t_e_ref += (added.flywheel + on(0)) / gain;
+        input.t_load -= added.disc + on(1);
+        let h = end - begin;
+        let before = &plant.state().y;
+        let speeds = [before[0], before[1]];
+        plant.step(&input, h);
+        let after = &plant.state().y;
+        [(after[0] - speeds[0]) / h, (after[1] - speeds[1]) / h]
+    };
+    for rows in groups {
+        let ticks = track.tick_of_row[rows.start]..track.tick_of_row[rows.end];
+        let begin = shown(&plant, pace);
+        if rows.len() == 1 {
+            at(rows.start, &with_missing(begin, rows.start), &mut plant, &mut added);
+            for k in ticks {
+                pace = step(&mut plant, k..k + 1, rows.clone(), &added);
+            }
+            continue;
+        }
+        let (from, to) = (track.ticks[ticks.start].time, track.tick_end(ticks.end - 1));
+        pace = step(&mut plant, ticks, rows.clone(), &added);
+        let end = shown(&plant, pace);
+        for row in rows {
+            let share = (track.time[row] - from) / (to - from);
+            at(row, &with_missing(between(&begin, &end, share), row), &mut plant, &mut added);
         }
     }
 }
 
+/// Outputs at a share of the way from one instant to another.
+fn between(from: &Outputs, to: &Outputs, share: f64) -> Outputs {
+    let line = |a: f64, b: f64| a + share * (b - a);
+    Outputs {
+        omega_f: line(from.omega_f, to.omega_f),
+        omega_c: line(from.omega_c, to.omega_c),
+        t_e: line(from.t_e, to.t_e),
+        t_fc: line(from.t_fc, to.t_fc),
+        theta_c: line(from.theta_c, to.theta_c),
+        theta_b: line(from.theta_b, to.theta_b),
+        x_to_actual: line(from.x_to_actual, to.x_to_actual),
+        e_d: line(from.e_d, to.e_d),
+        phase: from.phase,
+    }
+}
+
+/// Steps of a replay.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Steps {
+    /// From row to row.
+    Rows,
+    /// From observation to observation, on mean inputs: a position that follows its command at once shows half a step late. What two such replays
+    /// differ by is nearly what the others differ by, at a share of the work where the logger is fast.
+    Observations,
+}
+
 /// Whitened innovations of a corrected replay: two per observation, then the bench channels; 0 where there is no sample.
 pub fn innovations(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2], missing: Option<&Missing>) -> Vec<f64> {
-    corrected(track, filter, car, theta, missing, |_, _| {})
+    innovations_in(Steps::Rows, track, filter, car, theta, missing)
+}
+
+/// The same in steps of one's choice.
+pub fn innovations_in(steps: Steps, track: &Track, filter: &Filter, car: &Car, theta: [f64; 2], missing: Option<&Missing>) -> Vec<f64> {
+    corrected_in(steps, track, filter, car, theta, missing, |_, _| {})
 }
 
 /// Clutch torque in N·m by observation in a corrected replay.
@@ -163,6 +232,18 @@ pub fn corrected(
     car: &Car,
     theta: [f64; 2],
     missing: Option<&Missing>,
+    each: impl FnMut(usize, &Outputs),
+) -> Vec<f64> {
+    corrected_in(Steps::Rows, track, filter, car, theta, missing, each)
+}
+
+fn corrected_in(
+    steps: Steps,
+    track: &Track,
+    filter: &Filter,
+    car: &Car,
+    theta: [f64; 2],
+    missing: Option<&Missing>,
     mut each: impl FnMut(usize, &Outputs),
 ) -> Vec<f64> {
     let n = track.observations();
@@ -178,7 +259,12 @@ pub fn corrected(
     let mut sums = [(0.0, 0_usize); 5];
     let mut k = 0;
     let mut last_row = track.rows_of(0).end - 1;
-    replay(track, car, &begin, 0..track.rows(), missing, |row, now, plant, added| {
+    let groups = (0..n).flat_map(|k| {
+        let rows = track.rows_of(k);
+        let (count, length) = if steps == Steps::Observations { (1, rows.len()) } else { (rows.len(), 1) };
+        (0..count).map(move |i| rows.start + i * length..rows.start + (i + 1) * length)
+    });
+    stepped(track, car, &begin, 0, groups, missing, |row, now, plant, added| {
         each(row, now);
         for (c, predicted) in [now.omega_f, now.omega_c, now.x_to_actual, now.t_fc, now.theta_c].into_iter().enumerate() {
             let error = track.measured[c].get(row).map_or(f64::NAN, |y| y - predicted);

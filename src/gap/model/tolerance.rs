@@ -3,7 +3,7 @@
 //! `tolerance` of `vehicle.json` gives one standard deviation of each number, absolute or relative. A real car differs by that much in everything. What
 //! a logger and a car do beyond that, and no file declares, has the documented defaults of [`DEFAULTS`].
 
-use crate::effects::{self, PARAMETERS, Parameters, param};
+use crate::effects::{self, Act, PARAMETERS, Parameters, REGISTRY, param};
 use crate::vehicle::{NUMBERS, Vehicle};
 use serde_json::Value;
 
@@ -244,6 +244,12 @@ impl Car {
     /// As the vehicle file gives it.
     pub fn nominal(vehicle: &Vehicle) -> Self {
         Self { vehicle: *vehicle, effects: effects::null(), late: [0.0; 4] }
+    }
+
+    /// Whether its clutch torque pulsates.
+    pub fn pulsates(&self) -> bool {
+        let amplitudes = REGISTRY.iter().filter(|e| matches!(e.effect.act, Act::Pulsation(_))).flat_map(|e| e.effect.amplitudes);
+        amplitudes.into_iter().any(|&k| self.effects[k] != PARAMETERS[k].null)
     }
 
     /// Moves numbers by `z` standard deviations; relative ones by their logarithm.

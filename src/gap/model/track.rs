@@ -5,6 +5,7 @@
 //! goes from one sample to the next, as a command that changes at every tick would. A slow control unit misses nothing ([`Recording::held`]).
 
 use crate::campaign::Recording;
+use std::ops::Range;
 
 /// Channels that a recording may hold, in the order in which [`Track::measured`] has them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -140,7 +141,7 @@ impl Track {
     }
 
     /// Rows of observation `k`.
-    pub fn rows_of(&self, k: usize) -> std::ops::Range<usize> {
+    pub fn rows_of(&self, k: usize) -> Range<usize> {
         let n = self.rows_per_observation;
         let end = if k + 1 == self.observations() { self.rows() } else { (k + 1) * n };
         k * n..end
@@ -175,14 +176,15 @@ impl Track {
         self.time.last().copied().unwrap_or(0.0) + self.interval()
     }
 
-    /// Inputs over tick `k`, report and command read that many seconds later than their stamps say.
-    pub fn inputs(&self, k: usize, report_later: f64, command_later: f64) -> Tick {
-        let mut tick = self.ticks[k];
-        if report_later != 0.0 {
-            tick.t_e = self.mean_over(k, report_later, |t| t.t_e);
+    /// Mean inputs over these ticks, report and command read that many seconds later than their stamps say.
+    pub fn inputs(&self, ticks: Range<usize>, report_later: f64, command_later: f64) -> Tick {
+        let mut tick = self.ticks[ticks.start];
+        let several = ticks.len() > 1;
+        if report_later != 0.0 || several {
+            tick.t_e = self.mean_over(&ticks, report_later, |t| t.t_e);
         }
-        if command_later != 0.0 {
-            tick.x_to = self.mean_over(k, command_later, |t| t.x_to);
+        if command_later != 0.0 || several {
+            tick.x_to = self.mean_over(&ticks, command_later, |t| t.x_to);
         }
         tick
     }
@@ -192,10 +194,10 @@ impl Track {
         self.ticks.get(k + 1).map_or_else(|| self.duration(), |t| t.time)
     }
 
-    /// Mean of a held input over the interval of tick `k` moved by `later`.
-    fn mean_over(&self, k: usize, later: f64, value: impl Fn(&Tick) -> f64) -> f64 {
-        let (from, to) = (self.ticks[k].time + later, self.tick_end(k) + later);
-        let mut at = k;
+    /// Mean of a held input over the interval of these ticks moved by `later`.
+    fn mean_over(&self, ticks: &Range<usize>, later: f64, value: impl Fn(&Tick) -> f64) -> f64 {
+        let (from, to) = (self.ticks[ticks.start].time + later, self.tick_end(ticks.end - 1) + later);
+        let mut at = ticks.start;
         while at > 0 && self.ticks[at].time > from {
             at -= 1;
         }
