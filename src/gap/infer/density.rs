@@ -33,6 +33,15 @@ const LEAST_SUBSTEP_S: f64 = 2e-4;
 /// Own unknowns of a recording that come before its own nuisances: temperatures of disc and body.
 pub const TEMPERATURES: usize = 2;
 
+/// Phases of the clutch.
+pub const PHASES: usize = 3;
+
+/// A number for each phase of the clutch: open, slipping, locked.
+pub type Powers = [f64; PHASES];
+
+/// The whole likelihood.
+pub const WHOLE: Powers = [1.0; PHASES];
+
 /// Recordings of one car, and what is believed of it.
 #[derive(Clone, Debug)]
 pub struct Problem {
@@ -48,8 +57,8 @@ pub struct Problem {
     pub own: Vec<Nuisance>,
     /// States of the nominal car by recording, by state, by observation: what the form of an effect may depend on.
     pub states: Vec<Vec<Vec<f64>>>,
-    /// Power of the likelihood when explanations are weighed; see [`Problem::coarsen`].
-    pub power: f64,
+    /// Power of the likelihood in each phase of the clutch when explanations are weighed; see [`Problem::coarsen`].
+    pub powers: Powers,
 }
 
 /// Functions that a missing law is made of: by function, by recording.
@@ -82,10 +91,38 @@ pub struct Baseline<'a> {
 impl Problem {
     /// Allows for explanations that are not exact. What the car as its file gives it leaves unexplained, G, is explained by laws that are right to a share c of what they
     /// change, [`ACCURACY`]; the recordings then are as far as R = ½ c² G nats from what even the true explanation predicts. A posterior that is given data of such a
-    /// distance, and not the data themselves, has the likelihood to the power of 1/(1 + R) (Miller and Dunson 2019, "Robust Bayesian inference via coarsening").
+    /// distance, and not the data themselves, has the likelihood to the power of 1/(1 + R) (Miller and Dunson 2019, "Robust Bayesian inference via coarsening"). Each phase
+    /// of the clutch has a power of its own: a law that acts in one of them is inexact there.
     pub fn coarsen(&mut self) {
-        let left = misfit(&self.all_residuals(&self.nominal(), None)) - self.samples() as f64;
-        self.power = 1.0 / (1.0 + 0.5 * ACCURACY * ACCURACY * left.max(0.0));
+        let here = self.all_residuals(&self.nominal(), None);
+        let misfits = self.misfits(&here);
+        let mut samples = [0.0; PHASES];
+        for (r, residuals) in here.iter().enumerate() {
+            residuals.iter().enumerate().filter(|(_, x)| **x != 0.0).for_each(|(i, _)| samples[self.phase(r, i)] += 1.0);
+        }
+        let power = |p: usize| 1.0 / (1.0 + 0.5 * ACCURACY * ACCURACY * (misfits[p] - samples[p]).max(0.0));
+        self.powers = std::array::from_fn(power);
+    }
+
+    /// Power that the whole likelihood would have.
+    pub fn power(&self) -> f64 {
+        1.0 / (1.0 + self.powers.iter().map(|power| 1.0 / power - 1.0).sum::<f64>())
+    }
+
+    /// Phase of the clutch, from 0 on, at innovation `i` of recording `r`: two speeds per observation, then the bench channels, one value each.
+    pub fn phase(&self, r: usize, i: usize) -> usize {
+        let phase = &self.filters[r].phase;
+        let n = phase.len();
+        phase[if i < 2 * n { i / 2 } else { (i - 2 * n) % n }] as usize - 1
+    }
+
+    /// The recordings' part of the cost, phase by phase.
+    pub fn misfits(&self, residuals: &[Residuals]) -> Powers {
+        let mut sums = [0.0; PHASES];
+        for (r, residuals) in residuals.iter().enumerate() {
+            residuals.iter().enumerate().for_each(|(i, x)| sums[self.phase(r, i)] += huber(*x));
+        }
+        sums
     }
 
     /// The nominal car.

@@ -3,8 +3,8 @@
 //! Levenberg–Marquardt with derivatives along nuisances that are kept while the linear model keeps its word.
 
 use super::coordinate::{Coordinate, coordinates};
-use super::density::{Basis, Point, Problem, Residuals, cost, misfit, prior};
-use super::linear::{Columns, Frame, Normal, Products, all_products, assemble, derivatives};
+use super::density::{Basis, Point, Powers, Problem, Residuals, WHOLE, cost, prior};
+use super::linear::{ByPhase, Columns, Frame, Normal, Products, all_products, assemble, by_phase, derivatives, to_powers};
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
@@ -17,6 +17,8 @@ pub struct Fit {
     pub cost: f64,
     /// Innovations there.
     pub residuals: Vec<Residuals>,
+    /// The recordings' part of the cost, phase by phase of the clutch.
+    pub misfits: Powers,
     /// Coordinates that all recordings share.
     pub shared: Vec<Coordinate>,
     /// Curvature of half the cost along them, own unknowns eliminated.
@@ -27,8 +29,8 @@ pub struct Fit {
     pub columns: Arc<Vec<Columns>>,
     /// Coordinates that each recording has of its own.
     pub own: Vec<Coordinate>,
-    /// Products of the derivatives, by recording.
-    pub parts: Arc<Vec<Products>>,
+    /// Products of the derivatives, by recording and phase of the clutch.
+    pub parts: Arc<Vec<ByPhase>>,
 }
 
 impl Fit {
@@ -76,37 +78,40 @@ impl Fit {
         }
     }
 
-    /// Logarithm of the evidence with the likelihood to a power, the mean over the sizes that a form may have ([`SIZES`]), and the fit at the size that suits
+    /// Logarithm of the evidence with the likelihood to these powers, the mean over the sizes that a form may have ([`SIZES`]), and the fit at the size that suits
     /// best. Functions from `law` on are those of forms.
-    pub fn weighed(&self, problem: &Problem, law: usize, power: f64) -> (f64, Self) {
+    pub fn weighed(&self, problem: &Problem, law: usize, powers: Powers) -> (f64, Self) {
         let is_form = |c: &Coordinate| matches!(c, Coordinate::Missing(k) if *k >= law);
         let sizes: &[f64] = if self.shared.iter().any(is_form) { &SIZES } else { &[1.0] };
-        let all: Vec<(f64, Self)> = sizes.iter().filter_map(|&size| self.at_size(problem, law, power, size)).collect();
+        let parts = to_powers(&self.parts, powers);
+        let misfit = self.misfits.iter().zip(powers).map(|(misfit, power)| misfit * power).sum();
+        let all: Vec<(f64, Self)> =
+            sizes.iter().filter_map(|&size| self.at_size(problem, law, &parts, misfit, powers == WHOLE, size)).collect();
         let Some((most, best)) = all.iter().max_by(|a, b| a.0.total_cmp(&b.0)) else { return (f64::NEG_INFINITY, self.clone()) };
         let sum: f64 = all.iter().map(|(evidence, _)| (evidence - most).exp()).sum();
         (most + (sum / sizes.len() as f64).ln(), best.clone())
     }
 
     /// The same at one size, by the linear model at the mode.
-    fn at_size(&self, problem: &Problem, law: usize, power: f64, size: f64) -> Option<(f64, Self)> {
+    fn at_size(&self, problem: &Problem, law: usize, parts: &[Products], misfit: f64, moves: bool, size: f64) -> Option<(f64, Self)> {
         let frame = Frame { shared: self.shared.clone(), own: self.own.clone() };
         let n = frame.shared.len() + frame.own.len();
         let by = DVector::from_fn(n, |k, _| match frame.shared.get(k) {
             Some(Coordinate::Missing(f)) if *f >= law => size,
             _ => 1.0,
         });
-        let scaled = |(p, g): &Products| (power * DMatrix::from_fn(n, n, |i, j| p[(i, j)] * by[i] * by[j]), power * g.component_mul(&by));
-        let parts: Vec<Products> = self.parts.iter().map(scaled).collect();
+        let scaled = |(p, g): &Products| (DMatrix::from_fn(n, n, |i, j| p[(i, j)] * by[i] * by[j]), g.component_mul(&by));
+        let parts: Vec<Products> = parts.iter().map(scaled).collect();
         let mut point = self.point.clone();
         point.missing.iter_mut().skip(law).for_each(|a| *a /= size);
         let e = assemble(&point, &frame, &parts, 0.0)?;
         let step = -e.curvature.clone().cholesky()?.solve(&e.gradient);
         // The mode moves towards the priors.
         let gain = e.eliminated.iter().map(|e| e.gain()).sum::<f64>() - e.gradient.dot(&step);
-        let cost = power * misfit(&self.residuals) + prior(&point) - gain;
+        let cost = misfit + prior(&point) - gain;
         let to = moved(problem, &frame, &e, &point, &step);
         // What a power takes from the recordings is no reason to hand out another car.
-        let point = if power == 1.0 && problem.can_follow(&to) { to } else { self.point.clone() };
+        let point = if moves && problem.can_follow(&to) { to } else { self.point.clone() };
         Some((laplace(cost, &e, &frame), Self { point, curvature: e.curvature, ..self.clone() }))
     }
 
@@ -125,7 +130,7 @@ const TRIES: usize = 7;
 const SHRINK: f64 = 20.0;
 /// Ratio of a step's gain to what the linear model promised within which derivatives along nuisances are kept.
 const KEEPS_ITS_WORD: std::ops::Range<f64> = 0.7..1.5;
-/// Gain of a step, in units of the cost, below which a fit ends.
+/// Gain of a step, in units of the cost that is believed, below which a fit ends.
 const LEAST_GAIN: f64 = 0.3;
 
 /// Iterations of a fit that only looks: it lives on the derivatives along nuisances that it was given.
@@ -158,6 +163,7 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
     let mut columns: Vec<Columns> = Vec::new();
     let mut kept = known.is_some();
     let mut done = 0;
+    let least = LEAST_GAIN / problem.power();
     while done < iterations {
         let old = match known {
             Some(known) if columns.is_empty() => known,
@@ -195,17 +201,16 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
         let gain = before - now;
         let looks = iterations <= LOOK;
         // What kept derivatives say is enough for a look; a mode is where new ones promise nothing more.
-        if gain < LEAST_GAIN && (!kept || looks && promised < LEAST_GAIN) || (kept && looks && !KEEPS_ITS_WORD.contains(&(gain / promised)))
-        {
+        if gain < least && (!kept || looks && promised < least) || (kept && looks && !KEEPS_ITS_WORD.contains(&(gain / promised))) {
             break;
         }
-        let keeps_its_word = gain >= LEAST_GAIN && KEEPS_ITS_WORD.contains(&(gain / promised));
+        let keeps_its_word = gain >= least && KEEPS_ITS_WORD.contains(&(gain / promised));
         // A step from kept derivatives that broke its word was only a try.
         done += usize::from(keeps_its_word || !kept);
         kept = keeps_its_word;
     }
-    let parts = all_products(&columns, &residuals);
-    let equations = assemble(&point, &frame, &parts, 0.0);
+    let parts = by_phase(problem, &columns, &residuals);
+    let equations = assemble(&point, &frame, &to_powers(&parts, WHOLE), 0.0);
     let (curvature, log_evidence) = match equations {
         Some(e) => {
             let evidence = laplace(now, &e, &frame);
@@ -214,7 +219,8 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
         None => (DMatrix::identity(frame.shared.len(), frame.shared.len()), f64::NEG_INFINITY),
     };
     let Frame { shared, own } = frame;
-    Fit { point, cost: now, residuals, shared, curvature, log_evidence, columns: Arc::new(columns), own, parts: Arc::new(parts) }
+    let misfits = problem.misfits(&residuals);
+    Fit { point, cost: now, residuals, misfits, shared, curvature, log_evidence, columns: Arc::new(columns), own, parts: Arc::new(parts) }
 }
 
 /// Logarithm of the evidence: density at the mode times the volume that the posterior leaves of the prior.

@@ -10,7 +10,7 @@
 //! so that the work is linear in the number of recordings.
 
 use super::coordinate::Coordinate;
-use super::density::{BENDS, Baseline, Basis, Point, Problem, Residuals, STRAINS, TEMPERATURES, weight};
+use super::density::{BENDS, Baseline, Basis, PHASES, Point, Powers, Problem, Residuals, STRAINS, TEMPERATURES, weight};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
@@ -169,6 +169,33 @@ pub fn products(columns: &Columns, residuals: &Residuals) -> Products {
     let r = DVector::from_iterator(residuals.len(), residuals.iter().map(|r| r * weight(*r).sqrt()));
     // A product of matrices is blocked; tr_mul takes one scalar product after the other.
     (weighted.transpose() * &weighted, weighted.tr_mul(&r))
+}
+
+/// The same, phase by phase of the clutch.
+pub type ByPhase = [Products; PHASES];
+
+/// Products of every recording's columns, phase by phase.
+pub fn by_phase(problem: &Problem, columns: &[Columns], residuals: &[Residuals]) -> Vec<ByPhase> {
+    let of = |(r, (columns, residuals)): (usize, (&Columns, &Residuals))| {
+        std::array::from_fn(|phase| {
+            let rows: Vec<usize> = (0..residuals.len()).filter(|i| problem.phase(r, *i) == phase).collect();
+            products(&Columns { matrix: columns.matrix.select_rows(&rows) }, &rows.iter().map(|i| residuals[*i]).collect())
+        })
+    };
+    columns.par_iter().zip(residuals).enumerate().map(of).collect()
+}
+
+/// Products with the likelihood of each phase to a power.
+pub fn to_powers(parts: &[ByPhase], powers: Powers) -> Vec<Products> {
+    let one = |part: &ByPhase| {
+        let (mut p, mut g) = (&part[0].0 * powers[0], &part[0].1 * powers[0]);
+        for ((more, slope), power) in part.iter().zip(powers).skip(1) {
+            p += more * power;
+            g += slope * power;
+        }
+        (p, g)
+    };
+    parts.iter().map(one).collect()
 }
 
 /// Those of all recordings.

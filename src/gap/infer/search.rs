@@ -6,7 +6,7 @@
 //! better.
 
 use super::coordinate::Coordinate;
-use super::density::{Basis, Point, Problem, STRAINS, cost, size};
+use super::density::{Basis, Point, Problem, STRAINS, WHOLE, cost, size};
 use super::fit::{Fit, Free, LOOK, fit};
 use super::form::{self, forms};
 use super::linear::Columns;
@@ -29,19 +29,25 @@ pub struct Hypothesis {
     pub basis: Basis,
     /// Logarithm of the posterior probability, nats, up to a constant of the recordings, with the whole likelihood: where the search goes.
     pub lead: f64,
-    /// The same with the likelihood to the problem's power: what is believed.
+    /// The same with the likelihood to the problem's powers: what is believed.
     pub log_posterior: f64,
 }
 
 impl Hypothesis {
     fn new(problem: &Problem, mut effects: Vec<usize>, formed: Fit, basis: Basis) -> Self {
         effects.sort_unstable();
-        let (lead, sharp) = formed.weighed(problem, 0, 1.0);
-        let (log_posterior, coarse) = formed.weighed(problem, 0, problem.power);
+        let (lead, sharp) = formed.weighed(problem, 0, WHOLE);
+        let (log_posterior, coarse) = formed.weighed(problem, 0, problem.powers);
         let lead = lead + log_prior(effects.len()) + moments(&sharp, &effects);
         let log_posterior = log_posterior + log_prior(effects.len()) + moments(&coarse, &effects);
         let fit = Fit { point: sharp.point, ..coarse }.marginal();
         Self { effects, fit, formed, basis, lead, log_posterior }
+    }
+
+    /// The same with its derivatives and functions, fitted anew if they were let go.
+    pub fn whole(&self, problem: &Problem) -> Self {
+        let let_go = self.basis.is_empty() && !self.effects.is_empty();
+        if let_go { Self::fitted(problem, self.effects.clone(), &self.formed.point, LOOK, None) } else { self.clone() }
     }
 
     /// Fits a set with the forms of its effects. `known` are derivatives along nuisances of a place nearby.
@@ -137,19 +143,20 @@ impl Search {
         self.hypotheses.sort_by(|a, b| b.lead.total_cmp(&a.lead));
         self.let_go();
     }
-    /// Lets go of the derivatives of the least probable sets when all of them together take too much memory.
+    /// Lets go of the derivatives and functions of the least probable sets when all of them together take too much memory.
     fn let_go(&mut self) {
         let mut held = 0;
         for h in &mut self.hypotheses {
             held += h.formed.columns.iter().map(|c| 8 * c.matrix.len()).sum::<usize>();
+            held += h.basis.iter().flatten().map(|f| 8 * f.innovations.len()).sum::<usize>();
             if held > MOST_BYTES && !h.effects.is_empty() {
-                (h.fit.columns, h.formed.columns) = (Arc::default(), Arc::default());
+                (h.fit.columns, h.formed.columns, h.basis) = (Arc::default(), Arc::default(), Basis::new());
             }
         }
     }
 }
 
-/// Memory that derivatives of fits may take, bytes, beside those of the car within its tolerances.
+/// Memory that derivatives and functions of fits may take, bytes, beside those of the car within its tolerances.
 const MOST_BYTES: usize = 200_000_000;
 
 /// Most effects at a time.
@@ -167,7 +174,7 @@ const BEAM: [usize; MOST_EFFECTS - 1] = [2, 1];
 /// Nats behind the best after a look up to which a fit is finished, beside this share of what the best explains.
 const BEHIND_NATS: f64 = 20.0;
 const BEHIND_SHARE: f64 = 0.3;
-/// Gain in the cost that an effect has to promise to be looked at: its price is more.
+/// Gain in the cost that is believed which an effect has to promise to be looked at: its price is more.
 const LEAST_PROMISE: f64 = 10.0;
 /// Mean square of the nuisances above which a fit was dragged along by a gap, and the nominal car is a second anchor.
 pub const DRAGGED: f64 = 3.0;
@@ -200,8 +207,8 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
 
 /// Screens beside a set that was fitted, and fits what promises most; not again from where that was done.
 fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
-    let Some(from) = found.of(set).cloned() else { return };
-    if found.screened.iter().any(|(done, cost)| done == set && from.fit.cost > cost - LEAST_PROMISE) {
+    let Some(from) = found.of(set).map(|h| h.whole(problem)) else { return };
+    if found.screened.iter().any(|(done, cost)| done == set && from.fit.cost > cost - least_promise(problem)) {
         return;
     }
     found.screened.push((set.to_vec(), from.fit.cost));
@@ -227,7 +234,7 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
         let Some(anchor) = Anchor::new(problem, point, set, Some(&from.basis), *known) else { continue };
         let screening = screen(problem, &anchor, if columns.is_empty() { &further } else { &[] });
         // From the nominal car a linear model promises less of everything, of no effect as well.
-        let least = screening.settled().max(from.fit.cost) - LEAST_PROMISE;
+        let least = screening.settled().max(from.fit.cost) - least_promise(problem);
         let singles = screening.singles();
         if set.is_empty() {
             for p in &singles {
@@ -238,7 +245,7 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
         let pairs = if set.len() + 2 <= MOST_EFFECTS { screening.pairs() } else { Vec::new() };
         let most = if columns.is_empty() { LOOKED_AT } else { LOOKED_AT_AGAIN };
         let worthwhile = singles.iter().filter(|p| p.cost < least).take(most);
-        let together = pairs.iter().filter(|p| singles.first().is_some_and(|s| p.cost < s.cost - 2.0 * LEAST_PROMISE)).take(2);
+        let together = pairs.iter().filter(|p| singles.first().is_some_and(|s| p.cost < s.cost - 2.0 * least_promise(problem))).take(2);
         let begun = worthwhile.chain(together).map(|p| started(&anchor, &screening, set, p, columns.len()));
         starts.extend(begun.filter(|s| problem.can_follow(&s.1)));
         columns.push(anchor.columns);
@@ -277,6 +284,11 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
         *h = Hypothesis::fitted(problem, h.effects.clone(), &h.formed.point, LOOK + 1, None);
     });
     finish(problem, found, looked.into_iter().map(|(h, _)| h).collect());
+}
+
+/// [`LEAST_PROMISE`] in units of the whole cost.
+fn least_promise(problem: &Problem) -> f64 {
+    LEAST_PROMISE / problem.power()
 }
 
 fn pulsates(effects: &[usize]) -> bool {
@@ -343,7 +355,7 @@ pub fn exchange(problem: &Problem, found: &mut Search) {
             }
             let before = found.of(&rest).map(|h| h.fit.cost);
             let looked = Hypothesis::fitted(problem, rest.clone(), &start, LOOK, best.formed.known());
-            let better = before.is_some_and(|b| looked.fit.cost < b - LEAST_PROMISE);
+            let better = before.is_some_and(|b| looked.fit.cost < b - least_promise(problem));
             let near = best.fit.log_evidence - looked.fit.log_evidence < found.behind(best.fit.log_evidence);
             let whole = better || near && before.is_none();
             let stays = || Hypothesis::fitted(problem, rest.clone(), &looked.formed.point, STAY, looked.formed.known());

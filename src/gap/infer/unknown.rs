@@ -5,10 +5,10 @@
 //! size of a fault worth the name or some times that; sizes are summed over, and the places that gain most are fitted, with a form of their own.
 
 use super::coordinate::Coordinate;
-use super::density::{Baseline, Basis, Point, Problem, Residuals, weight};
+use super::density::{Baseline, Basis, Point, Powers, Problem, Residuals, WHOLE, weight};
 use super::fit::{Fit, Free, LOOK, fit};
 use super::form::{forms, of_law};
-use super::linear::{Columns, Frame, Normal, Products, assemble};
+use super::linear::{Columns, Frame, Normal, assemble, to_powers};
 use super::search::{DRAGGED, Hypothesis, log_prior, moments};
 use crate::effects::Subsystem;
 use crate::gap::model::missing;
@@ -40,7 +40,7 @@ pub struct Unknown {
     pub law: Law,
     /// Logarithm of the posterior probability, nats, with the whole likelihood, as of [`Hypothesis::lead`].
     pub lead: f64,
-    /// The same with the likelihood to the problem's power.
+    /// The same with the likelihood to the problem's powers.
     pub log_posterior: f64,
     /// Fit, if it was fitted.
     pub fit: Option<Fit>,
@@ -67,7 +67,8 @@ const SIZES: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
 
 /// Missing laws beside a set of effects, every place, most probable first. They are fitted if the best of them promises more than `least`.
 pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
-    let (Some(sharp), Some(coarse)) = (Mode::new(problem, of, 1.0), Mode::new(problem, of, problem.power)) else { return Vec::new() };
+    let of = &of.whole(problem);
+    let (Some(sharp), Some(coarse)) = (Mode::new(problem, of, WHOLE), Mode::new(problem, of, problem.powers)) else { return Vec::new() };
     let mut found: Vec<(Unknown, f64)> = Subsystem::ALL.into_iter().map(|place| promised(problem, of, [&sharp, &coarse], place)).collect();
     // Tolerances that the gap bent are no good start for a law that explains it.
     let bent = of.fit.pull() > DRAGGED;
@@ -133,8 +134,8 @@ pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, kn
     let all: Basis = all.into_iter().chain(form).collect();
     let fitted = fit(problem, Free { effects, basis: Some(&all) }, &formless.point, LOOK, formless.known());
     let prior = log_prior(effects.len()) + law.log_odds;
-    let (lead, sharp) = fitted.weighed(problem, count, 1.0);
-    let (log_posterior, fitted) = fitted.weighed(problem, count, problem.power);
+    let (lead, sharp) = fitted.weighed(problem, count, WHOLE);
+    let (log_posterior, fitted) = fitted.weighed(problem, count, problem.powers);
     let lead = lead + prior + moments(&sharp, effects);
     let log_posterior = log_posterior + prior + moments(&fitted, effects);
     // Functions are eliminated, and their derivatives are let go: there may be hundreds.
@@ -180,7 +181,7 @@ struct Mode<'a> {
     basis: &'a Basis,
     columns: Arc<Vec<Columns>>,
     equations: Normal,
-    power: f64,
+    powers: Powers,
 }
 
 /// Curvature and gradient along the amplitudes of functions, without their prior, all else eliminated.
@@ -205,13 +206,12 @@ impl Information {
 type Changes = DMatrix<f64>;
 
 impl<'a> Mode<'a> {
-    fn new(problem: &'a Problem, of: &'a Hypothesis, power: f64) -> Option<Self> {
+    fn new(problem: &'a Problem, of: &'a Hypothesis, powers: Powers) -> Option<Self> {
         let fit = &of.formed;
         let frame = Frame { shared: fit.shared.clone(), own: fit.own.clone() };
         let columns = fit.derivatives(problem, &frame, Some(&of.basis));
-        let parts: Vec<Products> = fit.parts.iter().map(|(p, g)| (p * power, g * power)).collect();
-        let equations = assemble(&fit.point, &frame, &parts, 0.0)?;
-        Some(Self { problem, fit, basis: &of.basis, columns, equations, power })
+        let equations = assemble(&fit.point, &frame, &to_powers(&fit.parts, powers), 0.0)?;
+        Some(Self { problem, fit, basis: &of.basis, columns, equations, powers })
     }
 
     /// What each function changes, by recording.
@@ -324,7 +324,10 @@ impl<'a> Mode<'a> {
     /// One recording's products of the changes among themselves, with its residuals, and with the shared coordinates, own unknowns eliminated.
     fn part(&self, r: usize, changes: &Changes) -> (DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
         let here: &Residuals = &self.fit.residuals[r];
-        let w = DVector::from_iterator(here.len(), here.iter().map(|r| (self.power * weight(*r)).sqrt()));
+        let w = DVector::from_iterator(
+            here.len(),
+            here.iter().enumerate().map(|(i, x)| (self.powers[self.problem.phase(r, i)] * weight(*x)).sqrt()),
+        );
         let weigh = |m: &DMatrix<f64>| {
             let mut m = m.clone();
             m.column_iter_mut().for_each(|mut c| c.component_mul_assign(&w));

@@ -17,6 +17,7 @@ use super::noise::Noise;
 use super::replay::HIDDEN;
 use super::tolerance::Wander;
 use super::track::{Channel, Track, misses};
+use crate::plant::Phase;
 use crate::vehicle::Vehicle;
 use nalgebra::{SMatrix, SVector};
 
@@ -96,8 +97,8 @@ pub struct Filter {
     pub bench: [Vec<f64>; 3],
     /// Logarithm of the determinant of the innovations' covariance.
     pub log_det: f64,
-    /// Whether the clutch is locked as measured, by observation.
-    pub locked: Vec<bool>,
+    /// Phase of the clutch by observation: locked as measured, open as the vehicle file has it.
+    pub phase: Vec<Phase>,
     /// Whether the car stands and is held by its brakes, by observation.
     pub stands: Vec<bool>,
     /// Inertias that the gains were worked out for: flywheel, car, kg·m².
@@ -229,7 +230,13 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
         }
     }
     let bench = bench(track, with, &locked, &mut samples, &mut log_det);
-    Filter { gains, bench, log_det, stands: stands(track, &speeds[1], with.noise[1].white, braking), locked, inertia: [j_f, j_c], samples }
+    let phase = |k: usize| match (locked[k], closed(track, vehicle, k)) {
+        (true, _) => Phase::Locked,
+        (_, true) => Phase::Slipping,
+        _ => Phase::Open,
+    };
+    let (phase, stands) = ((0..n).map(phase).collect(), stands(track, &speeds[1], with.noise[1].white, braking));
+    Filter { gains, bench, log_det, stands, phase, inertia: [j_f, j_c], samples }
 }
 
 /// Time at rest under the brakes after which shafts have come to rest too, s.

@@ -14,7 +14,7 @@ pub mod reach;
 pub mod rehearse;
 pub mod split;
 
-use super::infer::density::{Point, Problem, TEMPERATURES};
+use super::infer::density::{Point, Powers, Problem, TEMPERATURES, WHOLE};
 use super::infer::posterior::Posterior;
 use super::infer::screen::Limit;
 use super::model::filter::Disturbances;
@@ -59,8 +59,8 @@ pub struct Planner {
     own: Vec<Nuisance>,
     with: Disturbances,
     logger: Logger,
-    /// Power of the likelihood of what has been recorded.
-    power: f64,
+    /// Powers of the likelihood of what has been recorded.
+    powers: Powers,
 }
 
 impl Planner {
@@ -84,7 +84,7 @@ impl Planner {
         let [x, t, theta] = sensors.bench;
         let noise = [sensors.speed, sensors.speed, x, t, theta].map(white);
         let with = prepare::healthy(noise, sensors.torque, 0.0, &tolerances);
-        Ok(Self { manoeuvres, vehicle: *vehicle, shared: tolerances.shared, own: tolerances.own, with, logger, power: 1.0 })
+        Ok(Self { manoeuvres, vehicle: *vehicle, shared: tolerances.shared, own: tolerances.own, with, logger, powers: WHOLE })
     }
 
     /// Of a car that has been recorded: manoeuvres are logged as its recordings were.
@@ -94,7 +94,7 @@ impl Planner {
         let sigma = |node: usize| problem.tracks.iter().map(|t| t.theta_0_sigma[node]).fold(0.0, f64::max);
         let logger = Logger { rate_hz: 1.0 / interval, bench: [has(2), has(3), has(4)], theta_0_sigma: [sigma(0), sigma(1)] };
         let (shared, own) = (problem.shared.clone(), problem.own.clone());
-        Self { manoeuvres, vehicle: problem.vehicle, shared, own, with: *with, logger, power: problem.power }
+        Self { manoeuvres, vehicle: problem.vehicle, shared, own, with: *with, logger, powers: problem.powers }
     }
 
     /// The recording of a manoeuvre, without noise, as this car answers it.
@@ -107,7 +107,7 @@ impl Planner {
         let track = Track::new(&self.recording(what, car));
         let filter = prepare::filter_of(&track, &self.vehicle, &self.with);
         let (shared, own) = (self.shared.clone(), self.own.clone());
-        Problem { tracks: vec![track], filters: vec![filter], vehicle: self.vehicle, shared, own, states: Vec::new(), power: self.power }
+        Problem { tracks: vec![track], filters: vec![filter], vehicle: self.vehicle, shared, own, states: Vec::new(), powers: self.powers }
     }
 
     /// The car as the vehicle file gives it.

@@ -20,9 +20,9 @@
 use super::Planner;
 use super::manoeuvre::Manoeuvre;
 use crate::gap::infer::coordinate::{Coordinate, coordinates};
-use crate::gap::infer::density::{Point, misfit};
+use crate::gap::infer::density::Point;
 use crate::gap::infer::limit::normal;
-use crate::gap::infer::linear::{Frame, derivatives, products};
+use crate::gap::infer::linear::{Frame, by_phase, derivatives, to_powers};
 use crate::gap::infer::posterior::Posterior;
 use crate::gap::verdict::NAMED_BESIDE;
 use nalgebra::DMatrix;
@@ -128,10 +128,12 @@ fn split(planner: &Planner, rivals: &[Rival], what: &Manoeuvre) -> Split {
         });
         for i in (0..n).filter(|i| *i != j) {
             let d: Vec<f64> = innovations[j].iter().zip(&innovations[i]).map(|(e_j, e_i)| e_j - e_i).collect();
-            let (curvature, gradient) = products(&columns[0], &d);
-            let (curvature, gradient) = (curvature * problem.power, gradient * problem.power);
+            let d = [d];
+            let parts = by_phase(&problem, &columns, &d);
+            let (curvature, gradient) = to_powers(&parts, problem.powers).remove(0);
             let followed = (curvature + &known).cholesky().map_or(0.0, |root| gradient.dot(&root.solve(&gradient)));
-            nats[(i, j)] = 0.5 * (problem.power * misfit(&[d]) - followed).max(0.0);
+            let misfit: f64 = problem.misfits(&d).iter().zip(problem.powers).map(|(misfit, power)| misfit * power).sum();
+            nats[(i, j)] = 0.5 * (misfit - followed).max(0.0);
         }
     }
     Split { nats }
