@@ -3,7 +3,7 @@
 use kisspoint::campaign::{self, Recording};
 use kisspoint::effects::{self, REGISTRY, Subsystem, param};
 use kisspoint::gap::infer::density::{Problem, misfit};
-use kisspoint::gap::infer::fit::{Free, fit};
+use kisspoint::gap::infer::fit::{Fit, Free, fit};
 use kisspoint::gap::infer::form::forms;
 use kisspoint::gap::infer::posterior::posterior;
 use kisspoint::gap::infer::pulsation;
@@ -159,6 +159,72 @@ fn the_larger_the_gap_the_less_its_likelihood_is_believed() {
     };
     let (lead, believed) = apart(&ill);
     assert!(lead > 0.0 && believed > 0.0 && believed < lead, "{lead} {believed}");
+}
+
+/// A law that acts where the clutch slips takes belief from the samples in which it does, and not from those before.
+#[test]
+fn a_gap_of_one_phase_leaves_the_others_their_power() {
+    let problem = made_up(|e| e[param::friction_level::factor] = 1.4);
+    let [open, slipping, _] = problem.powers;
+    assert!(slipping < 0.6 && open > 0.95 && problem.power() <= slipping, "{:?}", problem.powers);
+    let here = problem.all_residuals(&problem.nominal(), None);
+    let whole = misfit(&here);
+    assert!((problem.misfits(&here).iter().sum::<f64>() - whole).abs() < 1e-9 * whole);
+}
+
+/// Where a fit began says nothing of what it found: forms belong to the size that the effect has in the end.
+#[test]
+fn evidence_does_not_depend_on_where_a_fit_began() {
+    let problem = made_up(|e| e[param::vehicle_mass::factor] = 1.12);
+    let mass = effects::find("vehicle_mass").unwrap();
+    let from = |factor: f64| {
+        let mut start = problem.nominal();
+        start.effects[param::vehicle_mass::factor] = factor;
+        Hypothesis::fitted(&problem, vec![mass], &start, 12, None)
+    };
+    let (near, far) = (from(1.1), from(1.6));
+    assert!((near.lead - far.lead).abs() < 0.3, "{} {}", near.lead, far.lead);
+    // What was let go comes back as it was.
+    let let_go = Hypothesis { basis: Vec::new(), formed: Fit { columns: Default::default(), ..near.formed.clone() }, ..near.clone() };
+    let whole = let_go.whole(&problem);
+    assert!(!whole.basis.is_empty() && (whole.lead - near.lead).abs() < 0.3, "{} {}", whole.lead, near.lead);
+}
+
+/// The example's inputs by a logger of 1 kHz: what an effect changes is nearly the same in steps of an observation, and the same where the torque pulsates.
+#[test]
+fn changes_in_steps_of_an_observation_are_nearly_those_of_every_row() {
+    const FASTER: usize = 10;
+    let (mut recordings, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let times = |v: &[f64]| v.iter().flat_map(|x| [*x; FASTER]).collect::<Vec<f64>>();
+    for r in &mut recordings {
+        let h = 1.0 / r.sample_rate_hz / FASTER as f64;
+        (r.x_to, r.t_fc, r.theta_c, r.brake) = (None, None, None, None);
+        r.time = (0..FASTER * r.time.len()).map(|k| k as f64 * h).collect();
+        r.sample_rate_hz *= FASTER as f64;
+        for v in [&mut r.omega_f, &mut r.omega_c, &mut r.t_e, &mut r.x_to_cmd, &mut r.theta_h] {
+            *v = times(v);
+        }
+    }
+    let all: Vec<&Recording> = recordings.iter().collect();
+    let (tracks, tolerances) = prepare::read(&all, &vehicle_json).unwrap();
+    let with = prepare::disturbances(&tracks, &tolerances);
+    let problem = prepare::problem(tracks, &vehicle, &tolerances, &with);
+    assert_eq!(problem.tracks[0].rows_per_observation, FASTER);
+    let nominal = problem.nominal();
+    let here = problem.residuals(0, &nominal, None);
+    let from = problem.baseline(0, &nominal, None, Some(&here));
+    for (parameter, value, most) in
+        [(param::vehicle_mass::factor, 1.2, 0.03), (param::friction_level::factor, 0.9, 0.03), (param::judder::sine, 0.1, 0.0)]
+    {
+        let mut to = nominal.clone();
+        to.effects[parameter] = value;
+        let rows: Vec<f64> = problem.residuals(0, &to, None).iter().zip(&here).map(|(a, b)| a - b).collect();
+        let steps = problem.change(0, &from, &to, None);
+        let square = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>();
+        let (off, whole) = (square(&mut rows.iter().zip(&steps).map(|(a, b)| a - b)), square(&mut rows.iter().copied()));
+        assert!(whole > 100.0 && off <= most * most * whole, "{parameter}: {} of {}", off.sqrt(), whole.sqrt());
+    }
 }
 
 /// Gusts of wind: no state of the car says when they come, and no effect of the library is named for them.

@@ -23,7 +23,7 @@ impl Kept {
     pub fn beside(campaigns: &Path) -> Result<Self, CommandError> {
         let folder = campaigns.join("diagnoses");
         std::fs::create_dir_all(&folder).map_err(at(&folder))?;
-        let program = std::env::current_exe().map_err(at(&folder))?;
+        let program = std::env::current_exe().map_err(at(Path::new("kisspoint")))?;
         let bytes = std::fs::read(&program).map_err(at(&program))?;
         Ok(Self { folder, program: Sha256::new_with_prefix(bytes) })
     }

@@ -36,11 +36,11 @@ pub const TEMPERATURES: usize = 2;
 /// Phases of the clutch.
 pub const PHASES: usize = 3;
 
-/// A number for each phase of the clutch: open, slipping, locked.
-pub type Powers = [f64; PHASES];
+/// One for each phase of the clutch: open, slipping, locked.
+pub type ByPhase<T> = [T; PHASES];
 
 /// The whole likelihood.
-pub const WHOLE: Powers = [1.0; PHASES];
+pub const WHOLE: ByPhase<f64> = [1.0; PHASES];
 
 /// Recordings of one car, and what is believed of it.
 #[derive(Clone, Debug)]
@@ -58,7 +58,7 @@ pub struct Problem {
     /// States of the nominal car by recording, by state, by observation: what the form of an effect may depend on.
     pub states: Vec<Vec<Vec<f64>>>,
     /// Power of the likelihood in each phase of the clutch when explanations are weighed; see [`Problem::coarsen`].
-    pub powers: Powers,
+    pub powers: ByPhase<f64>,
 }
 
 /// Functions that a missing law is made of: by function, by recording.
@@ -117,7 +117,7 @@ impl Problem {
     }
 
     /// The recordings' part of the cost, phase by phase.
-    pub fn misfits(&self, residuals: &[Residuals]) -> Powers {
+    pub fn misfits(&self, residuals: &[Residuals]) -> ByPhase<f64> {
         let mut sums = [0.0; PHASES];
         for (r, residuals) in residuals.iter().enumerate() {
             residuals.iter().enumerate().for_each(|(i, x)| sums[self.phase(r, i)] += huber(*x));

@@ -3,8 +3,8 @@
 //! Levenberg–Marquardt with derivatives along nuisances that are kept while the linear model keeps its word.
 
 use super::coordinate::{Coordinate, coordinates};
-use super::density::{Basis, Point, Powers, Problem, Residuals, WHOLE, cost, prior};
-use super::linear::{ByPhase, Columns, Frame, Normal, Products, all_products, assemble, by_phase, derivatives, to_powers};
+use super::density::{Basis, ByPhase, Point, Problem, Residuals, WHOLE, cost, prior};
+use super::linear::{Columns, Frame, Normal, Products, all_products, assemble, by_phase, derivatives, to_powers};
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ pub struct Fit {
     /// Innovations there.
     pub residuals: Vec<Residuals>,
     /// The recordings' part of the cost, phase by phase of the clutch.
-    pub misfits: Powers,
+    pub misfits: ByPhase<f64>,
     /// Coordinates that all recordings share.
     pub shared: Vec<Coordinate>,
     /// Curvature of half the cost along them, own unknowns eliminated.
@@ -30,7 +30,7 @@ pub struct Fit {
     /// Coordinates that each recording has of its own.
     pub own: Vec<Coordinate>,
     /// Products of the derivatives, by recording and phase of the clutch.
-    pub parts: Arc<Vec<ByPhase>>,
+    pub parts: Arc<Vec<ByPhase<Products>>>,
 }
 
 impl Fit {
@@ -80,7 +80,7 @@ impl Fit {
 
     /// Logarithm of the evidence with the likelihood to these powers, the mean over the sizes that a form may have ([`SIZES`]), and the fit at the size that suits
     /// best. Functions from `law` on are those of forms.
-    pub fn weighed(&self, problem: &Problem, law: usize, powers: Powers) -> (f64, Self) {
+    pub fn weighed(&self, problem: &Problem, law: usize, powers: ByPhase<f64>) -> (f64, Self) {
         let is_form = |c: &Coordinate| matches!(c, Coordinate::Missing(k) if *k >= law);
         let sizes: &[f64] = if self.shared.iter().any(is_form) { &SIZES } else { &[1.0] };
         let parts = to_powers(&self.parts, powers);

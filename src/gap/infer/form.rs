@@ -30,7 +30,7 @@ pub fn forms(problem: &Problem, point: &Point, effects: &[usize]) -> Basis {
         return Basis::new();
     }
     let point = &Point { missing: Vec::new(), ..point.clone() };
-    let from: Vec<Baseline> = (0..problem.tracks.len()).into_par_iter().map(|r| problem.baseline(r, point, None, None)).collect();
+    let from = baselines(problem, point, None);
     effects.iter().flat_map(|&e| of_effect(problem, point, e, &from)).collect()
 }
 
@@ -38,12 +38,12 @@ fn of_effect(problem: &Problem, point: &Point, effect: usize, from: &[Baseline])
     let entry = &REGISTRY[effect];
     let mut moved = point.clone();
     entry.parameters.clone().for_each(|p| moved.effects[p] = PARAMETERS[p].null);
-    let mut changes = vec![less(problem, from, &moved)];
+    let mut changes = vec![less(problem, from, &moved, None)];
     if matches!(entry.effect.act, Act::Pulsation(_)) {
         let k = entry.parameters.start;
         let mut turned = point.clone();
         (turned.effects[k], turned.effects[k + 1]) = (-point.effects[k + 1], point.effects[k]);
-        let turn = less(problem, from, &turned);
+        let turn = less(problem, from, &turned, None);
         changes.push(difference(&changes[0], &turn));
     }
     of_changes(problem, &changes, FORM)
@@ -53,8 +53,8 @@ fn of_effect(problem: &Problem, point: &Point, effect: usize, from: &[Baseline])
 pub fn of_law(problem: &Problem, point: &Point, basis: &Basis, amplitudes: usize) -> Basis {
     let mut without = point.clone();
     without.missing[..amplitudes].fill(0.0);
-    let change = difference(&problem.all_residuals(point, Some(basis)), &problem.all_residuals(&without, Some(basis)));
-    of_changes(problem, &[change], 1.0)
+    let from = baselines(problem, point, Some(basis));
+    of_changes(problem, &[less(problem, &from, &without, Some(basis))], 1.0)
 }
 
 /// What forms are expected to change: the sum of squares of one standard deviation of each function.
@@ -106,9 +106,13 @@ fn modulated(problem: &Problem, change: &[Residuals]) -> Vec<Vec<Residuals>> {
     functions
 }
 
-/// Change from baselines to a point with less: what the effect in question does is minus this.
-fn less(problem: &Problem, from: &[Baseline], to: &Point) -> Vec<Residuals> {
-    from.par_iter().enumerate().map(|(r, from)| problem.change(r, from, to, None)).collect()
+fn baselines<'a>(problem: &Problem, point: &'a Point, basis: Option<&'a Basis>) -> Vec<Baseline<'a>> {
+    (0..problem.tracks.len()).into_par_iter().map(|r| problem.baseline(r, point, basis, None)).collect()
+}
+
+/// Change from baselines to a point with less: what the effect or law in question does is minus this.
+fn less(problem: &Problem, from: &[Baseline], to: &Point, basis: Option<&Basis>) -> Vec<Residuals> {
+    from.par_iter().enumerate().map(|(r, from)| problem.change(r, from, to, basis)).collect()
 }
 
 fn difference(a: &[Residuals], b: &[Residuals]) -> Vec<Residuals> {

@@ -10,7 +10,7 @@
 //! so that the work is linear in the number of recordings.
 
 use super::coordinate::Coordinate;
-use super::density::{BENDS, Baseline, Basis, PHASES, Point, Powers, Problem, Residuals, STRAINS, TEMPERATURES, weight};
+use super::density::{BENDS, Baseline, Basis, ByPhase, Point, Problem, Residuals, STRAINS, TEMPERATURES, weight};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
@@ -171,11 +171,8 @@ pub fn products(columns: &Columns, residuals: &Residuals) -> Products {
     (weighted.transpose() * &weighted, weighted.tr_mul(&r))
 }
 
-/// The same, phase by phase of the clutch.
-pub type ByPhase = [Products; PHASES];
-
 /// Products of every recording's columns, phase by phase.
-pub fn by_phase(problem: &Problem, columns: &[Columns], residuals: &[Residuals]) -> Vec<ByPhase> {
+pub fn by_phase(problem: &Problem, columns: &[Columns], residuals: &[Residuals]) -> Vec<ByPhase<Products>> {
     let of = |(r, (columns, residuals)): (usize, (&Columns, &Residuals))| {
         std::array::from_fn(|phase| {
             let rows: Vec<usize> = (0..residuals.len()).filter(|i| problem.phase(r, *i) == phase).collect();
@@ -186,8 +183,8 @@ pub fn by_phase(problem: &Problem, columns: &[Columns], residuals: &[Residuals])
 }
 
 /// Products with the likelihood of each phase to a power.
-pub fn to_powers(parts: &[ByPhase], powers: Powers) -> Vec<Products> {
-    let one = |part: &ByPhase| {
+pub fn to_powers(parts: &[ByPhase<Products>], powers: ByPhase<f64>) -> Vec<Products> {
+    let one = |part: &ByPhase<Products>| {
         let (mut p, mut g) = (&part[0].0 * powers[0], &part[0].1 * powers[0]);
         for ((more, slope), power) in part.iter().zip(powers).skip(1) {
             p += more * power;

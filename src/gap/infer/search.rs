@@ -161,7 +161,7 @@ const MOST_BYTES: usize = 200_000_000;
 
 /// Most effects at a time.
 pub const MOST_EFFECTS: usize = 3;
-/// Difference of the logarithms of what two sets of forms change up to which they are as large as each other.
+/// Difference of the logarithms of the squares of what two sets of forms change, up to which they are as large as each other.
 const AS_LARGE: f64 = 0.2;
 /// Iterations of a fit that stays.
 const STAY: usize = 12;

@@ -5,7 +5,7 @@
 //! size of a fault worth the name or some times that; sizes are summed over, and the places that gain most are fitted, with a form of their own.
 
 use super::coordinate::Coordinate;
-use super::density::{Baseline, Basis, Point, Powers, Problem, Residuals, WHOLE, weight};
+use super::density::{Baseline, Basis, ByPhase, Point, Problem, Residuals, WHOLE, weight};
 use super::fit::{Fit, Free, LOOK, fit};
 use super::form::{forms, of_law};
 use super::linear::{Columns, Frame, Normal, assemble, to_powers};
@@ -181,7 +181,7 @@ struct Mode<'a> {
     basis: &'a Basis,
     columns: Arc<Vec<Columns>>,
     equations: Normal,
-    powers: Powers,
+    powers: ByPhase<f64>,
 }
 
 /// Curvature and gradient along the amplitudes of functions, without their prior, all else eliminated.
@@ -206,7 +206,7 @@ impl Information {
 type Changes = DMatrix<f64>;
 
 impl<'a> Mode<'a> {
-    fn new(problem: &'a Problem, of: &'a Hypothesis, powers: Powers) -> Option<Self> {
+    fn new(problem: &'a Problem, of: &'a Hypothesis, powers: ByPhase<f64>) -> Option<Self> {
         let fit = &of.formed;
         let frame = Frame { shared: fit.shared.clone(), own: fit.own.clone() };
         let columns = fit.derivatives(problem, &frame, Some(&of.basis));

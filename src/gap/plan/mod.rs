@@ -14,7 +14,7 @@ pub mod reach;
 pub mod rehearse;
 pub mod split;
 
-use super::infer::density::{Point, Powers, Problem, TEMPERATURES, WHOLE};
+use super::infer::density::{ByPhase, Point, Problem, TEMPERATURES, WHOLE};
 use super::infer::posterior::Posterior;
 use super::infer::screen::Limit;
 use super::model::filter::Disturbances;
@@ -60,7 +60,7 @@ pub struct Planner {
     with: Disturbances,
     logger: Logger,
     /// Powers of the likelihood of what has been recorded.
-    powers: Powers,
+    powers: ByPhase<f64>,
 }
 
 impl Planner {
