@@ -1,6 +1,7 @@
 //! Misuse of the shared library from C: `tests/abuse/abuse.c` on both models.
 
 use kisspoint::fmi2::{controller, plant};
+use kisspoint::vehicle::Vehicle;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -18,6 +19,14 @@ fn compiled(name: &str, flags: &[&str]) -> PathBuf {
     let status = Command::new("cc").args(flags).arg("-std=c11").arg(source).arg("-o").arg(&out).args(["-ldl", "-lm", "-lpthread"]).status();
     assert!(status.expect("a C compiler is needed, as for every Rust program").success());
     out
+}
+
+/// URI of a folder with the vehicle file of the paper's car.
+fn resources() -> String {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("abuse_resources");
+    std::fs::create_dir_all(&folder).unwrap();
+    std::fs::write(folder.join("vehicle.json"), Vehicle::paper().to_value().to_string()).unwrap();
+    format!("file://{}", folder.display())
 }
 
 /// What the C program needs to know of both models.
@@ -47,6 +56,7 @@ fn run(runner: &[&str], program: &Path, quick: bool) {
         let mut words: Vec<String> = runner.iter().map(|w| (*w).to_owned()).collect();
         words.extend([program.display().to_string(), library().display().to_string(), name.into(), guid.into()]);
         words.extend(numbers);
+        words.push(resources());
         words.extend(quick.then(|| "quick".to_owned()));
         let output = Command::new(&words[0]).args(&words[1..]).output().unwrap();
         let said = String::from_utf8_lossy(&output.stdout);

@@ -79,6 +79,9 @@ fn a_vehicle_file_that_changes_between_instances_is_read_again() {
     let (folder, other) = other_car("changed");
     let of_other = guid(&kisspoint::fmu::MODELS[0], &other);
     let location = uri(&folder);
+    // What was read is kept as long as there are instances.
+    let held = instantiate(&of_other, Some(&location));
+    assert!(!held.is_null());
     for _ in 0..2 {
         assert_eq!(inertia(&of_other, Some(&location)), Some(OTHER_J_C));
     }
@@ -90,6 +93,7 @@ fn a_vehicle_file_that_changes_between_instances_is_read_again() {
     assert_eq!(inertia(&of_other, Some(&location)), Some(OTHER_J_C));
     fs::remove_file(&file).unwrap();
     assert_eq!(inertia(&of_other, Some(&location)), None, "it is gone");
+    fmi2FreeInstance(held);
 }
 
 #[cfg(unix)]

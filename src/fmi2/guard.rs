@@ -4,11 +4,12 @@ use super::call::{CallState, Function};
 use super::instance::Instance;
 use super::log::Category;
 use super::refusal::Refusal;
+use super::resource::forget_latest;
 use super::types::Status;
 use std::cell::UnsafeCell;
 use std::ffi::{CStr, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Marks a living component.
 const ALIVE: u64 = 0x4b69_7373_506f_696e;
@@ -25,8 +26,12 @@ pub(super) struct Component {
     instance: UnsafeCell<Instance>,
 }
 
+/// How many instances the importer holds. What they share goes with the last one: a library that is unloaded leaves nothing behind.
+static HELD: AtomicUsize = AtomicUsize::new(0);
+
 /// Gives an instance to the importer.
 pub(super) fn hand_out(instance: Instance) -> *mut c_void {
+    HELD.fetch_add(1, Ordering::Relaxed);
     let component = Component { magic: ALIVE, busy: AtomicBool::new(false), instance: UnsafeCell::new(instance) };
     Box::into_raw(Box::new(component)).cast()
 }
@@ -53,6 +58,9 @@ pub(super) fn take_back(pointer: *mut c_void) {
         unsafe {
             (&raw mut (*pointer).magic).write_volatile(0);
             drop(Box::from_raw(pointer));
+        }
+        if HELD.fetch_sub(1, Ordering::AcqRel) == 1 {
+            forget_latest();
         }
     }));
 }

@@ -8,6 +8,7 @@ use crate::faults::Faults;
 use crate::physics::lag::LagState;
 use crate::physics::phase::Phase;
 use crate::plant::clutch::Branch;
+use crate::plant::config::Config;
 use crate::plant::history::{CAPACITY, SIGNALS};
 use crate::plant::pace::TooFast;
 use crate::plant::saved::equal;
@@ -52,12 +53,11 @@ struct Known {
 
 /// A plant of the paper's car, to be started.
 pub fn make() -> Box<dyn Model> {
-    static PAPER: LazyLock<Plant> = LazyLock::new(|| {
-        let start = Start { omega_f: 0.0, omega_c: 0.0, theta_c: 25.0, theta_b: 25.0 };
-        Plant::new(&Vehicle::paper(), &effects::null(), &start, &Inputs::default())
-    });
+    // The configuration alone: it holds no memory of its own, so that nothing is left behind when the library is unloaded.
+    static PAPER: LazyLock<Config> = LazyLock::new(|| Config::new(&Vehicle::paper(), &effects::null()));
+    let start = Start { omega_f: 0.0, omega_c: 0.0, theta_c: 25.0, theta_b: 25.0 };
     Box::new(PlantModel {
-        plant: PAPER.clone(),
+        plant: Plant::of(Box::new(PAPER.clone()), &start, &Inputs::default()),
         vehicle: Vehicle::paper(),
         numbers: [f64::NAN; NUMBERS.len()],
         faults: Faults::default(),

@@ -67,6 +67,11 @@ struct Latest {
 
 static LATEST: Mutex<Option<Latest>> = Mutex::new(None);
 
+/// Lets go of the vehicle file that was read last.
+pub fn forget_latest() {
+    *LATEST.lock().unwrap_or_else(PoisonError::into_inner) = None;
+}
+
 /// What tells whether a file is still the one that was read: its path, length and time of change.
 type Stamp = (PathBuf, u64, SystemTime);
 

@@ -137,8 +137,13 @@ pub struct Plant {
 impl Plant {
     /// A plant at rest at its start values.
     pub fn new(vehicle: &Vehicle, effects: &Parameters, start: &Start, inputs: &Inputs) -> Self {
+        Self::of(Box::new(Config::new(vehicle, effects)), start, inputs)
+    }
+
+    /// As [`Plant::new`], of a configuration that stands.
+    pub(crate) fn of(config: Box<Config>, start: &Start, inputs: &Inputs) -> Self {
         let mut plant = Self {
-            config: Box::new(Config::new(vehicle, effects)),
+            config,
             state: events::initial(start, inputs),
             found: Found::NOTHING,
             history: History::new(),

@@ -1,8 +1,9 @@
 /* Misuses the shared library in every way we can think of: each misuse must be an error return with a logged reason, or correct, and
  * the instance must go on afterwards.
  *
- *   abuse LIBRARY NAME GUID BOUNDED BOUND FIXED TUNABLE REAL_OUTPUT ENUM_OUTPUT INPUT [quick]
+ *   abuse LIBRARY NAME GUID BOUNDED BOUND FIXED TUNABLE REAL_OUTPUT ENUM_OUTPUT INPUT RESOURCES [quick]
  *
+ * RESOURCES is the URI of a folder with the vehicle file of the paper's car.
  * The seven numbers are a value reference of each kind, and a value just beyond the bound of the first, a Real that may be set at any time.
  */
 #define _GNU_SOURCE
@@ -574,9 +575,9 @@ static void loggers(void) {
 }
 
 int main(int count, char **arguments) {
-    if (count < 11) return puts("usage: see the head of abuse.c"), 2;
+    if (count < 12) return puts("usage: see the head of abuse.c"), 2;
     const char *path = arguments[1];
-    int quick = count > 11;
+    int quick = count > 12;
     model = arguments[2], guid = arguments[3];
     input = (Ref)atoi(arguments[4]), beyond = atof(arguments[5]), fixed = (Ref)atoi(arguments[6]);
     tunable = (Ref)atoi(arguments[7]), output = (Ref)atoi(arguments[8]), enumeration = (Ref)atoi(arguments[9]);
@@ -587,8 +588,10 @@ int main(int count, char **arguments) {
         loads &= load(path, &handle);
         if (!loads) return 2;
         Component c = running();
-        loads &= DoStep(c, 0, 1e-3, 0) == OK;
-        FreeInstance(c);
+        int n = lines;
+        Component read = Instantiate("read", 1, guid, arguments[11], &callbacks, 0, 0);
+        loads &= DoStep(c, 0, 1e-3, 0) == OK && read && lines == n;
+        FreeInstance(c), FreeInstance(read);
         loads &= dlclose(handle) == 0;
     }
     CHECK("loaded and closed", loads);
