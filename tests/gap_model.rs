@@ -5,11 +5,12 @@ use kisspoint::effects::{self, REGISTRY, Subsystem, param};
 use kisspoint::gap::infer::density::{Problem, misfit};
 use kisspoint::gap::infer::fit::{Fit, Free, fit};
 use kisspoint::gap::infer::form::forms;
+use kisspoint::gap::infer::irregular::irregular;
 use kisspoint::gap::infer::posterior::posterior;
 use kisspoint::gap::infer::pulsation;
 use kisspoint::gap::infer::search::{Hypothesis, search};
 use kisspoint::gap::model::replay::{Missing, replay, start};
-use kisspoint::gap::model::tolerance::Car;
+use kisspoint::gap::model::tolerance::{self, Car};
 use kisspoint::gap::model::track::{Channel, Track};
 use kisspoint::gap::model::{filter, prepare};
 use kisspoint::gap::verdict::{Verdict, conclude};
@@ -243,6 +244,30 @@ fn what_comes_and_goes_by_itself_is_placed_and_not_named() {
         conclusion.effects
     );
     assert!(weights.of_place(Subsystem::Driveline) > 0.95, "{}", weights.of_place(Subsystem::Driveline));
+}
+
+/// A torque that changes every 40 ms, as often up as down: nothing that a car does on average.
+#[test]
+fn something_irregular_is_seen_and_placed() {
+    let torque = |t: f64| {
+        let mut step = ((t / 0.04) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        step ^= step >> 31;
+        if step.wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 63 == 0 { -8.0 } else { 8.0 }
+    };
+    for (torque, place) in [(&torque as &dyn Fn(f64) -> f64, Some(Subsystem::Driveline)), (&|_| 0.0, None)] {
+        let problem = made_up_under(|_| {}, torque);
+        let (_, vehicle_json) = example();
+        let tolerances = tolerance::read(&vehicle_json, prepare::logger(&problem.tracks)).unwrap();
+        let with = prepare::disturbances(&problem.tracks, &tolerances);
+        let nominal = problem.nominal();
+        let found = irregular(&problem, &nominal, &problem.all_residuals(&nominal, None), &with);
+        assert_eq!(found.as_ref().map(|f| f.places[0]), place);
+        if let Some(found) = found {
+            let under = prepare::problem(problem.tracks.clone(), &problem.vehicle, &tolerances, &found.with);
+            let square = |p: &Problem| misfit(&p.all_residuals(&p.nominal(), None)) / p.samples() as f64;
+            assert!(square(&problem) > 1.5 && (0.4..1.2).contains(&square(&under)), "{} {}", square(&problem), square(&under));
+        }
+    }
 }
 
 #[test]

@@ -6,7 +6,8 @@ use super::domain::{self, Handed};
 use super::empirical::{self, Tried};
 use super::held_out::{Split, split};
 use super::infer::density::{Point, Problem};
-use super::infer::posterior::{laws_far_ahead, posterior};
+use super::infer::irregular::irregular;
+use super::infer::posterior::{Posterior, laws_far_ahead, posterior};
 use super::infer::search::{Search, exchange, search};
 use super::infer::sensors;
 use super::map;
@@ -121,14 +122,23 @@ pub fn diagnose_with(
         found = search(&problem, &|what, share| progress(what, 0.5 + 0.2 * share));
     }
     progress("exchange", 0.7);
-    // What strains its tolerances and is far behind a missing law is not worth more work.
-    let laws = laws_far_ahead(&problem, &found);
-    if laws.is_empty() {
-        exchange(&problem, &mut found);
+    let mut weights = weighed(&problem, &mut found, &|| progress("missing laws", 0.75));
+    let mut conclusion = conclude(&problem, &found, &weights);
+    // What an explanation leaves may be irregular: then everything is weighed again with that in the filter. A law alone already says that something is
+    // open, and more of it than a size.
+    let law_alone = conclusion.explanation.effects.is_empty() && conclusion.explanation.place.is_some();
+    if conclusion.verdict != Verdict::InputsDoNotFit && !law_alone {
+        let fit = conclusion.explanation.fit.as_ref().expect("the best was fitted");
+        if let Some(left) = irregular(&problem, &fit.point, &fit.residuals, &filtered_by) {
+            filtered_by = left.with;
+            problem = prepare::problem(problem.tracks, &vehicle, &tolerances, &filtered_by);
+            found = search(&problem, &|what, share| progress(what, 0.8 + 0.05 * share));
+            weights = weighed(&problem, &mut found, &|| progress("missing laws", 0.87));
+            conclusion = conclude(&problem, &found, &weights);
+            conclusion.leave(&left);
+            notes.push(format!("whatever else is wrong, something irregular is left: {}; it is allowed for", left.what));
+        }
     }
-    progress("missing laws", 0.8);
-    let weights = posterior(&problem, &found, &laws);
-    let conclusion = conclude(&problem, &found, &weights);
     progress("held-out data", 0.9);
     let point = &conclusion.explanation.fit.as_ref().expect("the best was fitted").point;
     notes.extend(temperature_notes(&problem, point));
@@ -195,6 +205,17 @@ pub fn diagnose_with(
     progress("done", 1.0);
     let (handed, effects) = (*handed.0, *handed.1);
     Ok(Diagnosis { answer, json, held, overlays, vehicle: handed, effects, validated, nominal: vehicle, outlook, learned })
+}
+
+/// The posterior over what the search found, exchanges and missing laws. `laws` is called when these are looked at.
+fn weighed(problem: &Problem, found: &mut Search, laws: &dyn Fn()) -> Posterior {
+    // What strains its tolerances and is far behind a missing law is not worth more work.
+    let far_ahead = laws_far_ahead(problem, found);
+    if far_ahead.is_empty() {
+        exchange(problem, found);
+    }
+    laws();
+    posterior(problem, found, &far_ahead)
 }
 
 /// A campaign, ready to be fitted.

@@ -99,8 +99,9 @@ fn visited(problem: &Problem, point: &Point, config: &Config, k: usize) -> Visit
     let transducer = &filter.bench[1];
     let whitened = innovations.get(2 * n + filter.bench[0].len()..).unwrap_or_default();
     let (mut excess, mut squares) = (0.0, 0.0);
-    for (((place, w), e), slips) in places.iter().zip(transducer).zip(whitened).zip(slips) {
-        if slips && *w > 0.0 && e.is_finite() && place.torque.is_finite() {
+    for (((place, gain), e), slips) in places.iter().zip(transducer).zip(whitened).zip(slips) {
+        let w = gain.weight;
+        if slips && w > 0.0 && e.is_finite() && place.torque.is_finite() {
             excess += (e * e - 1.0) / (w * w);
             squares += place.torque * place.torque;
         }

@@ -123,7 +123,7 @@ fn gather(problem: &Problem, point: &Point) -> Cells {
                 continue;
             }
             let read = |j: usize| if e < 2 { innovations[2 * j + e] } else { innovations[offset + j] };
-            let weight = |j: usize| if e < 2 { filter.gains[j].weight[e] } else { filter.bench[e - 2][j] };
+            let weight = |j: usize| if e < 2 { filter.gains[j].weight[e] } else { filter.bench[e - 2][j].weight };
             let mut sums: [[(f64, usize); 4]; 3] = Default::default();
             for j in (0..n).filter(|&j| weight(j) > 0.0) {
                 let (p, r) = (phase[j], region[j]);

@@ -1,6 +1,7 @@
 //! From the posterior to a verdict: which explanation stands, what may stand in its place, and where the gap lies.
 
 use super::infer::density::{Problem, misfit, prior};
+use super::infer::irregular::Irregular;
 use super::infer::posterior::{Explanation, Posterior};
 use super::infer::search::Search;
 use crate::effects::{REGISTRY, Subsystem};
@@ -88,6 +89,39 @@ pub fn conclude(problem: &Problem, search: &Search, posterior: &Posterior) -> Co
     Conclusion { verdict, probability, explanation: best, effects: named, unexplained_at, shares, or_at }
 }
 
+impl Conclusion {
+    /// Takes it that something irregular is left.
+    pub fn leave(&mut self, irregular: &Irregular) {
+        let of = |e: &usize| REGISTRY[*e].effect.subsystem;
+        if irregular.share > STAND_IN_SHARE {
+            self.effects.retain(|e| !irregular.places.contains(&of(e)));
+        }
+        if self.verdict == Verdict::InputsDoNotFit {
+            return;
+        }
+        self.verdict = if self.effects.is_empty() { Verdict::Unexplained } else { Verdict::PartlyExplained };
+        if self.effects.is_empty() && self.unexplained_at.is_none() {
+            self.probability = irregular.probability;
+        }
+        // Of places that the recordings do not tell apart, the one in which something is wrong.
+        let known = |s: &Subsystem| self.shares.iter().any(|(at, _)| at == s);
+        let first = irregular.places.iter().copied().find(known).or(irregular.places.first().copied());
+        let rest: Vec<Subsystem> = irregular.places.iter().copied().filter(|p| Some(*p) != first).collect();
+        if self.unexplained_at.is_none() {
+            self.unexplained_at = first;
+            self.or_at.extend(rest);
+        }
+        if let Some(first) = first {
+            self.shares.iter_mut().for_each(|(_, share)| *share *= 1.0 - irregular.share);
+            match self.shares.iter_mut().find(|(at, _)| *at == first) {
+                Some((_, share)) => *share += irregular.share,
+                None => self.shares.push((first, irregular.share)),
+            }
+            self.shares.sort_by(|a, b| b.1.total_cmp(&a.1));
+        }
+    }
+}
+
 /// Cost of an explanation without the price of its law.
 fn cost(e: &Explanation) -> f64 {
     e.fit.as_ref().map_or(f64::INFINITY, |f| misfit(&f.residuals) + prior(&f.point))
@@ -129,4 +163,64 @@ fn shares(search: &Search, posterior: &Posterior, best: &Explanation) -> Vec<(Su
     shares.iter_mut().for_each(|s| s.1 /= total.max(f64::MIN_POSITIVE));
     shares.sort_by(|a, b| b.1.total_cmp(&a.1));
     shares
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::find;
+    use crate::gap::model::filter::Disturbances;
+    use crate::gap::model::noise::Noise;
+    use crate::gap::model::tolerance::Wander;
+
+    fn none() -> Disturbances {
+        let (noise, still) = (Noise { white: 1.0, coloured: 0.0, memory_s: 1.0 }, Wander { sigma: 0.0, time_s: 1.0 });
+        Disturbances {
+            noise: [noise; 5],
+            report_noise: 0.0,
+            report: still,
+            load: still,
+            clutch: still,
+            bearing: still,
+            sensors: [still; 2],
+            late: [0.0; 2],
+        }
+    }
+
+    fn left(places: &[Subsystem], share: f64) -> Irregular {
+        Irregular { places: places.to_vec(), what: String::new(), share, probability: 0.9, with: none() }
+    }
+
+    fn concluded(effects: &[&str]) -> Conclusion {
+        let effects: Vec<usize> = effects.iter().map(|id| find(id).unwrap()).collect();
+        let shares = effects.iter().map(|e| (REGISTRY[*e].effect.subsystem, 1.0 / effects.len() as f64)).collect();
+        let explanation = Explanation { effects: effects.clone(), place: None, log_posterior: 0.0, probability: 1.0, fit: None };
+        let verdict = if effects.is_empty() { Verdict::NoGap } else { Verdict::Explained };
+        Conclusion { verdict, probability: 1.0, explanation, effects, unexplained_at: None, shares, or_at: Vec::new() }
+    }
+
+    #[test]
+    fn something_irregular_is_a_gap_of_its_own() {
+        let mut c = concluded(&[]);
+        c.leave(&left(&[Subsystem::Sensors], 1.0));
+        assert_eq!((c.verdict, c.unexplained_at, c.probability), (Verdict::Unexplained, Some(Subsystem::Sensors), 0.9));
+        assert_eq!(c.shares, [(Subsystem::Sensors, 1.0)]);
+    }
+
+    #[test]
+    fn an_effect_stands_in_for_something_irregular_of_its_subsystem_only_if_that_is_the_larger_part() {
+        for (share, named) in [(0.4, 2), (0.6, 1)] {
+            let mut c = concluded(&["engine_torque_gain", "vehicle_mass"]);
+            c.leave(&left(&[Subsystem::Engine], share));
+            assert_eq!((c.verdict, c.unexplained_at, c.effects.len()), (Verdict::PartlyExplained, Some(Subsystem::Engine), named));
+            assert!((c.shares.iter().map(|s| s.1).sum::<f64>() - 1.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn of_places_that_are_not_told_apart_the_one_with_an_effect_comes_first() {
+        let mut c = concluded(&["actuator_delay"]);
+        c.leave(&left(&[Subsystem::Friction, Subsystem::ClutchForce, Subsystem::Actuator], 0.1));
+        assert_eq!((c.unexplained_at, c.or_at), (Some(Subsystem::Actuator), vec![Subsystem::Friction, Subsystem::ClutchForce]));
+    }
 }

@@ -4,6 +4,7 @@ pub mod coordinate;
 pub mod density;
 pub mod fit;
 pub mod form;
+pub mod irregular;
 pub mod learned;
 pub mod limit;
 pub mod linear;

@@ -73,7 +73,7 @@ fn correlation(problem: &Problem, residuals: &[Residuals], c: usize) -> f64 {
 }
 
 /// Twice, up to a constant.
-fn minus_log_likelihood(problem: &Problem, point: &Point, with: &Disturbances) -> f64 {
+pub fn minus_log_likelihood(problem: &Problem, point: &Point, with: &Disturbances) -> f64 {
     let filters: Vec<_> = problem.tracks.par_iter().map(|t| prepare::filter_of(t, &problem.vehicle, with)).collect();
     let changed = Problem { filters, ..problem.clone() };
     misfit(&changed.all_residuals(point, None)) + changed.filters.iter().map(|f| f.log_det).sum::<f64>()

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Prior probability that some law is missing in a given subsystem.
-const PLACE_PRIOR: f64 = 0.012;
+pub const PLACE_PRIOR: f64 = 0.012;
 
 /// A law that is missing.
 #[derive(Clone, Debug)]

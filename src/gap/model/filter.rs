@@ -58,6 +58,8 @@ pub struct Disturbances {
     pub load: Wander,
     /// Torque of the clutch, as a share of what it transmits.
     pub clutch: Wander,
+    /// Position of the bearing beyond what the actuator's model says, mm.
+    pub bearing: Wander,
     /// Further noise of each speed, rad/s.
     pub sensors: [Wander; 2],
     /// How late each speed is known to be sensed, s: what is measured now was so then.
@@ -88,13 +90,24 @@ pub struct Gain {
     pub decay: [f64; STATES],
 }
 
+/// Gain of one observation of a bench channel, whose error may last.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct BenchGain {
+    /// Inverse standard deviation of the innovation; 0 where there is no sample.
+    pub weight: f64,
+    /// Gain of the lasting error.
+    pub of: f64,
+    /// Factor by which that decays to the next observation.
+    pub decay: f64,
+}
+
 /// Filter of one recording.
 #[derive(Clone, Debug)]
 pub struct Filter {
     /// By observation.
     pub gains: Vec<Gain>,
-    /// Weights of the bench channels (bearing, torque, temperature): inverse standard deviation of one observation; 0 where there is no sample.
-    pub bench: [Vec<f64>; 3],
+    /// Gains of the bench channels (bearing, torque, temperature) by observation; empty for a channel that is not there.
+    pub bench: [Vec<BenchGain>; 3],
     /// Logarithm of the determinant of the innovations' covariance.
     pub log_det: f64,
     /// Phase of the clutch by observation: locked as measured, open as the vehicle file has it.
@@ -136,6 +149,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     (p[(OMEGA_F, OMEGA_F)], p[(OMEGA_C, OMEGA_C)]) = (start(0), start(1));
     let colour: [Wander; 2] = std::array::from_fn(|c| joined(with.noise[c], with.sensors[c]));
     let mut gains = Vec::with_capacity(n);
+    let mut torque_variance = Vec::with_capacity(n);
     let mut log_det = 0.0;
     let mut samples = 0;
     // A brake that is pulled or let go between two samples, or shows late, acts in the intervals beside those that are marked.
@@ -172,6 +186,14 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
             log_det += s.ln();
             samples += 1;
         }
+        // What the disturbances do to the clutch torque: slipping it is their own, locked it is what keeps the speeds together.
+        let mut h = SVector::<f64, STATES>::zeros();
+        if locked[k] {
+            (h[ENGINE], h[LOAD]) = (j_c / total, -j_f / total)
+        } else {
+            h[CLUTCH] = 1.0
+        };
+        torque_variance.push(h.dot(&(p * h)));
         // To the next observation.
         let dt = gain.interval;
         let report_impulse = with.report_noise.powi(2) * dt * (dt / track.rows_of(k).len().max(1) as f64) + unseen[0][k];
@@ -229,7 +251,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
             gains[k].decay[LOAD] = 0.0;
         }
     }
-    let bench = bench(track, with, &locked, &mut samples, &mut log_det);
+    let bench = bench(track, with, &locked, &torque_variance, &mut samples, &mut log_det);
     let phase = |k: usize| match (locked[k], closed(track, vehicle, k)) {
         (true, _) => Phase::Locked,
         (_, true) => Phase::Slipping,
@@ -337,25 +359,40 @@ fn lock_up_blur(track: &Track, speeds: &[Vec<(f64, usize)>; 2], locked: &[bool])
     blur
 }
 
-fn bench(track: &Track, with: &Disturbances, locked: &[bool], samples: &mut usize, log_det: &mut f64) -> [Vec<f64>; 3] {
+fn bench(
+    track: &Track,
+    with: &Disturbances,
+    locked: &[bool],
+    torque_variance: &[f64],
+    samples: &mut usize,
+    log_det: &mut f64,
+) -> [Vec<BenchGain>; 3] {
     [Channel::XTo, Channel::TFc, Channel::ThetaC].map(|channel| {
         if track.measured[channel as usize].is_empty() {
             return Vec::new();
         }
         let lasting = if channel == Channel::ThetaC { LASTING_TEMPERATURE_K } else { 0.0 };
+        let wander = if channel == Channel::XTo { with.bearing } else { Wander { sigma: 0.0, time_s: 1.0 } };
+        let mut p = wander.sigma.powi(2);
         (0..track.observations())
             .map(|k| {
+                let dt = interval(track, k);
+                let mut gain = BenchGain { decay: (-dt / wander.time_s).exp(), ..BenchGain::default() };
                 let (mean, count) = track.mean(channel, k);
                 // The clutch torque jumps at a lock-up: a torque of such a sample hangs on a fraction of a sample.
                 let near = k.saturating_sub(2)..(k + 3).min(locked.len());
                 let jumps = channel == Channel::TFc && near.clone().any(|j| locked[j] != locked[k]);
-                if !mean.is_finite() || jumps {
-                    return 0.0;
+                if mean.is_finite() && !jumps {
+                    let torque = if channel == Channel::TFc { torque_variance[k] } else { 0.0 };
+                    let r = with.noise[channel as usize].white.powi(2) / count as f64 + lasting.powi(2) / dt + torque;
+                    let s = p + r;
+                    (gain.weight, gain.of) = (1.0 / s.sqrt(), p / s);
+                    p *= r / s;
+                    *samples += 1;
+                    *log_det += s.ln();
                 }
-                let sigma = (with.noise[channel as usize].white / (count as f64).sqrt()).hypot(lasting / interval(track, k).sqrt());
-                *samples += 1;
-                *log_det += 2.0 * sigma.ln();
-                1.0 / sigma
+                p = wander.sigma.powi(2) + gain.decay.powi(2) * (p - wander.sigma.powi(2));
+                gain
             })
             .collect()
     })

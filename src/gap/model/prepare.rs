@@ -35,6 +35,7 @@ pub fn healthy(noise: [Noise; 5], report_noise: f64, quantum: f64, tolerances: &
         report: Wander { sigma, ..tolerances.report },
         load: LOAD,
         clutch: CLUTCH,
+        bearing: NONE,
         sensors: [NONE; 2],
         late: [0.0; 2],
     }

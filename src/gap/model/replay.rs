@@ -256,6 +256,7 @@ fn corrected_in(
     let smooth = [effects::engine_speed_delay::smoothing, effects::clutch_speed_delay::smoothing];
     let age: [f64; 2] = std::array::from_fn(|c| car.effects[late[c]] + car.effects[smooth[c]]);
     let mut estimate = [0.0; STATES];
+    let mut lasting = [0.0; 3];
     let mut sums = [(0.0, 0_usize); 5];
     let mut k = 0;
     let mut last_row = track.rows_of(0).end - 1;
@@ -298,8 +299,16 @@ fn corrected_in(
         if filter.stands[k] {
             plant.hold_car();
         }
-        for (c, weights) in filter.bench.iter().enumerate().filter(|(_, w)| !w.is_empty()) {
-            bench[c].push(mean(c + 2) * weights[k]);
+        for (c, gains) in filter.bench.iter().enumerate().filter(|(_, g)| !g.is_empty()) {
+            let gain = gains[k];
+            if gain.weight == 0.0 {
+                bench[c].push(0.0);
+            } else {
+                let innovation = mean(c + 2) - lasting[c];
+                bench[c].push(innovation * gain.weight);
+                lasting[c] += gain.of * innovation;
+            }
+            lasting[c] *= gain.decay;
         }
         estimate.iter_mut().zip(gain.decay).skip(2).for_each(|(e, d)| *e *= d);
         let clutch = estimate[state::CLUTCH];

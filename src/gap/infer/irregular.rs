@@ -1,0 +1,142 @@
+//! What comes and goes too fast for a law: something irregular, as a hypothesis beside all explanations.
+//!
+//! An explanation may be the best and still leave more than noise: misfires, a tone wheel that wobbles, an actuator that wanders. That is a disturbance in one
+//! place, a first-order Gauss–Markov process of unknown size and memory. It enters the filter, and the likelihood of the innovations, Σ ρ(e) + ln det S, says
+//! where it is, how large and how lasting. Under that filter effects count for what they explain beyond it.
+
+use super::density::{PHASES, Point, Problem, Residuals, misfit};
+use super::sensors::minus_log_likelihood;
+use super::unknown::PLACE_PRIOR;
+use crate::effects::Subsystem;
+use crate::gap::model::filter::Disturbances;
+use crate::gap::model::tolerance::Wander;
+
+/// A disturbance that the recordings ask for.
+#[derive(Clone, Debug)]
+pub struct Irregular {
+    /// Subsystems that it may be of, the likeliest first.
+    pub places: Vec<Subsystem>,
+    /// What it is, in words with its size.
+    pub what: String,
+    /// Its share of what the explanation and it together gain over the car as its file gives it, in nats.
+    pub share: f64,
+    /// Probability that it is there, given the explanation.
+    pub probability: f64,
+    /// All disturbances, this one with them.
+    pub with: Disturbances,
+}
+
+/// Where a disturbance acts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum At {
+    Engine,
+    Bearing,
+    Clutch,
+    Driveline,
+    Flywheel,
+    Disc,
+}
+
+const ALL: [At; 6] = [At::Engine, At::Bearing, At::Clutch, At::Driveline, At::Flywheel, At::Disc];
+
+/// Sizes that are tried, each as likely: torques in N·m, of the bearing in mm, of the clutch torque as a share of it, speeds in their white noise.
+const TORQUES_NM: [f64; 3] = [3.0, 10.0, 30.0];
+const POSITIONS_MM: [f64; 3] = [0.02, 0.06, 0.2];
+const SHARES: [f64; 3] = [0.02, 0.05, 0.15];
+const SPEEDS: [f64; 3] = [2.0, 5.0, 15.0];
+/// Memories that are tried, s: what lasts longer is a law of time.
+const MEMORIES_S: [f64; 3] = [0.02, 0.1, 0.5];
+
+/// Nats behind the likeliest place up to which another one is not ruled out.
+const NEARLY_NATS: f64 = 3.0;
+
+impl At {
+    fn sizes(self) -> [f64; 3] {
+        match self {
+            Self::Engine | Self::Driveline => TORQUES_NM,
+            Self::Bearing => POSITIONS_MM,
+            Self::Clutch => SHARES,
+            Self::Flywheel | Self::Disc => SPEEDS,
+        }
+    }
+
+    fn added(self, size: f64, time_s: f64, to: &Disturbances) -> Disturbances {
+        let mut with = *to;
+        let one = |scale: f64| Wander { sigma: size * scale, time_s };
+        match self {
+            Self::Engine => with.report = one(1.0),
+            Self::Bearing => with.bearing = one(1.0),
+            Self::Clutch => with.clutch = one(1.0),
+            Self::Driveline => with.load = one(1.0),
+            Self::Flywheel => with.sensors[0] = one(to.noise[0].white),
+            Self::Disc => with.sensors[1] = one(to.noise[1].white),
+        }
+        with
+    }
+
+    /// Subsystems that it may be of.
+    fn places(self) -> &'static [Subsystem] {
+        match self {
+            Self::Engine => &[Subsystem::Engine],
+            Self::Bearing => &[Subsystem::Actuator],
+            Self::Clutch => &[Subsystem::Friction, Subsystem::ClutchForce, Subsystem::Actuator],
+            Self::Driveline => &[Subsystem::Driveline],
+            Self::Flywheel | Self::Disc => &[Subsystem::Sensors],
+        }
+    }
+
+    fn words(self, with: &Disturbances) -> String {
+        match self {
+            Self::Engine => format!("a torque of {:.0} N·m at the engine", with.report.sigma),
+            Self::Bearing => format!("{:.2} mm of the bearing's position", with.bearing.sigma),
+            Self::Clutch => format!("{:.0} % of the clutch torque", 100.0 * with.clutch.sigma),
+            Self::Driveline => format!("a torque of {:.0} N·m on the car's side", with.load.sigma),
+            Self::Flywheel => format!("{:.2} rad/s of the flywheel speed", with.sensors[0].sigma),
+            Self::Disc => format!("{:.2} rad/s of the disc speed", with.sensors[1].sigma),
+        }
+    }
+}
+
+/// Nats that innovations gain if those of each phase of the clutch may have a variance of their own, with the likelihood to the problem's powers.
+fn dispersed(problem: &Problem, residuals: &[Residuals]) -> f64 {
+    let mut samples = [0.0; PHASES];
+    for (r, residuals) in residuals.iter().enumerate() {
+        residuals.iter().enumerate().filter(|(_, x)| **x != 0.0).for_each(|(i, _)| samples[problem.phase(r, i)] += 1.0);
+    }
+    let gain = |(misfit, n): (f64, f64)| if misfit > n && n > 0.0 { 0.5 * (misfit - n - n * (misfit / n).ln()) } else { 0.0 };
+    problem.misfits(residuals).into_iter().zip(samples).map(gain).zip(problem.powers).map(|(gain, power)| gain * power).sum()
+}
+
+/// The disturbance for which the innovations of an explanation ask, beside those `with` which the problem's filters are made; none if they are no larger than
+/// they should be.
+pub fn irregular(problem: &Problem, point: &Point, residuals: &[Residuals], with: &Disturbances) -> Option<Irregular> {
+    let price = -(PLACE_PRIOR / (1.0 - PLACE_PRIOR)).ln();
+    if dispersed(problem, residuals) < price {
+        return None;
+    }
+    let point = &Point { missing: Vec::new(), ..point.clone() };
+    let without = minus_log_likelihood(problem, point, with);
+    let power = problem.power();
+    let gain = |changed: &Disturbances| 0.5 * power * (without - minus_log_likelihood(problem, point, changed));
+    let of = |at: At| at.sizes().into_iter().flat_map(move |size| MEMORIES_S.map(|memory| (at, at.added(size, memory, with), memory)));
+    let mut all: Vec<(f64, At, Disturbances, f64)> =
+        ALL.into_iter().flat_map(of).map(|(at, changed, memory)| (gain(&changed), at, changed, memory)).collect();
+    all.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let (most, at, with, memory) = all[0];
+    // Sizes and memories share the prior of their place.
+    let lead = most - price - (TORQUES_NM.len() as f64 * MEMORIES_S.len() as f64).ln();
+    if lead < 0.0 {
+        return None;
+    }
+    let mut places: Vec<Subsystem> = Vec::new();
+    let near = all.iter().filter(|(gain, ..)| most - gain < NEARLY_NATS);
+    for place in near.flat_map(|(_, at, ..)| at.places()) {
+        if !places.contains(place) {
+            places.push(*place);
+        }
+    }
+    let nominal = misfit(&problem.all_residuals(&problem.nominal(), None));
+    let explained = 0.5 * power * (nominal - misfit(residuals)).max(0.0);
+    let what = format!("{} (rms), for some {memory} s at a time", at.words(&with));
+    Some(Irregular { places, what, share: most / (most + explained), probability: 1.0 / (1.0 + (-lead).exp()), with })
+}
