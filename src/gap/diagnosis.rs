@@ -201,7 +201,7 @@ pub fn diagnose_with(
         notes,
     });
     let json = serde_json::to_value(&answer).expect("an answer is plain data");
-    let overlays = overlays(campaign, &split, &problem, point, before, handed, &tolerances);
+    let overlays = overlays(campaign, &split, &problem, point, before, handed);
     progress("done", 1.0);
     let (handed, effects) = (*handed.0, *handed.1);
     Ok(Diagnosis { answer, json, held, overlays, vehicle: handed, effects, validated, nominal: vehicle, outlook, learned })
@@ -320,7 +320,6 @@ fn overlays(
     point: &Point,
     before: measure::Car,
     after: measure::Car,
-    _: &Tolerances,
 ) -> Vec<Overlay> {
     let of = |k: usize, r: &Recording| {
         let judge = k == split.judge;
