@@ -105,10 +105,9 @@ impl Fit {
         let mut point = self.point.clone();
         point.missing.iter_mut().skip(law).for_each(|a| *a /= size);
         let e = assemble(&point, &frame, &parts, 0.0)?;
-        let step = -e.curvature.clone().cholesky()?.solve(&e.gradient);
-        // The mode moves towards the priors.
-        let gain = e.eliminated.iter().map(|e| e.gain()).sum::<f64>() - e.gradient.dot(&step);
-        let cost = misfit + prior(&point) - gain;
+        // The mode moves towards the priors, within the bounds.
+        let step = bounded_step(problem, &e, &frame, &point)?;
+        let cost = misfit + prior(&point) - promise(&e, &step);
         let to = moved(problem, &frame, &e, &point, &step);
         // What a power takes from the recordings is no reason to hand out another car.
         let point = if moves && problem.can_follow(&to) { to } else { self.point.clone() };

@@ -152,12 +152,12 @@ fn changed_beside(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unk
         others.retain(|o| all.iter().all(|u: &Unknown| u.effects != o.0));
         let other = |(effects, start): &(Vec<usize>, Point)| beside(problem, effects, &current.law, start, from.known());
         let others: Vec<Unknown> = others.iter().map(other).collect();
-        let Some(best) = others.iter().max_by(|a, b| a.lead.total_cmp(&b.lead)).cloned() else { break };
+        // What is believed may be a smaller set than what leads: a step that gains in either is one.
+        let by = |of: fn(&Unknown) -> f64| others.iter().max_by(|a, b| of(a).total_cmp(&of(b))).filter(|u| of(u) >= of(&current)).cloned();
+        let next = by(|u| u.log_posterior).or_else(|| by(|u| u.lead));
         all.extend(others);
-        if best.lead < current.lead {
-            break;
-        }
-        current = best;
+        let Some(next) = next else { break };
+        current = next;
     }
     if !current.effects.is_empty() {
         return all;

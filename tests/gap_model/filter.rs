@@ -1,0 +1,256 @@
+//! What the filter takes for noise is noise, and what it was not shown it does not make up.
+
+use crate::made_up::{answered, example, made_up, mean_square_from, normals, prepared};
+use kisspoint::campaign::Recording;
+use kisspoint::effects::{self, param};
+use kisspoint::gap::infer::density::{Problem, misfit};
+use kisspoint::gap::model::tolerance::Car;
+use kisspoint::gap::model::track::{Channel, Track};
+use kisspoint::gap::model::{filter, prepare};
+use kisspoint::plant::Phase;
+use kisspoint::vehicle::Vehicle;
+
+#[test]
+fn innovations_of_the_true_car_are_white_and_of_unit_variance_at_most() {
+    let problem = made_up(|_| {});
+    let all = problem.all_residuals(&problem.nominal(), None);
+    for (r, f) in all.iter().zip(&problem.filters) {
+        for c in 0..2 {
+            let v: Vec<f64> = (0..f.gains.len()).map(|k| r[2 * k + c]).collect();
+            let n = v.len() as f64;
+            let variance = v.iter().map(|x| x * x).sum::<f64>() / n;
+            let neighbours = v.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / (n * variance);
+            // Disturbances that this car does not have are allowed for, so that less than one is left.
+            assert!((0.5..1.2).contains(&variance), "variance {variance}");
+            assert!(neighbours.abs() < 0.3, "correlation {neighbours}");
+        }
+    }
+}
+
+/// The example's inputs by a logger of 1 kHz: what an effect changes is nearly the same in steps of an observation, and the same where the torque pulsates.
+#[test]
+fn changes_in_steps_of_an_observation_are_nearly_those_of_every_row() {
+    const FASTER: usize = 10;
+    let (mut recordings, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let times = |v: &[f64]| v.iter().flat_map(|x| [*x; FASTER]).collect::<Vec<f64>>();
+    for r in &mut recordings {
+        let h = 1.0 / r.sample_rate_hz / FASTER as f64;
+        (r.x_to, r.t_fc, r.theta_c, r.brake) = (None, None, None, None);
+        r.time = (0..FASTER * r.time.len()).map(|k| k as f64 * h).collect();
+        r.sample_rate_hz *= FASTER as f64;
+        for v in [&mut r.omega_f, &mut r.omega_c, &mut r.t_e, &mut r.x_to_cmd, &mut r.theta_h] {
+            *v = times(v);
+        }
+    }
+    let all: Vec<&Recording> = recordings.iter().collect();
+    let (tracks, tolerances) = prepare::read(&all, &vehicle_json).unwrap();
+    let with = prepare::disturbances(&tracks, &tolerances);
+    let problem = prepare::problem(tracks, &vehicle, &tolerances, &with);
+    assert_eq!(problem.tracks[0].rows_per_observation, FASTER);
+    let nominal = problem.nominal();
+    let here = problem.residuals(0, &nominal, None);
+    let from = problem.baseline(0, &nominal, None, Some(&here));
+    for (parameter, value, most) in
+        [(param::vehicle_mass::factor, 1.2, 0.03), (param::friction_level::factor, 0.9, 0.03), (param::judder::sine, 0.1, 0.0)]
+    {
+        let mut to = nominal.clone();
+        to.effects[parameter] = value;
+        let rows: Vec<f64> = problem.residuals(0, &to, None).iter().zip(&here).map(|(a, b)| a - b).collect();
+        let steps = problem.change(0, &from, &to, None);
+        let square = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>();
+        let (off, whole) = (square(&mut rows.iter().zip(&steps).map(|(a, b)| a - b)), square(&mut rows.iter().copied()));
+        assert!(whole > 100.0 && off <= most * most * whole, "{parameter}: {} of {}", off.sqrt(), whole.sqrt());
+    }
+}
+
+#[test]
+fn a_brake_is_no_gap() {
+    let (mut recordings, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let r = recordings.iter_mut().find(|r| r.manoeuvre == "open_rev").unwrap();
+    // From the middle on the car's side is pulled by 100 N·m that nobody reports.
+    let half = r.time.len() / 2;
+    let begin = r.time[half];
+    let speed = r.omega_c[half];
+    for k in half..r.time.len() {
+        r.omega_c[k] = (speed - 100.0 / 0.6 * (r.time[k] - begin)).max(0.0);
+    }
+    let marked: Vec<bool> = (0..r.time.len()).map(|k| k >= half).collect();
+    let cost = |brake: Option<Vec<bool>>| {
+        let track = Track::new(&Recording { brake, ..r.clone() });
+        let (_, tolerances) = prepare::read(&[&*r], &vehicle_json).unwrap();
+        let with = prepare::disturbances(std::slice::from_ref(&track), &tolerances);
+        let filter = prepare::filter_of(&track, &vehicle, &with);
+        let n = track.observations();
+        let all = kisspoint::gap::model::replay::innovations(&track, &filter, &Car::nominal(&vehicle), track.theta_0, None);
+        assert_eq!(all.len(), 2 * n);
+        misfit(&[(0..n).map(|k| all[2 * k + 1]).collect()]) / n as f64
+    };
+    let (without, with) = (cost(None), cost(Some(marked)));
+    assert!(with < 4.0 && without > 20.0 * with, "marked {with}, not marked {without}");
+}
+
+#[test]
+fn samples_that_are_not_there_are_not_made_up() {
+    let (mut recordings, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let r = &mut recordings[0];
+    (1..r.omega_c.len()).step_by(2).for_each(|k| r.omega_c[k] = f64::NAN);
+    let (tracks, tolerances) = prepare::read(&[&*r], &vehicle_json).unwrap();
+    let with = prepare::disturbances(&tracks, &tolerances);
+    let f = filter::filter(&tracks[0], &vehicle, &with, &[]);
+    let known = |c: usize| f.gains.iter().filter(|g| g.weight[c] > 0.0).count();
+    assert_eq!(known(0), tracks[0].observations());
+    assert_eq!(known(1), tracks[0].observations().div_ceil(2));
+    assert!(tracks[0].measured[Channel::OmegaC as usize].iter().any(|v| v.is_nan()));
+}
+
+#[test]
+fn speeds_that_cross_while_the_clutch_is_open_are_not_locked() {
+    let (mut recordings, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let r = &mut recordings[0];
+    let n = r.time.len();
+    // Open all along; the disc's speed passes the flywheel's in the middle.
+    for k in 0..n {
+        let part = k as f64 / n as f64;
+        (r.x_to_cmd[k], r.omega_f[k], r.omega_c[k]) = (vehicle.actuator.x_cnt_0 - 0.5, 100.0, 60.0 + 80.0 * part);
+    }
+    let (tracks, tolerances) = prepare::read(&[&*r], &vehicle_json).unwrap();
+    let with = prepare::disturbances(&tracks, &tolerances);
+    assert!(filter::filter(&tracks[0], &vehicle, &with, &[]).phase.iter().all(|p| *p != Phase::Locked));
+    // Closed while they are equal, then commanded open: locked until they part.
+    for k in 0..n {
+        let slip = if k < n / 2 { 0.0 } else { 40.0 * (k - n / 2) as f64 / n as f64 };
+        let closed = k < n / 4;
+        r.x_to_cmd[k] = if closed { vehicle.actuator.x_cls_0 } else { vehicle.actuator.x_cnt_0 - 0.5 };
+        (r.omega_f[k], r.omega_c[k]) = (100.0, 100.0 - slip);
+    }
+    let (tracks, tolerances) = prepare::read(&[&*r], &vehicle_json).unwrap();
+    let with = prepare::disturbances(&tracks, &tolerances);
+    let locked: Vec<bool> = filter::filter(&tracks[0], &vehicle, &with, &[]).phase.iter().map(|p| *p == Phase::Locked).collect();
+    let last = locked.iter().rposition(|l| *l).unwrap();
+    assert!(locked[..last].iter().all(|l| *l), "a lock that nothing shows to end goes on");
+    assert!((locked.len() / 2..locked.len() * 2 / 3).contains(&last), "{last} of {}", locked.len());
+}
+
+/// Two cars whose torques and inertias differ by one factor move alike: a likelihood that tells them apart judges the corrections, not the car.
+#[test]
+fn a_common_factor_on_torques_and_inertias_changes_nothing() {
+    let problem = made_up(|_| ());
+    let misfit_of = |f: f64| {
+        let mut vehicle = problem.vehicle;
+        let d = &mut vehicle.driveline;
+        for number in [&mut d.J_f, &mut d.J_c, &mut d.b_f, &mut d.b_c, &mut d.T_L0, &mut d.k_L] {
+            *number *= f;
+        }
+        let friction = &mut vehicle.friction;
+        for number in [&mut friction.mu_0, &mut friction.alpha_1, &mut friction.m_0, &mut friction.m_1, &mut friction.m_2] {
+            *number *= f;
+        }
+        // As warm under more heat.
+        let thermal = &mut vehicle.thermal;
+        for number in [&mut thermal.C_1, &mut thermal.C_b, &mut thermal.gamma_1, &mut thermal.gamma_2] {
+            *number *= f;
+        }
+        let changed = kisspoint::gap::infer::density::Problem { vehicle, ..problem.clone() };
+        let mut point = changed.nominal();
+        point.effects[param::engine_torque_gain::gain] = f;
+        misfit(&changed.all_residuals(&point, None))
+    };
+    let (plain, scaled) = (misfit_of(1.0), misfit_of(1.08));
+    assert!((plain - scaled).abs() < 0.01 * plain, "{plain} {scaled}");
+}
+
+#[test]
+fn a_wheel_that_shows_nothing_yet_stands_nearly_still() {
+    let mut problem = made_up(|_| ());
+    let misfit_of = |p: &Problem| misfit(&p.all_residuals(&p.nominal(), None)) / p.samples() as f64;
+    let whole = misfit_of(&problem);
+    // The disc's sensor has a threshold of 3 rad/s.
+    for track in &mut problem.tracks {
+        track.measured[Channel::OmegaC as usize].iter_mut().filter(|v| v.abs() < 3.0).for_each(|v| *v = f64::NAN);
+    }
+    let (_, vehicle_json) = example();
+    let logger = kisspoint::gap::model::tolerance::Logger::UNIFORM;
+    let tolerances = kisspoint::gap::model::tolerance::read(&vehicle_json, logger).unwrap();
+    let with = prepare::disturbances(&problem.tracks, &tolerances);
+    let hidden = prepare::problem(problem.tracks, &problem.vehicle, &tolerances, &with);
+    assert!(hidden.tracks.iter().any(|t| t.measured[Channel::OmegaC as usize][0].is_nan()), "some begin at rest");
+    assert!(misfit_of(&hidden) < 1.1 * whole, "{} {whole}", misfit_of(&hidden));
+}
+
+#[test]
+fn a_command_that_a_slow_logger_misses_is_noise_of_the_torque() {
+    let (_, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let mut normal = normals(23);
+    let mut wander = 0.0;
+    // A slow closing, with a command that goes its own way from tick to tick.
+    let inputs: Vec<[f64; 2]> = (0..150)
+        .map(|k| {
+            wander = 0.9 * wander + 0.08 * normal();
+            [40.0, 5.3 + 0.005 * k as f64 + wander]
+        })
+        .collect();
+    let moving = |row: usize, now: [f64; 2]| if row == 0 && now == [0.0; 2] { [150.0, 20.0] } else { now };
+    let whole = answered(&Car::nominal(&vehicle), &inputs, 0.1, |_| false, moving);
+    let every = |v: &[f64], step: usize| v.iter().copied().step_by(step).collect::<Vec<f64>>();
+    let slow = |step: usize| Recording {
+        sample_rate_hz: 100.0 / step as f64,
+        time: every(&whole.time, step),
+        omega_f: every(&whole.omega_f, step),
+        omega_c: every(&whole.omega_c, step),
+        t_e: every(&whole.t_e, step),
+        x_to_cmd: every(&whole.x_to_cmd, step),
+        theta_h: every(&whole.theta_h, step),
+        ..whole.clone()
+    };
+    for step in [1, 2, 5] {
+        let left = mean_square_from(&prepared(&slow(step)), effects::null(), 0.1);
+        assert!((0.3..1.25).contains(&left), "every {step}: {left}");
+    }
+}
+
+#[test]
+fn shafts_of_a_car_that_its_brakes_hold_are_at_rest() {
+    let (_, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let mut car = Car::nominal(&vehicle);
+    car.effects[param::driveline_compliance::compliance] = 0.011;
+    car.effects[param::driveline_compliance::damping] = 0.3;
+    let idle = 100.0;
+    let inputs = vec![[vehicle.driveline.b_f * idle, vehicle.actuator.x_cnt_0 - 0.5]; 400];
+    // The brakes hold the car. What the flywheel shows is the same; noise of the disc's sensor would set a model's shafts swinging.
+    let recording = answered(&car, &inputs, 0.4, |_| true, |_, _| [idle, 0.0]);
+    let mut problem = prepared(&recording);
+    let of_disc = |p: &Problem| {
+        let point = kisspoint::gap::infer::density::Point { effects: car.effects, ..p.nominal() };
+        p.all_residuals(&point, None)[0][200..].iter().skip(1).step_by(2).map(|r| r * r).sum::<f64>()
+    };
+    let held = of_disc(&problem);
+    problem.filters[0].stands.fill(false);
+    let swings = of_disc(&problem);
+    assert!(held < 0.6 * swings, "{held} {swings}");
+}
+
+#[test]
+fn a_clutch_that_opens_while_both_sides_slow_down_alike_is_not_held() {
+    let (_, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let (open, closed) = (vehicle.actuator.x_cnt_0 - 0.5, vehicle.actuator.x_cls_0);
+    let inputs: Vec<[f64; 2]> = (0..250).map(|k| if k < 100 { [20.0, closed] } else { [-10.0, open] }).collect();
+    // Locked for a second; then the engine falls by itself and the brakes slow the car down nearly as much.
+    let speeds = |k: usize, now: [f64; 2]| match k {
+        0 => [150.0; 2],
+        1..100 => now,
+        _ => {
+            let t = 0.01 * (k - 100) as f64;
+            [now[0], now[0] + 0.4 * (t / 0.3).min(1.0) * (1.0 + 4.0 * (t - 0.6).max(0.0))]
+        }
+    };
+    let recording = answered(&Car::nominal(&vehicle), &inputs, 0.1, |k| k >= 100, speeds);
+    let left = mean_square_from(&prepared(&recording), effects::null(), 1.05);
+    assert!(left < 1.5, "{left}");
+}

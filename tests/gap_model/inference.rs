@@ -1,0 +1,209 @@
+//! What the inference finds is what was put in.
+
+use crate::made_up::{example, made_up, made_up_under};
+use kisspoint::effects::{self, REGISTRY, Subsystem, param};
+use kisspoint::gap::infer::density::{Problem, WHOLE, cost, misfit};
+use kisspoint::gap::infer::fit::{Fit, Free, fit};
+use kisspoint::gap::infer::form::forms;
+use kisspoint::gap::infer::irregular::irregular;
+use kisspoint::gap::infer::posterior::posterior;
+use kisspoint::gap::infer::pulsation;
+use kisspoint::gap::infer::search::{Hypothesis, search};
+use kisspoint::gap::model::{prepare, tolerance};
+use kisspoint::gap::verdict::{Verdict, conclude};
+
+#[test]
+fn an_effect_that_is_there_is_found_and_one_more_is_not_believed() {
+    let problem = made_up(|e| e[param::vehicle_mass::factor] = 1.12);
+    let found = search(&problem, &|_, _| {});
+    let mass = effects::find("vehicle_mass").unwrap();
+    assert_eq!(found.best().effects, [mass]);
+    let factor = found.best().fit.point.effects[param::vehicle_mass::factor];
+    assert!((factor - 1.12).abs() < 0.06, "{factor}");
+    // A set never fits worse than one that it holds.
+    let base = found.base().fit.cost;
+    for h in &found.hypotheses {
+        assert!(h.fit.cost < base + 1.0, "{:?}: {} {base}", h.effects, h.fit.cost);
+    }
+}
+
+#[test]
+fn a_healthy_car_stays_healthy() {
+    let found = search(&made_up(|_| {}), &|_, _| {});
+    assert!(found.best().effects.is_empty(), "{:?}", found.best().effects);
+}
+
+#[test]
+fn the_order_of_a_ripple_is_found() {
+    let judder = effects::find("judder").unwrap();
+    for order in [0.6, 1.7, 3.1] {
+        let problem = made_up(|e| (e[param::judder::sine], e[param::judder::order]) = (0.2, order));
+        let starts = pulsation::starts(&problem, &problem.nominal());
+        let found: Vec<f64> = starts.iter().map(|(_, p)| p.effects[param::judder::order]).collect();
+        assert!(starts.iter().all(|(e, _)| *e == judder) && found.iter().any(|f| (f - order).abs() < 0.01), "order {order}: {found:?}");
+    }
+}
+
+/// What an order costs is that it was looked for, not how far it is from once a turn.
+#[test]
+fn a_ripple_is_believed_whatever_its_order() {
+    let judder = effects::find("judder").unwrap();
+    for order in [1.3, 3.1, 5.0] {
+        let problem = made_up(|e| (e[param::judder::sine], e[param::judder::order]) = (0.1, order));
+        let found = search(&problem, &|_, _| {});
+        assert_eq!(found.best().effects, [judder], "order {order}");
+    }
+}
+
+#[test]
+fn the_forms_of_an_effect_change_an_eighth_of_it_and_add_up_in_the_innovations() {
+    let problem = made_up(|_| {});
+    let mass = effects::find("vehicle_mass").unwrap();
+    let mut point = problem.nominal();
+    point.effects[param::vehicle_mass::factor] = 1.2;
+    let (here, without) = (problem.all_residuals(&point, None), problem.all_residuals(&problem.nominal(), None));
+    let functions = forms(&problem, &point, &[mass]);
+    assert!(functions.len() >= 10 && functions.iter().flatten().all(|f| f.is_linear()), "{}", functions.len());
+    let square = |all: &mut dyn Iterator<Item = f64>| all.map(|x| x * x).sum::<f64>();
+    let effect = square(&mut here.iter().zip(&without).flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b)));
+    let expected = square(&mut functions.iter().flatten().flat_map(|f| f.innovations.iter().copied()));
+    assert!((expected / effect - 0.0144).abs() < 1e-6, "{expected} of {effect}");
+    point.missing = (0..functions.len()).map(|k| if k < 2 { 0.5 } else { 0.0 }).collect();
+    let both = problem.all_residuals(&point, Some(&functions));
+    for (r, (a, b)) in both.iter().zip(&here).enumerate() {
+        for (i, (a, b)) in a.iter().zip(b).enumerate() {
+            let form = 0.5 * (functions[0][r].innovations[i] + functions[1][r].innovations[i]);
+            assert!((a - b - form).abs() < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn the_larger_the_gap_the_less_its_likelihood_is_believed() {
+    let [healthy, ill] = [1.0, 1.3].map(|factor| made_up(|e| e[param::vehicle_mass::factor] = factor));
+    let least = |p: &Problem| p.powers.iter().copied().fold(1.0, f64::min);
+    assert!(least(&healthy) > 0.9 && least(&ill) < 0.7 * least(&healthy), "{:?} {:?}", healthy.powers, ill.powers);
+    // Evidence between two sets shrinks with it, while what they cost stays.
+    let mass = effects::find("vehicle_mass").unwrap();
+    let apart = |problem: &Problem| {
+        let of = |effects: &[usize]| Hypothesis::fitted(problem, effects.to_vec(), &problem.nominal(), 12, None);
+        let (with, without) = (of(&[mass]), of(&[]));
+        (with.lead - without.lead, with.log_posterior - without.log_posterior)
+    };
+    let (lead, believed) = apart(&ill);
+    assert!(lead > 0.0 && believed > 0.0 && believed < lead, "{lead} {believed}");
+}
+
+/// A law that acts where the clutch slips takes belief from the samples in which it does, and not from those before.
+#[test]
+fn a_gap_of_one_phase_leaves_the_others_their_power() {
+    let problem = made_up(|e| e[param::friction_level::factor] = 1.4);
+    let [open, slipping, _] = problem.powers;
+    assert!(slipping < 0.6 && open > 0.95 && problem.power() <= slipping, "{:?}", problem.powers);
+    let here = problem.all_residuals(&problem.nominal(), None);
+    let whole = misfit(&here);
+    assert!((problem.misfits(&here).iter().sum::<f64>() - whole).abs() < 1e-9 * whole);
+}
+
+/// Where a fit began says nothing of what it found: forms belong to the size that the effect has in the end.
+#[test]
+fn evidence_does_not_depend_on_where_a_fit_began() {
+    let problem = made_up(|e| e[param::vehicle_mass::factor] = 1.12);
+    let mass = effects::find("vehicle_mass").unwrap();
+    let from = |factor: f64| {
+        let mut start = problem.nominal();
+        start.effects[param::vehicle_mass::factor] = factor;
+        Hypothesis::fitted(&problem, vec![mass], &start, 12, None)
+    };
+    let (near, far) = (from(1.1), from(1.6));
+    assert!((near.lead - far.lead).abs() < 0.3, "{} {}", near.lead, far.lead);
+    // What was let go comes back as it was.
+    let let_go = Hypothesis { basis: Vec::new(), formed: Fit { columns: Default::default(), ..near.formed.clone() }, ..near.clone() };
+    let whole = let_go.whole(&problem);
+    assert!(!whole.basis.is_empty() && (whole.lead - near.lead).abs() < 0.3, "{} {}", whole.lead, near.lead);
+}
+
+/// Gusts of wind: no state of the car says when they come, and no effect of the library is named for them.
+#[test]
+fn what_comes_and_goes_by_itself_is_placed_and_not_named() {
+    let gusts = |t: f64| 6.0 * ((1.7 * t).sin() + (3.1 * t + 0.5).sin());
+    let problem = made_up_under(|_| {}, gusts);
+    let found = search(&problem, &|_, _| {});
+    let weights = posterior(&problem, &found, &[]);
+    // A load beside the gusts is their mean: it lies in the law's own place, and is not named.
+    let conclusion = conclude(&problem, &found, &weights);
+    assert_eq!(
+        (conclusion.verdict, conclusion.unexplained_at),
+        (Verdict::Unexplained, Some(Subsystem::Driveline)),
+        "{:?}",
+        conclusion.effects
+    );
+    assert!(weights.of_place(Subsystem::Driveline) > 0.95, "{}", weights.of_place(Subsystem::Driveline));
+}
+
+/// A torque that changes every 40 ms, as often up as down: nothing that a car does on average.
+#[test]
+fn something_irregular_is_seen_and_placed() {
+    let torque = |t: f64| {
+        let mut step = ((t / 0.04) as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        step ^= step >> 31;
+        if step.wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 63 == 0 { -8.0 } else { 8.0 }
+    };
+    for (torque, place) in [(&torque as &dyn Fn(f64) -> f64, Some(Subsystem::Driveline)), (&|_| 0.0, None)] {
+        let problem = made_up_under(|_| {}, torque);
+        let (_, vehicle_json) = example();
+        let tolerances = tolerance::read(&vehicle_json, prepare::logger(&problem.tracks)).unwrap();
+        let with = prepare::disturbances(&problem.tracks, &tolerances);
+        let nominal = problem.nominal();
+        let found = irregular(&problem, &nominal, &problem.all_residuals(&nominal, None), &with);
+        assert_eq!(found.as_ref().map(|f| f.places[0]), place);
+        if let Some(found) = found {
+            let under = prepare::problem(problem.tracks.clone(), &problem.vehicle, &tolerances, &found.with);
+            let square = |p: &Problem| misfit(&p.all_residuals(&p.nominal(), None)) / p.samples() as f64;
+            assert!(square(&problem) > 1.5 && (0.4..1.2).contains(&square(&under)), "{} {}", square(&problem), square(&under));
+        }
+    }
+}
+
+#[test]
+fn derivatives_that_are_kept_lead_to_the_same_mode() {
+    let problem = made_up(|e| e[param::friction_level::factor] = 1.15);
+    let level = [effects::find("friction_level").unwrap()];
+    let base = fit(&problem, Free::default(), &problem.nominal(), 12, None);
+    let fresh = fit(&problem, Free { effects: &level, basis: None }, &problem.nominal(), 12, None);
+    let kept = fit(&problem, Free { effects: &level, basis: None }, &base.point, 12, Some(&base.columns));
+    assert!((fresh.cost - kept.cost).abs() < 1.0, "{} {}", fresh.cost, kept.cost);
+    let factor = |f: &kisspoint::gap::infer::fit::Fit| f.point.effects[param::friction_level::factor];
+    assert!((factor(&fresh) - factor(&kept)).abs() < 0.01 && (factor(&fresh) - 1.15).abs() < 0.05);
+    assert_eq!(REGISTRY[level[0]].id, "friction_level");
+}
+
+#[test]
+fn an_effect_far_below_its_usual_size_is_no_effect() {
+    use kisspoint::gap::infer::search::moments;
+    let level = effects::find("friction_level").unwrap();
+    let nats = |factor: f64| {
+        let problem = made_up(|e| e[param::friction_level::factor] = factor);
+        let free = Free { effects: &[level], basis: None };
+        moments(&fit(&problem, free, &problem.nominal(), 12, None), &[level])
+    };
+    let (usual, tiny) = (nats(1.15), nats(1.005));
+    assert!(tiny < usual - 2.0, "{usual} {tiny}");
+}
+
+/// Where a time constant is at its bound, a step towards the priors does not take what goes with it along: the point that is handed out is that of the
+/// stated cost.
+#[test]
+fn a_weighed_fit_stays_within_the_bounds() {
+    let mut problem = made_up(|_| {});
+    let smoothing = problem.shared.iter().position(|n| n.name == "actuator.command_smoothing").unwrap();
+    // The command is logged a little after it has acted: less than no smoothing would suit best.
+    for track in &mut problem.tracks {
+        (1..track.ticks.len()).rev().for_each(|k| track.ticks[k].x_to = track.ticks[k - 1].x_to);
+    }
+    let fitted = fit(&problem, Free::default(), &problem.nominal(), 12, None);
+    assert_eq!(fitted.point.shared[smoothing], 0.0);
+    let (_, weighed) = fitted.weighed(&problem, 0, WHOLE);
+    let at = cost(&weighed.point, &problem.all_residuals(&weighed.point, None));
+    assert!((at / fitted.cost - 1.0).abs() < 0.005, "{at} {}", fitted.cost);
+}

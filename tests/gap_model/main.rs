@@ -1,0 +1,5 @@
+//! The model of the data against cars that the plant itself makes up.
+
+mod filter;
+mod inference;
+mod made_up;
