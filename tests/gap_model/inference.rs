@@ -79,6 +79,33 @@ fn the_forms_of_an_effect_change_an_eighth_of_it_and_add_up_in_the_innovations()
 }
 
 #[test]
+fn an_effect_that_sets_in_later_differs_by_its_form_alone() {
+    let problem = made_up(|_| {});
+    let mass = effects::find("vehicle_mass").unwrap();
+    let mut point = problem.nominal();
+    point.effects[param::vehicle_mass::factor] = 1.2;
+    let (with, without) = (problem.all_residuals(&point, None), problem.all_residuals(&problem.nominal(), None));
+    let functions = forms(&problem, &point, &[mass]);
+    // What the two speeds would show were the effect 20 ms late, less what they do.
+    let (track, d) = (&problem.tracks[0], with[0].iter().zip(&without[0]).map(|(a, b)| a - b).collect::<Vec<_>>());
+    let late = (0.02 / (track.interval() * track.rows_per_observation as f64)).round() as usize;
+    assert!(late >= 1);
+    let n = 2 * track.observations();
+    let missed: Vec<f64> = (0..n).map(|i| if i < 2 * late { -d[i] } else { d[i - 2 * late] - d[i] }).collect();
+    // The first two functions are all that is needed for it.
+    let [first, second] = [0, 1].map(|k| &functions[k][0].innovations[..n]);
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let (aa, ab, bb) = (dot(first, first), dot(first, second), dot(second, second));
+    let (am, bm) = (dot(first, &missed), dot(second, &missed));
+    let (x, y) = ((bb * am - ab * bm) / (aa * bb - ab * ab), (aa * bm - ab * am) / (aa * bb - ab * ab));
+    let left: Vec<f64> = (0..n).map(|i| missed[i] - x * first[i] - y * second[i]).collect();
+    assert!(dot(&left, &left) < 1e-12 * dot(&missed, &missed), "{x} {y}");
+    // They are as large as each other.
+    let sum = |k: usize| functions[k].iter().flat_map(|f| &f.innovations).map(|x| x * x).sum::<f64>();
+    assert!((sum(0) / sum(1) - 1.0).abs() < 1e-9);
+}
+
+#[test]
 fn the_larger_the_gap_the_less_its_likelihood_is_believed() {
     let [healthy, ill] = [1.0, 1.3].map(|factor| made_up(|e| e[param::vehicle_mass::factor] = factor));
     let least = |p: &Problem| p.powers.iter().copied().fold(1.0, f64::min);

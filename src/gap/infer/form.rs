@@ -15,11 +15,15 @@
 use super::density::{Baseline, Basis, Point, Problem, Residuals};
 use crate::effects::{Act, PARAMETERS, REGISTRY};
 use crate::gap::model::replay::Missing;
+use crate::gap::model::track::Track;
 use rayon::prelude::*;
 
 /// How far the form of a real effect is from the library's: standard deviation of what that changes in the recordings, relative to what the effect itself
 /// changes in them.
 const FORM: f64 = 0.12;
+
+/// By how much the form of a real effect moves in time what the effect changes, s.
+const MOVED_S: f64 = 0.02;
 
 /// Scaled states beyond which a function stays as it is.
 const FAR: f64 = 2.5;
@@ -87,7 +91,7 @@ fn modulated(problem: &Problem, change: &[Residuals]) -> Vec<Vec<Residuals>> {
         change.iter().enumerate().map(one).collect()
     };
     let whole = square(change);
-    let mut functions = Vec::new();
+    let mut functions = in_time(problem, change);
     for j in 0..problem.states[0].len() {
         let mean = |f: &dyn Fn(f64) -> f64| {
             let weighted = times(j, f);
@@ -104,6 +108,32 @@ fn modulated(problem: &Problem, change: &[Residuals]) -> Vec<Vec<Residuals>> {
         functions.push(times(j, &|x| (u(x).powi(2) - 1.0) / std::f64::consts::SQRT_2));
     }
     functions
+}
+
+/// A change's first and second difference in time, each as large as the change.
+fn in_time(problem: &Problem, change: &[Residuals]) -> Vec<Vec<Residuals>> {
+    let difference = |weights: [f64; 3]| -> Vec<Residuals> {
+        let one = |(d, track): (&Residuals, &Track)| {
+            let n = track.observations();
+            let by = (MOVED_S / (track.interval() * track.rows_per_observation as f64)).round().max(1.0) as usize;
+            // Two speeds per observation, then the bench channels, one value each.
+            let at = |i: usize, earlier: usize, later: usize| {
+                let (start, stride) = if i < 2 * n { (i % 2, 2) } else { (i - (i - 2 * n) % n, 1) };
+                let k = (i - start) / stride + later;
+                if k < earlier || k - earlier >= n { 0.0 } else { d[start + stride * (k - earlier)] }
+            };
+            (0..d.len()).map(|i| weights[0] * at(i, by, 0) + weights[1] * d[i] + weights[2] * at(i, 0, by)).collect()
+        };
+        change.iter().zip(&problem.tracks).map(one).collect()
+    };
+    let whole = square(change);
+    let like = |mut d: Vec<Residuals>| {
+        let size = square(&d);
+        let scale = if size > 0.0 { (whole / size).sqrt() } else { 0.0 };
+        d.iter_mut().flatten().for_each(|x| *x *= scale);
+        d
+    };
+    [[-1.0, 0.0, 1.0], [1.0, -2.0, 1.0]].map(difference).map(like).into()
 }
 
 fn baselines<'a>(problem: &Problem, point: &'a Point, basis: Option<&'a Basis>) -> Vec<Baseline<'a>> {
