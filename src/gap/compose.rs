@@ -7,6 +7,7 @@ use super::answer::{
 use super::empirical::{LEAST_CLOSED, Refusal, Tried};
 use super::infer::coordinate::Coordinate;
 use super::infer::density::{Problem, size};
+use super::infer::form::FORM;
 use super::infer::posterior::Posterior;
 use super::infer::search::{Search, log_prior};
 use super::map::{Cell, FAMILY_WISE_ERROR, HOT_DEGC};
@@ -298,6 +299,9 @@ fn effect(f: &Findings, e: usize) -> Effect {
 }
 
 /// Interval of an effect parameter: the posterior's, with the effects' unknown form.
+///
+/// The functions of a form have mean zero where the effect acts in these recordings. What the car's own number is elsewhere they do not say: the form's mean is
+/// one more unknown, as large as the form, that the data take for a part of the size.
 fn interval(f: &Findings, k: usize) -> Interval {
     let explanation = &f.conclusion.explanation;
     let fit = explanation.fit.as_ref().expect("the best was fitted");
@@ -305,8 +309,9 @@ fn interval(f: &Findings, k: usize) -> Interval {
     let at = fit.shared.iter().position(|c| *c == Coordinate::Effect(k));
     let covariance = fit.covariance();
     let variance = at.zip(covariance).map_or(f64::NAN, |(i, c)| c[(i, i)]);
-    let half = INTERVAL * variance.max(0.0).sqrt();
     let p = &PARAMETERS[k];
+    let mean_of_form = FORM * fit.form_size * (value - p.null);
+    let half = INTERVAL * variance.max(0.0).sqrt().hypot(mean_of_form);
     Interval { value: Real(value), low: Real((value - half).max(p.min)), high: Real((value + half).min(p.max)), unit: p.unit }
 }
 

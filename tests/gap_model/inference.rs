@@ -79,6 +79,18 @@ fn the_forms_of_an_effect_change_an_eighth_of_it_and_add_up_in_the_innovations()
 }
 
 #[test]
+fn without_recordings_the_sizes_of_a_form_are_as_likely_as_each_other() {
+    let problem = made_up(|e| e[param::vehicle_mass::factor] = 1.2);
+    let mass = effects::find("vehicle_mass").unwrap();
+    let h = Hypothesis::fitted(&problem, vec![mass], &problem.nominal(), 12, None);
+    let (_, blind) = h.formed.weighed(&problem, 0, [0.0; 3]);
+    let expected = ((0.04_f64.powi(2) + 0.2_f64.powi(2) + 1.0) / 3.0).sqrt();
+    assert!((blind.form_size - expected).abs() < 1e-6, "{} {expected}", blind.form_size);
+    // With them, some of the form's size is left to doubt, and never more than all of it.
+    assert!((0.04..=1.0).contains(&h.fit.form_size), "{}", h.fit.form_size);
+}
+
+#[test]
 fn an_effect_that_sets_in_later_differs_by_its_form_alone() {
     let problem = made_up(|_| {});
     let mass = effects::find("vehicle_mass").unwrap();

@@ -31,6 +31,8 @@ pub struct Fit {
     pub own: Vec<Coordinate>,
     /// Products of the derivatives, by recording and phase of the clutch.
     pub parts: Arc<Vec<ByPhase<Products>>>,
+    /// Size of the effects' forms relative to that with which they were fitted: root mean square over [`SIZES`], by their evidence; 1 before they are weighed.
+    pub form_size: f64,
 }
 
 impl Fit {
@@ -85,11 +87,12 @@ impl Fit {
         let sizes: &[f64] = if self.shared.iter().any(is_form) { &SIZES } else { &[1.0] };
         let parts = to_powers(&self.parts, powers);
         let misfit = self.misfits.iter().zip(powers).map(|(misfit, power)| misfit * power).sum();
-        let all: Vec<(f64, Self)> =
-            sizes.iter().filter_map(|&size| self.at_size(problem, law, &parts, misfit, powers == WHOLE, size)).collect();
-        let Some((most, best)) = all.iter().max_by(|a, b| a.0.total_cmp(&b.0)) else { return (f64::NEG_INFINITY, self.clone()) };
-        let sum: f64 = all.iter().map(|(evidence, _)| (evidence - most).exp()).sum();
-        (most + (sum / sizes.len() as f64).ln(), best.clone())
+        let at = |&size: &f64| self.at_size(problem, law, &parts, misfit, powers == WHOLE, size).map(|(evidence, fit)| (size, evidence, fit));
+        let all: Vec<(f64, f64, Self)> = sizes.iter().filter_map(at).collect();
+        let Some((_, most, best)) = all.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else { return (f64::NEG_INFINITY, self.clone()) };
+        let sum: f64 = all.iter().map(|(_, evidence, _)| (evidence - most).exp()).sum();
+        let square: f64 = all.iter().map(|(size, evidence, _)| size.powi(2) * (evidence - most).exp()).sum();
+        (most + (sum / sizes.len() as f64).ln(), Self { form_size: (square / sum).sqrt(), ..best.clone() })
     }
 
     /// The same at one size, by the linear model at the mode.
@@ -219,7 +222,7 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
     };
     let Frame { shared, own } = frame;
     let misfits = problem.misfits(&residuals);
-    Fit { point, cost: now, residuals, misfits, shared, curvature, log_evidence, columns: Arc::new(columns), own, parts: Arc::new(parts) }
+    Fit { point, cost: now, residuals, misfits, shared, curvature, log_evidence, columns: Arc::new(columns), own, parts: Arc::new(parts), form_size: 1.0 }
 }
 
 /// Logarithm of the evidence: density at the mode times the volume that the posterior leaves of the prior.

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 
 /// How far the form of a real effect is from the library's: standard deviation of what that changes in the recordings, relative to what the effect itself
 /// changes in them.
-const FORM: f64 = 0.12;
+pub const FORM: f64 = 0.12;
 
 /// By how much the form of a real effect moves in time what the effect changes, s.
 const MOVED_S: f64 = 0.02;
