@@ -308,10 +308,11 @@ fn interval(f: &Findings, k: usize) -> Interval {
     let value = fit.point.effects[k];
     let at = fit.shared.iter().position(|c| *c == Coordinate::Effect(k));
     let covariance = fit.covariance();
-    let variance = at.zip(covariance).map_or(f64::NAN, |(i, c)| c[(i, i)]);
+    // Without a covariance the recordings bound nothing, and the parameter's own limits are the interval.
+    let variance = at.zip(covariance).map_or(f64::INFINITY, |(i, c)| c[(i, i)]);
     let p = &PARAMETERS[k];
     let mean_of_form = FORM * fit.form_size * (value - p.null);
-    let half = INTERVAL * variance.max(0.0).sqrt().hypot(mean_of_form);
+    let half = INTERVAL * variance.sqrt().hypot(mean_of_form);
     Interval { value: Real(value), low: Real((value - half).max(p.min)), high: Real((value + half).min(p.max)), unit: p.unit }
 }
 

@@ -99,7 +99,9 @@ def test_a_joint_posterior_is_whole_and_wider_than_nothing(first):
             _, effect, name = unknown["name"].split(".")
             (found,) = [e for e in answer["which"]["effects"] if e["id"] == effect]
             p = found["parameters"][name]
-            assert max(p["high"] - p["value"], p["value"] - p["low"]) == pytest.approx(1.96 * sd[k], rel=1e-3)
+            # The interval holds the mean of the effect's form too, which is no unknown of the linear model: as large as the form, 12 % of the size, at most.
+            half = max(p["high"] - p["value"], p["value"] - p["low"])
+            assert 1.96 * sd[k] * 0.999 <= half <= 1.96 * np.hypot(sd[k], 0.12 * p["value"]) * 1.001
 
 
 def test_the_same_bytes_are_no_work_and_others_are(first, cars, tmp_path):
