@@ -45,6 +45,27 @@ impl Chain {
     }
 }
 
+/// Chain at the start, in the middle and at the end of a piece.
+#[derive(Clone, Copy, Debug)]
+pub struct Way {
+    /// Start: where the chain stands, or what a jump of the command makes of it.
+    pub begin: Chain,
+    /// Middle.
+    pub middle: Chain,
+    /// End.
+    pub end: Chain,
+}
+
+/// The chain along `h` seconds with the (delayed) command `x_cmd` held.
+#[inline]
+pub fn way(config: &Config, state: &State, x_cmd: f64, h: f64) -> Way {
+    let end = advance(config, state, x_cmd, h);
+    if immediate(config) {
+        return Way { begin: end, middle: end, end };
+    }
+    Way { begin: advance(config, state, x_cmd, 0.0), middle: advance(config, state, x_cmd, 0.5 * h), end }
+}
+
 /// Whether engine and bearing follow their commands at once: a held command then gives one and the same drive throughout a substep.
 #[inline]
 pub fn immediate(config: &Config) -> bool {
@@ -85,13 +106,13 @@ pub fn advance(config: &Config, state: &State, x_cmd: f64, h: f64) -> Chain {
 const SHORT_LAG: f64 = 0.5;
 const ARRIVAL: f64 = 4.0;
 
-/// What drives the driveline at a step's start, middle and `end`, as the stages of one Runge–Kutta step weigh it: 1, 4 and 1 sixths.
+/// What drives the driveline at a step's start, middle and end, as the stages of one Runge–Kutta step weigh it: 1, 4 and 1 sixths.
 ///
 /// A lag that is over within the step would be seen by its first stage as if a sixth of the step had passed before anything moved; its start is then the one
 /// with which the stages give the mean over the step. So a lag that goes to zero becomes none, also in steps as long as a fit's.
-pub fn stages(config: &Config, state: &State, x_cmd: f64, h: f64, end: Drive) -> [Drive; 3] {
+pub fn stages(config: &Config, state: &State, x_cmd: f64, h: f64, way: &Way) -> [Drive; 3] {
     let at = |t: f64| advance(config, state, x_cmd, t).drive();
-    let (begin, middle) = (at(0.0), at(0.5 * h));
+    let [begin, middle, end] = [way.begin, way.middle, way.end].map(|c| c.drive());
     let shortest = |lag: &lag::Lag| {
         let tau = lag.time_constant * (1.0 - lag.asymmetry.abs());
         if lag.time_constant > 0.0 && tau < SHORT_LAG * h { tau } else { f64::MAX }

@@ -10,7 +10,7 @@
 //! `Open` and `Slipping` are the same motion, told apart by contact. Where slip reaches 0 and the clutch cannot hold, it
 //! slips on in the other direction.
 
-use super::actuation::{self, Chain};
+use super::actuation::{self, Chain, Way};
 use super::clutch::{self, Found};
 use super::config::Config;
 use super::history::Signal;
@@ -181,26 +181,27 @@ fn substep(plant: &mut Plant, until: f64, delayed: bool) {
             h = h.min(actuation::smooth_for(config, state, x_cmd, plant.max_substep));
         }
         pieces += 1;
+        let way = actuation::way(config, state, x_cmd, h);
         if switches < EVENTS_PER_SUBSTEP && !last {
-            h = until_contact(config, state, x_cmd, h, iterations);
-            switches += usize::from(smooth_piece(config, state, found, x_cmd, h, iterations));
+            let contact = until_contact(config, state, x_cmd, h, &way, iterations);
+            let way = if contact == h { way } else { actuation::way(config, state, x_cmd, contact) };
+            switches += usize::from(smooth_piece(config, state, found, x_cmd, contact, &way, iterations));
         } else {
             *iterations += 1;
-            let setting = setting(config, state, found, x_cmd, h);
-            let (y, chain) = integrate(config, state, &setting, x_cmd, h);
-            accept(config, state, y, &chain, h);
+            let setting = setting(config, state, found, &way);
+            let y = integrate(config, state, &setting, x_cmd, h, &way);
+            accept(config, state, y, &way.end, h);
         }
     }
 }
 
 /// Shortens `h` to the moment at which a moving bearing makes or breaks contact.
-fn until_contact(config: &Config, state: &State, x_cmd: f64, h: f64, iterations: &mut u64) -> f64 {
+fn until_contact(config: &Config, state: &State, x_cmd: f64, h: f64, way: &Way, iterations: &mut u64) -> f64 {
     if actuation::immediate(config) {
         return h;
     }
     let theta = state.y[index::THETA_C];
-    let end = actuation::advance(config, state, x_cmd, h).drive().x;
-    let begin = actuation::advance(config, state, x_cmd, 0.0).drive().x;
+    let (begin, end) = (way.begin.drive().x, way.end.drive().x);
     if begin == end {
         return h;
     }
@@ -218,9 +219,8 @@ fn until_contact(config: &Config, state: &State, x_cmd: f64, h: f64, iterations:
     high
 }
 
-fn setting(config: &Config, state: &State, found: &Found, x_cmd: f64, h: f64) -> Setting {
-    let middle = actuation::advance(config, state, x_cmd, 0.5 * h).drive().x;
-    let found = found.with_position(config, middle, state.y[index::THETA_C]);
+fn setting(config: &Config, state: &State, found: &Found, way: &Way) -> Setting {
+    let found = found.with_position(config, way.middle.drive().x, state.y[index::THETA_C]);
     Setting {
         stuck: state.stuck,
         direction: state.direction,
@@ -232,13 +232,10 @@ fn setting(config: &Config, state: &State, found: &Found, x_cmd: f64, h: f64) ->
     }
 }
 
-fn integrate(config: &Config, state: &State, setting: &Setting, x_cmd: f64, h: f64) -> (Motion, Chain) {
-    let chain = actuation::advance(config, state, x_cmd, h);
-    if actuation::immediate(config) {
-        return (motion::runge_kutta(config, setting, &state.y, [chain.drive(); 3], h), chain);
-    }
-    let drive = actuation::stages(config, state, x_cmd, h, chain.drive());
-    (motion::runge_kutta(config, setting, &state.y, drive, h), chain)
+fn integrate(config: &Config, state: &State, setting: &Setting, x_cmd: f64, h: f64, way: &Way) -> Motion {
+    let immediate = actuation::immediate(config);
+    let drive = if immediate { [way.end.drive(); 3] } else { actuation::stages(config, state, x_cmd, h, way) };
+    motion::runge_kutta(config, setting, &state.y, drive, h)
 }
 
 fn accept(config: &Config, state: &mut State, y: Motion, chain: &Chain, h: f64) {
@@ -251,33 +248,35 @@ fn accept(config: &Config, state: &mut State, y: Motion, chain: &Chain, h: f64) 
 }
 
 /// Integrates over `h`, or up to the first switch inside it; true if it ended in a switch.
-fn smooth_piece(config: &Config, state: &mut State, found: &Found, x_cmd: f64, h: f64, iterations: &mut u64) -> bool {
+fn smooth_piece(config: &Config, state: &mut State, found: &Found, x_cmd: f64, h: f64, way: &Way, iterations: &mut u64) -> bool {
     *iterations += 1;
-    if state.stuck && overload(config, state, &state.y, &actuation::advance(config, state, x_cmd, 0.0)) > 0.0 {
-        actuation::advance(config, state, x_cmd, 0.0).store(state);
+    if state.stuck && overload(config, state, &state.y, &way.begin) > 0.0 {
+        way.begin.store(state);
         break_away(config, state);
         return true;
     }
-    let setting = setting(config, state, found, x_cmd, h);
+    let setting = setting(config, state, found, way);
     // Positive once the event has happened.
     let passed = |y: &Motion, chain: &Chain| {
         if setting.stuck { overload(config, state, y, chain) } else { -setting.direction * (y[index::OMEGA_F] - y[index::OMEGA_C]) }
     };
-    let (y, chain) = integrate(config, state, &setting, x_cmd, h);
-    if passed(&y, &chain) <= 0.0 {
-        accept(config, state, y, &chain, h);
+    let y = integrate(config, state, &setting, x_cmd, h, way);
+    let after = passed(&y, &way.end);
+    if after <= 0.0 {
+        accept(config, state, y, &way.end, h);
         return false;
     }
-    let before = passed(&state.y, &actuation::advance(config, state, x_cmd, 0.0));
-    let mut bracket = Bracket { low: 0.0, high: h, at_low: before.min(0.0), at_high: passed(&y, &chain) };
-    let mut found = (y, chain);
+    let before = passed(&state.y, &way.begin);
+    let mut bracket = Bracket { low: 0.0, high: h, at_low: before.min(0.0), at_high: after };
+    let mut found = (y, way.end);
     for _ in 0..LOCATE_ITERATIONS {
         let Some(middle) = bracket.next() else { break };
         *iterations += 1;
-        let trial = integrate(config, state, &setting, x_cmd, middle);
-        let value = passed(&trial.0, &trial.1);
+        let part = actuation::way(config, state, x_cmd, middle);
+        let y = integrate(config, state, &setting, x_cmd, middle, &part);
+        let value = passed(&y, &part.end);
         if bracket.narrow(middle, value) {
-            found = trial;
+            found = (y, part.end);
         }
         if value.abs() < EVENT_TOLERANCE && value > 0.0 {
             break;

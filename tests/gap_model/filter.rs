@@ -57,7 +57,7 @@ fn changes_in_steps_of_an_observation_are_nearly_those_of_every_row() {
         let mut to = nominal.clone();
         to.effects[parameter] = value;
         let rows: Vec<f64> = problem.residuals(0, &to, None).iter().zip(&here).map(|(a, b)| a - b).collect();
-        let steps = problem.change(0, &from, &to, None);
+        let steps = problem.change(0, &from, &to);
         let square = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>();
         let (off, whole) = (square(&mut rows.iter().zip(&steps).map(|(a, b)| a - b)), square(&mut rows.iter().copied()));
         assert!(whole > 100.0 && off <= most * most * whole, "{parameter}: {} of {}", off.sqrt(), whole.sqrt());

@@ -84,8 +84,11 @@ pub type Residuals = Vec<f64>;
 pub struct Baseline<'a> {
     point: &'a Point,
     basis: Option<&'a Basis>,
+    /// The law that drives the replay there.
+    law: Option<Missing>,
     steps: Steps,
-    residuals: Residuals,
+    /// Innovations there, but for what functions add that are linear in them.
+    driven: Residuals,
 }
 
 impl Problem {
@@ -163,12 +166,17 @@ impl Problem {
     }
 
     fn replayed(&self, k: usize, point: &Point, basis: Option<&Basis>, steps: Steps) -> Residuals {
-        let car = self.car(point, Some(k));
-        let missing = basis.map(|b| combined(b, k, &point.missing));
-        let mut all = replay::innovations_in(steps, &self.tracks[k], &self.filters[k], &car, self.temperatures(point, k), missing.as_ref());
-        if let Some(m) = &missing {
-            all.iter_mut().zip(&m.innovations).for_each(|(r, x)| *r += x);
-        }
+        let mut all = self.driven(k, point, basis.map(|b| driving(b, k, &point.missing)).as_ref(), steps);
+        add_linear(&mut all, basis, k, |f| point.missing[f]);
+        all
+    }
+
+    /// Innovations of recording `k` under a law that a replay has to know of.
+    fn driven(&self, k: usize, point: &Point, law: Option<&Missing>, steps: Steps) -> Residuals {
+        let acts = law.filter(|l| !l.is_linear());
+        let mut all =
+            replay::innovations_in(steps, &self.tracks[k], &self.filters[k], &self.car(point, Some(k)), self.temperatures(point, k), acts);
+        all.iter_mut().zip(law.into_iter().flat_map(|l| &l.innovations)).for_each(|(r, x)| *r += x);
         all
     }
 
@@ -182,17 +190,40 @@ impl Problem {
         // What pulsates changes within an observation.
         let in_rows = self.tracks[k].rows_per_observation == 1 || self.car(point, Some(k)).pulsates();
         let steps = if in_rows { Steps::Rows } else { Steps::Observations };
-        let residuals = known.filter(|_| in_rows).cloned().unwrap_or_else(|| self.replayed(k, point, basis, steps));
-        Baseline { point, basis, steps, residuals }
+        let law = basis.map(|b| driving(b, k, &point.missing));
+        let driven = match known.filter(|_| in_rows) {
+            Some(known) => {
+                let mut all = known.clone();
+                add_linear(&mut all, basis, k, |f| -point.missing[f]);
+                all
+            }
+            None => self.driven(k, point, law.as_ref(), steps),
+        };
+        Baseline { point, basis, law, steps, driven }
     }
 
-    /// Change of the innovations of recording `k` from a baseline to a point with functions of this basis.
-    pub fn change(&self, k: usize, from: &Baseline, to: &Point, basis: Option<&Basis>) -> Residuals {
+    /// Change of the innovations of recording `k` from a baseline to a point with the same functions.
+    pub fn change(&self, k: usize, from: &Baseline, to: &Point) -> Residuals {
+        let law = from.basis.map(|b| driving(b, k, &to.missing));
+        let mut change = self.change_driven(k, from, to, law.as_ref());
+        add_linear(&mut change, from.basis, k, |f| to.missing[f] - from.point.missing[f]);
+        change
+    }
+
+    /// Change of the innovations of recording `k` from a baseline if a further law acts.
+    pub fn change_under(&self, k: usize, from: &Baseline, mut law: Missing) -> Residuals {
+        if let Some(there) = &from.law {
+            law.add(there, 1.0);
+        }
+        self.change_driven(k, from, from.point, Some(&law))
+    }
+
+    fn change_driven(&self, k: usize, from: &Baseline, to: &Point, law: Option<&Missing>) -> Residuals {
         let difference = |there: Residuals, here: &Residuals| there.iter().zip(here).map(|(a, b)| a - b).collect();
         if from.steps == Steps::Observations && self.car(to, Some(k)).pulsates() {
-            return difference(self.residuals(k, to, basis), &self.residuals(k, from.point, from.basis));
+            return difference(self.driven(k, to, law, Steps::Rows), &self.driven(k, from.point, from.law.as_ref(), Steps::Rows));
         }
-        difference(self.replayed(k, to, basis, from.steps), &from.residuals)
+        difference(self.driven(k, to, law, from.steps), &from.driven)
     }
 
     /// Samples of all recordings.
@@ -201,29 +232,23 @@ impl Problem {
     }
 }
 
-/// The law that amplitudes make of a basis, in recording `k`.
-fn combined(basis: &Basis, k: usize, amplitudes: &[f64]) -> Missing {
+/// The law that amplitudes make of the functions that a replay has to know of, in recording `k`.
+fn driving(basis: &Basis, k: usize, amplitudes: &[f64]) -> Missing {
     let mut sum = Missing::default();
-    for (function, a) in basis.iter().zip(amplitudes).filter(|(_, a)| **a != 0.0) {
-        let one = &function[k];
-        for side in 0..2 {
-            add(&mut sum.torque[side], &one.torque[side], *a);
-            add(&mut sum.sensed[side], &one.sensed[side], *a);
-        }
-        sum.bench.iter_mut().zip(&one.bench).for_each(|(sum, one)| add(sum, one, *a));
-        add(&mut sum.innovations, &one.innovations, *a);
+    for (function, a) in basis.iter().zip(amplitudes).filter(|(f, a)| **a != 0.0 && !f[k].is_linear()) {
+        sum.add(&function[k], *a);
     }
     sum
 }
 
-fn add(sum: &mut Vec<f64>, one: &[f64], amplitude: f64) {
-    if one.is_empty() {
-        return;
+/// Adds the functions that are linear in the innovations of recording `k`, each with its amplitude.
+fn add_linear(all: &mut Residuals, basis: Option<&Basis>, k: usize, amplitude: impl Fn(usize) -> f64) {
+    for (f, function) in basis.into_iter().flatten().enumerate().filter(|(_, function)| function[k].is_linear()) {
+        let a = amplitude(f);
+        if a != 0.0 {
+            all.iter_mut().zip(&function[k].innovations).for_each(|(r, x)| *r += a * x);
+        }
     }
-    if sum.is_empty() {
-        sum.resize(one.len(), 0.0);
-    }
-    sum.iter_mut().zip(one).for_each(|(s, x)| *s += amplitude * x);
 }
 
 /// Cost of residuals and priors: minus twice the logarithm of the density.

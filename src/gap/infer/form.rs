@@ -42,12 +42,12 @@ fn of_effect(problem: &Problem, point: &Point, effect: usize, from: &[Baseline])
     let entry = &REGISTRY[effect];
     let mut moved = point.clone();
     entry.parameters.clone().for_each(|p| moved.effects[p] = PARAMETERS[p].null);
-    let mut changes = vec![less(problem, from, &moved, None)];
+    let mut changes = vec![less(problem, from, &moved)];
     if matches!(entry.effect.act, Act::Pulsation(_)) {
         let k = entry.parameters.start;
         let mut turned = point.clone();
         (turned.effects[k], turned.effects[k + 1]) = (-point.effects[k + 1], point.effects[k]);
-        let turn = less(problem, from, &turned, None);
+        let turn = less(problem, from, &turned);
         changes.push(difference(&changes[0], &turn));
     }
     of_changes(problem, &changes, FORM)
@@ -58,7 +58,7 @@ pub fn of_law(problem: &Problem, point: &Point, basis: &Basis, amplitudes: usize
     let mut without = point.clone();
     without.missing[..amplitudes].fill(0.0);
     let from = baselines(problem, point, Some(basis));
-    of_changes(problem, &[less(problem, &from, &without, Some(basis))], 1.0)
+    of_changes(problem, &[less(problem, &from, &without)], 1.0)
 }
 
 /// What forms are expected to change: the sum of squares of one standard deviation of each function.
@@ -141,8 +141,8 @@ fn baselines<'a>(problem: &Problem, point: &'a Point, basis: Option<&'a Basis>) 
 }
 
 /// Change from baselines to a point with less: what the effect or law in question does is minus this.
-fn less(problem: &Problem, from: &[Baseline], to: &Point, basis: Option<&Basis>) -> Vec<Residuals> {
-    from.par_iter().enumerate().map(|(r, from)| problem.change(r, from, to, basis)).collect()
+fn less(problem: &Problem, from: &[Baseline], to: &Point) -> Vec<Residuals> {
+    from.par_iter().enumerate().map(|(r, from)| problem.change(r, from, to)).collect()
 }
 
 fn difference(a: &[Residuals], b: &[Residuals]) -> Vec<Residuals> {

@@ -125,7 +125,7 @@ fn derivative(
         coordinate.move_by(problem, &mut moved, r, -coordinate.step());
         step = coordinate.get(&moved, r) - coordinate.get(point, r);
     }
-    problem.change(r, from, &moved, basis).into_iter().map(|change| change / step).collect()
+    problem.change(r, from, &moved).into_iter().map(|change| change / step).collect()
 }
 
 /// One recording's own part of the normal equations, eliminated.

@@ -215,7 +215,7 @@ fn part(problem: &Problem, anchor: &Anchor, candidates: &[Candidate], r: usize) 
                 let column = anchor.columns[r].matrix.column(tolerance);
                 return (column.iter().zip(&roots).map(|(x, w)| sigmas * x * w).collect::<Vec<f64>>(), f64::NAN);
             }
-            let change = problem.change(r, &from, &c.point, anchor.basis.as_ref());
+            let change = problem.change(r, &from, &c.point);
             let misfit = change.iter().zip(here).map(|(change, here)| huber(here + change)).sum::<f64>();
             (change.iter().zip(&roots).map(|(change, w)| change * w).collect::<Vec<f64>>(), misfit)
         })

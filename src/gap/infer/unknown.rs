@@ -228,7 +228,7 @@ impl<'a> Mode<'a> {
                 .map(|k| {
                     let mut moved = point.clone();
                     moved.missing[fitted + k] = STEP;
-                    self.problem.change(r, &from, &moved, Some(&there)).into_iter().map(|change| change / STEP).collect()
+                    self.problem.change(r, &from, &moved).into_iter().map(|change| change / STEP).collect()
                 })
                 .collect();
             DMatrix::from_fn(here.len(), further.len(), |i, k| columns[k][i])
@@ -292,14 +292,9 @@ impl<'a> Mode<'a> {
     }
 
     /// What one standard deviation of a function changes in recording `r`, whose mode is the baseline.
-    fn change(&self, r: usize, from: &Baseline, function: Missing) -> Vec<f64> {
-        let mut there: Basis = self.basis.clone();
-        there.push(vec![Missing::default(); self.problem.tracks.len()]);
-        let last = there.len() - 1;
-        there[last][r] = function;
-        let mut moved = self.fit.point.clone();
-        moved.missing.push(STEP);
-        self.problem.change(r, from, &moved, Some(&there)).into_iter().map(|change| change / STEP).collect()
+    fn change(&self, r: usize, from: &Baseline, mut function: Missing) -> Vec<f64> {
+        function.scale(STEP);
+        self.problem.change_under(r, from, function).into_iter().map(|change| change / STEP).collect()
     }
 
     /// What the recordings say of functions with these changes.

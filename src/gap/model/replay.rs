@@ -38,6 +38,23 @@ impl Missing {
         let replayed = self.torque.iter_mut().chain(&mut self.sensed).chain(&mut self.bench);
         replayed.chain([&mut self.innovations]).flatten().for_each(|x| *x *= by);
     }
+
+    /// Adds a law of this amplitude.
+    pub fn add(&mut self, law: &Self, amplitude: f64) {
+        let add = |sum: &mut Vec<f64>, one: &[f64]| {
+            if sum.len() < one.len() {
+                sum.resize(one.len(), 0.0);
+            }
+            sum.iter_mut().zip(one).for_each(|(s, x)| *s += amplitude * x);
+        };
+        for side in 0..2 {
+            add(&mut self.torque[side], &law.torque[side]);
+            add(&mut self.sensed[side], &law.sensed[side]);
+        }
+        self.bench.iter_mut().zip(&law.bench).for_each(|(sum, one)| add(sum, one));
+        add(&mut self.innovations, &law.innovations);
+    }
+
     /// Whether it moves the innovations alone: then no replay has to know of it.
     pub fn is_linear(&self) -> bool {
         self.torque.iter().chain(&self.sensed).chain(&self.bench).all(Vec::is_empty)
