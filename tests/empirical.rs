@@ -39,6 +39,7 @@ fn learned(car: &Car, place: Subsystem) -> (Tried, Closed) {
         effects: Vec::new(),
         place: Some(place),
         log_posterior: 0.0,
+        by_accuracy: Default::default(),
         probability: 1.0,
         fit: Some(fit(&problem, Free::default(), &nominal, 0, None)),
     };

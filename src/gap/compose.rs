@@ -324,7 +324,7 @@ fn ranked(f: &Findings, too_large: &dyn Fn(usize) -> bool) -> Vec<Ranked> {
         all.map(|x| x.log_posterior).fold(f64::NEG_INFINITY, f64::max)
     };
     let base = f.search.base();
-    let least = f.problem.powers.iter().copied().fold(1.0, f64::min);
+    let least = f.problem.steering().iter().copied().fold(1.0, f64::min);
     let odds = |e: usize| {
         let (with, without) = (best_with(e, true), best_with(e, false));
         if with.is_finite() {

@@ -120,13 +120,18 @@ fn an_effect_that_sets_in_later_differs_by_its_form_alone() {
 #[test]
 fn the_larger_the_gap_the_less_its_likelihood_is_believed() {
     let [healthy, ill] = [1.0, 1.3].map(|factor| made_up(|e| e[param::vehicle_mass::factor] = factor));
-    let least = |p: &Problem| p.powers.iter().copied().fold(1.0, f64::min);
+    let least = |p: &Problem| p.steering().into_iter().fold(1.0, f64::min);
     assert!(least(&healthy) > 0.9 && least(&ill) < 0.7 * least(&healthy), "{:?} {:?}", healthy.powers, ill.powers);
+    // And the less, the less exact its laws may be.
+    let worst = ill.powers.map(|powers| powers.into_iter().fold(1.0, f64::min));
+    assert!(worst.is_sorted_by(|a, b| a > b), "{worst:?}");
     // Evidence between two sets shrinks with it, while what they cost stays.
     let mass = effects::find("vehicle_mass").unwrap();
     let apart = |problem: &Problem| {
         let of = |effects: &[usize]| Hypothesis::fitted(problem, effects.to_vec(), &problem.nominal(), 12, None);
         let (with, without) = (of(&[mass]), of(&[]));
+        let by_accuracy: Vec<f64> = with.by_accuracy.iter().zip(without.by_accuracy).map(|(with, without)| with - without).collect();
+        assert!(by_accuracy.is_sorted_by(|a, b| a > b), "{by_accuracy:?}");
         (with.lead - without.lead, with.log_posterior - without.log_posterior)
     };
     let (lead, believed) = apart(&ill);
@@ -137,8 +142,8 @@ fn the_larger_the_gap_the_less_its_likelihood_is_believed() {
 #[test]
 fn a_gap_of_one_phase_leaves_the_others_their_power() {
     let problem = made_up(|e| e[param::friction_level::factor] = 1.4);
-    let [open, slipping, _] = problem.powers;
-    assert!(slipping < 0.6 && open > 0.95 && problem.power() <= slipping, "{:?}", problem.powers);
+    let [open, slipping, _] = problem.steering();
+    assert!(slipping < 0.6 && open > 0.95 && problem.power() <= slipping, "{:?}", problem.steering());
     let here = problem.all_residuals(&problem.nominal(), None);
     let whole = misfit(&here);
     assert!((problem.misfits(&here).iter().sum::<f64>() - whole).abs() < 1e-9 * whole);

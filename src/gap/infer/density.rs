@@ -24,8 +24,14 @@ use std::sync::LazyLock;
 /// Where Huber's loss turns linear, in standard deviations.
 pub const HUBER: f64 = 4.0;
 
-/// Share of what an effect changes in the recordings to which it and its form describe what a real one changes.
-const ACCURACY: f64 = 0.02;
+/// Shares of what an effect changes in the recordings to which it and its form may describe what a real one changes.
+pub const ACCURACIES: [f64; 3] = [0.02, 0.04, 0.08];
+
+/// The one by which a search is steered.
+const STEERING: usize = 0;
+
+/// One for each of [`ACCURACIES`].
+pub type ByAccuracy<T> = [T; ACCURACIES.len()];
 
 /// Substep in s below which a plant is too fast to be replayed again and again.
 const LEAST_SUBSTEP_S: f64 = 2e-4;
@@ -42,6 +48,9 @@ pub type ByPhase<T> = [T; PHASES];
 /// The whole likelihood.
 pub const WHOLE: ByPhase<f64> = [1.0; PHASES];
 
+/// The whole likelihood, whatever the accuracy.
+pub const EXACT: ByAccuracy<ByPhase<f64>> = [WHOLE; ACCURACIES.len()];
+
 /// Recordings of one car, and what is believed of it.
 #[derive(Clone, Debug)]
 pub struct Problem {
@@ -57,8 +66,8 @@ pub struct Problem {
     pub own: Vec<Nuisance>,
     /// States of the nominal car by recording, by state, by observation: what the form of an effect may depend on.
     pub states: Vec<Vec<Vec<f64>>>,
-    /// Power of the likelihood in each phase of the clutch when explanations are weighed; see [`Problem::coarsen`].
-    pub powers: ByPhase<f64>,
+    /// Power of the likelihood in each phase of the clutch, for each accuracy that explanations may have; see [`Problem::coarsen`].
+    pub powers: ByAccuracy<ByPhase<f64>>,
 }
 
 /// Functions that a missing law is made of: by function, by recording.
@@ -93,7 +102,7 @@ pub struct Baseline<'a> {
 
 impl Problem {
     /// Allows for explanations that are not exact. What the car as its file gives it leaves unexplained, G, is explained by laws that are right to a share c of what they
-    /// change, [`ACCURACY`]; the recordings then are as far as R = ½ c² G nats from what even the true explanation predicts. A posterior that is given data of such a
+    /// change, one of [`ACCURACIES`]; the recordings then are as far as R = ½ c² G nats from what even the true explanation predicts. A posterior that is given data of such a
     /// distance, and not the data themselves, has the likelihood to the power of 1/(1 + R) (Miller and Dunson 2019, "Robust Bayesian inference via coarsening"). Each phase
     /// of the clutch has a power of its own: a law that acts in one of them is inexact there.
     pub fn coarsen(&mut self) {
@@ -103,13 +112,18 @@ impl Problem {
         for (r, residuals) in here.iter().enumerate() {
             residuals.iter().enumerate().filter(|(_, x)| **x != 0.0).for_each(|(i, _)| samples[self.phase(r, i)] += 1.0);
         }
-        let power = |p: usize| 1.0 / (1.0 + 0.5 * ACCURACY * ACCURACY * (misfits[p] - samples[p]).max(0.0));
-        self.powers = std::array::from_fn(power);
+        let power = |c: f64, p: usize| 1.0 / (1.0 + 0.5 * c * c * (misfits[p] - samples[p]).max(0.0));
+        self.powers = ACCURACIES.map(|c| std::array::from_fn(|p| power(c, p)));
     }
 
-    /// Power that the whole likelihood would have.
+    /// The powers by which a search is steered.
+    pub fn steering(&self) -> ByPhase<f64> {
+        self.powers[STEERING]
+    }
+
+    /// Power that the whole likelihood would have in a search.
     pub fn power(&self) -> f64 {
-        1.0 / (1.0 + self.powers.iter().map(|power| 1.0 / power - 1.0).sum::<f64>())
+        overall(self.steering())
     }
 
     /// Phase of the clutch, from 0 on, at innovation `i` of recording `r`: two speeds per observation, then the bench channels, one value each.
@@ -239,6 +253,11 @@ fn driving(basis: &Basis, k: usize, amplitudes: &[f64]) -> Missing {
         sum.add(&function[k], *a);
     }
     sum
+}
+
+/// Power that the whole likelihood would have if its phases have these.
+pub fn overall(powers: ByPhase<f64>) -> f64 {
+    1.0 / (1.0 + powers.iter().map(|power| 1.0 / power - 1.0).sum::<f64>())
 }
 
 /// Adds the functions that are linear in the innovations of recording `k`, each with its amplitude.

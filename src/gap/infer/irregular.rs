@@ -97,14 +97,14 @@ impl At {
     }
 }
 
-/// Nats that innovations gain if those of each phase of the clutch may have a variance of their own, with the likelihood to the problem's powers.
+/// Nats that innovations gain if those of each phase of the clutch may have a variance of their own, with the likelihood to the powers that steer the search.
 fn dispersed(problem: &Problem, residuals: &[Residuals]) -> f64 {
     let mut samples = [0.0; PHASES];
     for (r, residuals) in residuals.iter().enumerate() {
         residuals.iter().enumerate().filter(|(_, x)| **x != 0.0).for_each(|(i, _)| samples[problem.phase(r, i)] += 1.0);
     }
     let gain = |(misfit, n): (f64, f64)| if misfit > n && n > 0.0 { 0.5 * (misfit - n - n * (misfit / n).ln()) } else { 0.0 };
-    problem.misfits(residuals).into_iter().zip(samples).map(gain).zip(problem.powers).map(|(gain, power)| gain * power).sum()
+    problem.misfits(residuals).into_iter().zip(samples).map(gain).zip(problem.steering()).map(|(gain, power)| gain * power).sum()
 }
 
 /// The disturbance for which the innovations of an explanation ask, beside those `with` which the problem's filters are made; none if they are no larger than

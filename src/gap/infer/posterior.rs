@@ -2,11 +2,12 @@
 //!
 //! Verdict, probabilities, groups and places are sums of this one distribution.
 
-use super::density::{Point, Problem, misfit};
+use super::density::{ACCURACIES, ByAccuracy, Point, Problem, misfit};
 use super::fit::Fit;
 use super::search::{Hypothesis, MOST_EFFECTS, Search, taken_over};
 use super::unknown::{Unknown, beside, places};
 use crate::effects::{REGISTRY, Subsystem};
+use std::f64::consts::LN_2;
 
 /// One explanation with its share of the posterior.
 #[derive(Clone, Debug)]
@@ -15,7 +16,9 @@ pub struct Explanation {
     pub effects: Vec<usize>,
     /// Place of a missing law, if there is one.
     pub place: Option<Subsystem>,
-    /// Logarithm of the posterior, nats, up to a constant.
+    /// Logarithm of the posterior for each accuracy that explanations may have, nats, up to a constant of its own.
+    pub by_accuracy: ByAccuracy<f64>,
+    /// Logarithm of the posterior, the mean over accuracies, nats.
     pub log_posterior: f64,
     /// Posterior probability.
     pub probability: f64,
@@ -85,7 +88,8 @@ pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Poste
         all.push(Explanation {
             effects: h.effects.clone(),
             place: None,
-            log_posterior: h.log_posterior,
+            log_posterior: f64::NEG_INFINITY,
+            by_accuracy: h.by_accuracy,
             probability: 0.0,
             fit: Some(h.fit.clone()),
         });
@@ -112,21 +116,43 @@ pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Poste
     all.extend(distinct.into_iter().map(|u| Explanation {
         effects: u.effects,
         place: Some(u.law.place),
-        log_posterior: u.log_posterior,
+        log_posterior: f64::NEG_INFINITY,
+        by_accuracy: u.by_accuracy,
         probability: 0.0,
         fit: u.fit,
     }));
-    let fitted = all.iter().filter(|e| e.fit.is_some()).map(|e| e.log_posterior);
-    let most = fitted.fold(f64::NEG_INFINITY, f64::max);
-    // What was not fitted is only promised: it weighs no more than the best that was, and half as much if it would.
-    for e in &mut all {
-        e.log_posterior = e.log_posterior.min(most);
-        e.probability = (e.log_posterior - most).exp() * if e.fit.is_some() { 1.0 } else { 0.5 };
-    }
-    all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    let sum: f64 = all.iter().map(|e| e.probability).sum();
-    all.iter_mut().for_each(|e| e.probability /= sum);
+    average(&mut all);
+    all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
     Posterior { explanations: all, base_misfit: misfit(&search.base().fit.residuals) }
+}
+
+/// Probabilities: the mean over the accuracies that explanations may have, each as likely.
+fn average(all: &mut [Explanation]) {
+    average_of(all, |e| e.fit.is_some());
+}
+
+/// The same where this tells what was fitted.
+fn average_of(all: &mut [Explanation], is_fitted: impl Fn(&Explanation) -> bool) {
+    let fitted: Vec<bool> = all.iter().map(is_fitted).collect();
+    let mut shares: Vec<Vec<f64>> = vec![Vec::new(); all.len()];
+    for c in 0..ACCURACIES.len() {
+        let most = all.iter().zip(&fitted).filter(|(_, f)| **f).map(|(e, _)| e.by_accuracy[c]).fold(f64::NEG_INFINITY, f64::max);
+        // What was not fitted is only promised: it weighs no more than the best that was, and half as much if it would.
+        let weight = |(e, fitted): (&Explanation, &bool)| (e.by_accuracy[c] - most).min(0.0) - if *fitted { 0.0 } else { LN_2 };
+        let logs: Vec<f64> = all.iter().zip(&fitted).map(weight).collect();
+        let sum = log_sum(&logs);
+        shares.iter_mut().zip(logs).for_each(|(s, l)| s.push(l - sum));
+    }
+    for (e, shares) in all.iter_mut().zip(shares) {
+        e.log_posterior = log_sum(&shares) - (ACCURACIES.len() as f64).ln();
+        e.probability = e.log_posterior.exp();
+    }
+}
+
+/// Logarithm of the sum of what these are the logarithms of.
+fn log_sum(logs: &[f64]) -> f64 {
+    let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if most == f64::NEG_INFINITY { most } else { most + logs.iter().map(|l| (l - most).exp()).sum::<f64>().ln() }
 }
 
 /// Drops effects beside a missing law one by one, and lets effects stand for tolerances that are strained beside it, as long as that is more probable; if
@@ -174,3 +200,28 @@ fn changed_beside(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unk
 
 /// Single effects that are tried beside a missing law.
 const TRIED_BESIDE: usize = 2;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn explanation(effects: &[usize], by_accuracy: ByAccuracy<f64>) -> Explanation {
+        Explanation { effects: effects.to_vec(), place: None, by_accuracy, log_posterior: 0.0, probability: 0.0, fit: None }
+    }
+
+    /// Of two explanations one leads by 10 nats if laws are nearly exact and by less the less they are: what is believed lies between the first and the last, and all of
+    /// it adds up to one, however far the logarithms are from zero.
+    #[test]
+    fn what_is_believed_is_the_mean_over_how_exact_laws_may_be() {
+        let ahead = [10.0, 2.0, -1.0];
+        let mut all = [explanation(&[1], ahead.map(|a| a - 1e4)), explanation(&[2], [-1e4; 3])];
+        average_of(&mut all, |_| true);
+        let odds = |a: f64| 1.0 / (1.0 + (-a).exp());
+        let expected = ahead.into_iter().map(odds).sum::<f64>() / 3.0;
+        assert!((all[0].probability - expected).abs() < 1e-12, "{} {expected}", all[0].probability);
+        assert!((all[0].probability + all[1].probability - 1.0).abs() < 1e-12);
+        // A promise weighs at most half as much as the best that was fitted.
+        average_of(&mut all, |e| e.effects == [2]);
+        assert!(all[0].probability < 1.0 / 3.0 + 1e-12, "{}", all[0].probability);
+    }
+}

@@ -6,7 +6,7 @@
 //! better.
 
 use super::coordinate::Coordinate;
-use super::density::{Basis, Point, Problem, STRAINS, WHOLE, cost, size};
+use super::density::{Basis, ByAccuracy, Point, Problem, STRAINS, WHOLE, cost, size};
 use super::fit::{Fit, Free, LOOK, fit};
 use super::form::{self, forms};
 use super::linear::Columns;
@@ -29,19 +29,24 @@ pub struct Hypothesis {
     pub basis: Basis,
     /// Logarithm of the posterior probability, nats, up to a constant of the recordings, with the whole likelihood: where the search goes.
     pub lead: f64,
-    /// The same with the likelihood to the problem's powers: what is believed.
+    /// The same with the likelihood to the powers by which the search is steered: what is believed.
     pub log_posterior: f64,
+    /// The same for each accuracy that the explanation may have.
+    pub by_accuracy: ByAccuracy<f64>,
 }
 
 impl Hypothesis {
     fn new(problem: &Problem, mut effects: Vec<usize>, formed: Fit, basis: Basis) -> Self {
         effects.sort_unstable();
-        let (lead, sharp) = formed.weighed(problem, 0, WHOLE);
-        let (log_posterior, coarse) = formed.weighed(problem, 0, problem.powers);
-        let lead = lead + log_prior(effects.len()) + moments(&sharp, &effects);
-        let log_posterior = log_posterior + log_prior(effects.len()) + moments(&coarse, &effects);
+        let at = |powers| {
+            let (evidence, fit) = formed.weighed(problem, 0, powers);
+            (evidence + log_prior(effects.len()) + moments(&fit, &effects), fit)
+        };
+        let (lead, sharp) = at(WHOLE);
+        let (log_posterior, coarse) = at(problem.steering());
+        let by_accuracy = problem.powers.map(|powers| at(powers).0);
         let fit = Fit { point: sharp.point, ..coarse }.marginal();
-        Self { effects, fit, formed, basis, lead, log_posterior }
+        Self { effects, fit, formed, basis, lead, log_posterior, by_accuracy }
     }
 
     /// The same with its derivatives and functions, fitted anew if they were let go.

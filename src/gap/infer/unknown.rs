@@ -5,7 +5,7 @@
 //! size of a fault worth the name or some times that; sizes are summed over, and the places that gain most are fitted, with a form of their own.
 
 use super::coordinate::Coordinate;
-use super::density::{Baseline, Basis, ByPhase, Point, Problem, Residuals, WHOLE, weight};
+use super::density::{Baseline, Basis, ByAccuracy, ByPhase, Point, Problem, Residuals, WHOLE, overall, weight};
 use super::fit::{Fit, Free, LOOK, fit};
 use super::form::{forms, of_law};
 use super::linear::{Columns, Frame, Normal, assemble, to_powers};
@@ -40,8 +40,10 @@ pub struct Unknown {
     pub law: Law,
     /// Logarithm of the posterior probability, nats, with the whole likelihood, as of [`Hypothesis::lead`].
     pub lead: f64,
-    /// The same with the likelihood to the problem's powers.
+    /// The same with the likelihood to the powers by which the search is steered.
     pub log_posterior: f64,
+    /// The same for each accuracy that the explanation may have.
+    pub by_accuracy: ByAccuracy<f64>,
     /// Fit, if it was fitted.
     pub fit: Option<Fit>,
 }
@@ -68,7 +70,9 @@ const SIZES: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
 /// Missing laws beside a set of effects, every place, most probable first. They are fitted if the best of them promises more than `least`.
 pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
     let of = &of.whole(problem);
-    let (Some(sharp), Some(coarse)) = (Mode::new(problem, of, WHOLE), Mode::new(problem, of, problem.powers)) else { return Vec::new() };
+    let (Some(sharp), Some(coarse)) = (Mode::new(problem, of, WHOLE), Mode::new(problem, of, problem.steering())) else {
+        return Vec::new();
+    };
     let mut found: Vec<(Unknown, f64)> = Subsystem::ALL.into_iter().map(|place| promised(problem, of, [&sharp, &coarse], place)).collect();
     // Tolerances that the gap bent are no good start for a law that explains it.
     let bent = of.fit.pull() > DRAGGED;
@@ -109,18 +113,24 @@ fn promised(problem: &Problem, of: &Hypothesis, [sharp, coarse]: [&Mode; 2], pla
     let (sharp, coarse) = (sharp.information(&changes), coarse.information(&changes));
     let of_size = |states: f64, time: f64| {
         let by = DVector::from_fn(changes[0].ncols(), |f, _| if f < basis.len() { states } else { time });
-        OfSize { states, time, gain: sharp.gain(&by), coarse: coarse.gain(&by) }
+        OfSize { states, time, gain: sharp.gain(&by, 1.0), coarse: coarse.gain(&by, 1.0) }
     };
     let all: Vec<OfSize> = SIZES.iter().flat_map(|&size| OF_TIME.map(|share| of_size(size, share * size))).collect();
     let best = all.iter().max_by(|a, b| a.coarse.total_cmp(&b.coarse)).expect("there are sizes");
     let as_good = all.iter().map(|one| (one.coarse - best.coarse).exp()).sum::<f64>() / all.len() as f64;
     let log_odds = (PLACE_PRIOR / (1.0 - PLACE_PRIOR)).ln() + as_good.ln();
+    let states = basis.len();
     let mut timed = if best.time > 0.0 { linear(&changes, basis.len()) } else { Basis::new() };
     basis.iter_mut().flatten().for_each(|f| f.scale(best.states));
     timed.iter_mut().flatten().for_each(|f| f.scale(best.time));
     basis.extend(timed);
     let (lead, log_posterior) = (of.lead + best.gain + log_odds, of.log_posterior + best.coarse + log_odds);
-    (Unknown { effects: of.effects.clone(), law: Law { place, basis, log_odds }, lead, log_posterior, fit: None }, best.states)
+    // With another accuracy all phases have nearly the same share of their power.
+    let by = DVector::from_fn(changes[0].ncols(), |f, _| if f < states { best.states } else { best.time });
+    let gain = |powers: ByPhase<f64>| coarse.gain(&by, overall(powers) / problem.power());
+    let by_accuracy = std::array::from_fn(|c| of.by_accuracy[c] + gain(problem.powers[c]) + log_odds);
+    let law = Law { place, basis, log_odds };
+    (Unknown { effects: of.effects.clone(), law, lead, log_posterior, by_accuracy, fit: None }, best.states)
 }
 
 /// A missing law at a place beside a set with the forms of its effects, fitted from a point. `known` are derivatives along nuisances there.
@@ -134,17 +144,20 @@ pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, kn
     let all: Basis = all.into_iter().chain(form).collect();
     let fitted = fit(problem, Free { effects, basis: Some(&all) }, &formless.point, LOOK, formless.known());
     let prior = log_prior(effects.len()) + law.log_odds;
-    let (lead, sharp) = fitted.weighed(problem, count, WHOLE);
-    let (log_posterior, fitted) = fitted.weighed(problem, count, problem.powers);
-    let lead = lead + prior + moments(&sharp, effects);
-    let log_posterior = log_posterior + prior + moments(&fitted, effects);
+    let at = |powers| {
+        let (evidence, fit) = fitted.weighed(problem, count, powers);
+        (evidence + prior + moments(&fit, effects), fit)
+    };
+    let lead = at(WHOLE).0;
+    let by_accuracy = problem.powers.map(|powers| at(powers).0);
+    let (log_posterior, fitted) = at(problem.steering());
     // Functions are eliminated, and their derivatives are let go: there may be hundreds.
     let kept = fitted.shared.iter().filter(|c| !matches!(c, Coordinate::Missing(_))).count();
     let functions = fitted.shared.len() - kept;
     let without = |c: &Columns| Columns { matrix: c.matrix.clone().remove_columns(kept, functions) };
     let columns = Arc::new(fitted.columns.iter().map(without).collect());
     let fit = Fit { columns, parts: Arc::default(), ..fitted.marginal() };
-    Unknown { effects: effects.to_vec(), law: law.clone(), lead, log_posterior, fit: Some(fit) }
+    Unknown { effects: effects.to_vec(), law: law.clone(), lead, log_posterior, by_accuracy, fit: Some(fit) }
 }
 
 /// Functions of the law at `place`, as a point's car would see them.
@@ -191,11 +204,11 @@ struct Information {
 }
 
 impl Information {
-    /// Logarithm of the evidence that functions of these sizes add, nats.
-    fn gain(&self, by: &DVector<f64>) -> f64 {
+    /// Logarithm of the evidence that functions of these sizes add, nats, with the likelihood to this further power.
+    fn gain(&self, by: &DVector<f64>, power: f64) -> f64 {
         let n = by.len();
-        let gram = DMatrix::from_fn(n, n, |i, j| by[i] * by[j] * self.gram[(i, j)] + f64::from(u8::from(i == j)));
-        let slope = self.slope.component_mul(by);
+        let gram = DMatrix::from_fn(n, n, |i, j| power * by[i] * by[j] * self.gram[(i, j)] + f64::from(u8::from(i == j)));
+        let slope = power * self.slope.component_mul(by);
         let Some(law) = gram.cholesky() else { return 0.0 };
         let log_det = 2.0 * law.l_dirty().diagonal().map(f64::ln).sum();
         0.5 * slope.dot(&law.solve(&slope)) - 0.5 * log_det

@@ -7,7 +7,7 @@ use super::replay;
 use super::tolerance::{self, Car, Logger, Tolerances, Wander};
 use super::track::{CONTROL_INTERVAL_S, Track};
 use crate::campaign::Recording;
-use crate::gap::infer::density::{Problem, WHOLE};
+use crate::gap::infer::density::{EXACT, Problem};
 use crate::vehicle::Vehicle;
 use rayon::prelude::*;
 
@@ -57,7 +57,7 @@ pub fn problem(tracks: Vec<Track>, vehicle: &Vehicle, tolerances: &Tolerances, w
     let (shared, own) = (tolerances.shared.clone(), tolerances.own.clone());
     let car = Car::nominal(vehicle);
     let states = tracks.par_iter().zip(&filters).map(|(t, f)| missing::states(t, f, &car, t.theta_0)).collect();
-    let mut problem = Problem { tracks, filters, vehicle: *vehicle, shared, own, states, powers: WHOLE };
+    let mut problem = Problem { tracks, filters, vehicle: *vehicle, shared, own, states, powers: EXACT };
     problem.coarsen();
     problem
 }

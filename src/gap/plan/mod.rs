@@ -14,7 +14,7 @@ pub mod reach;
 pub mod rehearse;
 pub mod split;
 
-use super::infer::density::{ByPhase, Point, Problem, TEMPERATURES, WHOLE};
+use super::infer::density::{ByAccuracy, ByPhase, EXACT, Point, Problem, TEMPERATURES};
 use super::infer::posterior::Posterior;
 use super::infer::screen::Limit;
 use super::model::filter::Disturbances;
@@ -60,7 +60,7 @@ pub struct Planner {
     with: Disturbances,
     logger: Logger,
     /// Powers of the likelihood of what has been recorded.
-    powers: ByPhase<f64>,
+    powers: ByAccuracy<ByPhase<f64>>,
 }
 
 impl Planner {
@@ -84,7 +84,7 @@ impl Planner {
         let [x, t, theta] = sensors.bench;
         let noise = [sensors.speed, sensors.speed, x, t, theta].map(white);
         let with = prepare::healthy(noise, sensors.torque, 0.0, &tolerances);
-        Ok(Self { manoeuvres, vehicle: *vehicle, shared: tolerances.shared, own: tolerances.own, with, logger, powers: WHOLE })
+        Ok(Self { manoeuvres, vehicle: *vehicle, shared: tolerances.shared, own: tolerances.own, with, logger, powers: EXACT })
     }
 
     /// Of a car that has been recorded: manoeuvres are logged as its recordings were.

@@ -130,9 +130,9 @@ fn split(planner: &Planner, rivals: &[Rival], what: &Manoeuvre) -> Split {
             let d: Vec<f64> = innovations[j].iter().zip(&innovations[i]).map(|(e_j, e_i)| e_j - e_i).collect();
             let d = [d];
             let parts = by_phase(&problem, &columns, &d);
-            let (curvature, gradient) = to_powers(&parts, problem.powers).remove(0);
+            let (curvature, gradient) = to_powers(&parts, problem.steering()).remove(0);
             let followed = (curvature + &known).cholesky().map_or(0.0, |root| gradient.dot(&root.solve(&gradient)));
-            let misfit: f64 = problem.misfits(&d).iter().zip(problem.powers).map(|(misfit, power)| misfit * power).sum();
+            let misfit: f64 = problem.misfits(&d).iter().zip(problem.steering()).map(|(misfit, power)| misfit * power).sum();
             nats[(i, j)] = 0.5 * (misfit - followed).max(0.0);
         }
     }
