@@ -23,15 +23,15 @@ const EVENT_TOLERANCE: f64 = 1e-12;
 /// Steps of the search for an event; it usually needs five.
 pub const LOCATE_ITERATIONS: usize = 60;
 
-/// Events that one substep serves; what is left after them is integrated without a further switch.
+/// Switches that one substep serves. What chatters more often sticks in the mean: where both sides meet next, they stay together to its end.
 pub const EVENTS_PER_SUBSTEP: usize = 8;
 
 /// Pieces, ended by contact or by an event, that one substep is cut into.
 pub const PIECES_PER_SUBSTEP: usize = 64;
 
 /// Inner iterations of one substep, at most: each piece may look for contact and is then integrated, each switch is looked for, and
-/// what is left is integrated at once.
-pub const ITERATIONS_PER_SUBSTEP: usize = PIECES_PER_SUBSTEP * (LOCATE_ITERATIONS + 1) + EVENTS_PER_SUBSTEP * LOCATE_ITERATIONS + 1;
+/// what is left is integrated in two, before and after both sides meet for the last time.
+pub const ITERATIONS_PER_SUBSTEP: usize = PIECES_PER_SUBSTEP * (LOCATE_ITERATIONS + 1) + (EVENTS_PER_SUBSTEP + 1) * LOCATE_ITERATIONS + 2;
 
 /// Relative length under which what remains of a step is rounding.
 const SLIVER: f64 = 1e-9;
@@ -167,7 +167,7 @@ fn substep(plant: &mut Plant, until: f64, delayed: bool) {
             state.time = until;
             return;
         }
-        let last = pieces == PIECES_PER_SUBSTEP;
+        let last = pieces >= PIECES_PER_SUBSTEP;
         let mut x_cmd = state.inputs.x_to;
         if delayed {
             let lag = config.constants.command_delay;
@@ -181,17 +181,15 @@ fn substep(plant: &mut Plant, until: f64, delayed: bool) {
             h = h.min(actuation::smooth_for(config, state, x_cmd, plant.max_substep));
         }
         pieces += 1;
-        let way = actuation::way(config, state, x_cmd, h);
-        if switches < EVENTS_PER_SUBSTEP && !last {
+        let settled = last || switches >= EVENTS_PER_SUBSTEP;
+        let mut way = actuation::way(config, state, x_cmd, h);
+        if !settled {
             let contact = until_contact(config, state, x_cmd, h, &way, iterations);
-            let way = if contact == h { way } else { actuation::way(config, state, x_cmd, contact) };
-            switches += usize::from(smooth_piece(config, state, found, x_cmd, contact, &way, iterations));
-        } else {
-            *iterations += 1;
-            let setting = setting(config, state, found, &way);
-            let y = integrate(config, state, &setting, x_cmd, h, &way);
-            accept(config, state, y, &way.end, h);
+            if contact != h {
+                (h, way) = (contact, actuation::way(config, state, x_cmd, contact));
+            }
         }
+        switches += usize::from(smooth_piece(config, state, found, x_cmd, h, &way, settled, iterations));
     }
 }
 
@@ -247,18 +245,30 @@ fn accept(config: &Config, state: &mut State, y: Motion, chain: &Chain, h: f64) 
     }
 }
 
-/// Integrates over `h`, or up to the first switch inside it; true if it ended in a switch.
-fn smooth_piece(config: &Config, state: &mut State, found: &Found, x_cmd: f64, h: f64, way: &Way, iterations: &mut u64) -> bool {
+/// Integrates over `h`, or up to the first switch inside it; true if it ended in a switch. A `settled` clutch sticks from where its sides meet.
+#[allow(clippy::too_many_arguments)]
+fn smooth_piece(
+    config: &Config,
+    state: &mut State,
+    found: &Found,
+    x_cmd: f64,
+    h: f64,
+    way: &Way,
+    settled: bool,
+    iterations: &mut u64,
+) -> bool {
     *iterations += 1;
-    if state.stuck && overload(config, state, &state.y, &way.begin) > 0.0 {
+    if state.stuck && !settled && overload(config, state, &state.y, &way.begin) > 0.0 {
         way.begin.store(state);
         break_away(config, state);
         return true;
     }
     let setting = setting(config, state, found, way);
     // Positive once the event has happened.
-    let passed = |y: &Motion, chain: &Chain| {
-        if setting.stuck { overload(config, state, y, chain) } else { -setting.direction * (y[index::OMEGA_F] - y[index::OMEGA_C]) }
+    let passed = |y: &Motion, chain: &Chain| match setting.stuck {
+        true if settled => 0.0,
+        true => overload(config, state, y, chain),
+        false => -setting.direction * (y[index::OMEGA_F] - y[index::OMEGA_C]),
     };
     let y = integrate(config, state, &setting, x_cmd, h, way);
     let after = passed(&y, &way.end);
@@ -287,7 +297,8 @@ fn smooth_piece(config: &Config, state: &mut State, found: &Found, x_cmd: f64, h
     if setting.stuck {
         break_away(config, state)
     } else {
-        meet(config, state)
+        meet(config, state);
+        state.stuck |= settled;
     }
     true
 }
