@@ -362,3 +362,57 @@ fn meet(config: &Config, state: &mut State) {
     }
     decide_at_zero_slip(config, state);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::{self, param};
+    use crate::vehicle::Vehicle;
+
+    /// Flywheel and disc at these speeds, disengaged or closed; the vehicle has 0.2 and 0.6 kg·m².
+    fn plant(speeds: [f64; 2], x_to: f64, set: &[(usize, f64)]) -> Plant {
+        let (mut vehicle, mut parameters) = (Vehicle::paper(), effects::null());
+        (vehicle.driveline.J_f, vehicle.driveline.J_c) = (0.2, 0.6);
+        set.iter().for_each(|&(k, value)| parameters[k] = value);
+        let start = Start { omega_f: speeds[0], omega_c: speeds[1], theta_c: 60.0, theta_b: 60.0 };
+        Plant::new(&vehicle, &parameters, &start, &Inputs { x_to, theta_h: 60.0, ..Inputs::default() })
+    }
+
+    #[test]
+    fn both_sides_meet_at_the_speed_that_keeps_their_momentum() {
+        use param::driveline_compliance::{compliance, disc_share};
+        // Behind elastic shafts the disc meets with its own inertia, and the car keeps its speed.
+        for (set, common, behind) in [
+            (&[][..], (0.2 * 10.0 + 0.6 * 6.0) / 0.8, 7.0),
+            (&[(compliance, 1e-3), (disc_share, 0.5)][..], (0.2 * 10.0 + 0.3 * 6.0) / 0.5, 6.0),
+        ] {
+            let mut plant = plant([10.0, 6.0], 8.0, set);
+            meet(&plant.config, &mut plant.state);
+            let y = &plant.state.y;
+            assert!((y[index::OMEGA_F] - common).abs() < 1e-12 && y[index::OMEGA_C] == y[index::OMEGA_F], "{y:?}");
+            assert!((y[index::OMEGA_V] - behind).abs() < 1e-12, "{y:?}");
+            assert!(plant.state.stuck, "a closed clutch holds");
+        }
+    }
+
+    /// As after more switches than a substep serves.
+    #[test]
+    fn a_settled_clutch_neither_breaks_away_nor_slips_past_zero() {
+        let smooth = |plant: &mut Plant, h: f64| {
+            let (x, found) = (plant.state.inputs.x_to, plant.found);
+            smooth_piece(&plant.config, &mut plant.state, &found, x, h, true, &mut 0)
+        };
+        let mut meets = plant([100.5, 100.0], 6.0, &[]);
+        assert!(smooth(&mut meets, 0.1), "slip is gone within the piece");
+        assert!(meets.state.stuck && meets.slip() == 0.0 && meets.state.time < 0.1);
+        let dissipated = meets.energy().dissipated;
+        assert!(dissipated > 0.0);
+        // Opened, it would break away; it is settled until the substep ends.
+        meets.state.bearing = 0.0;
+        meets.state.inputs.x_to = 0.0;
+        meets.state.inputs.t_e_ref = 50.0;
+        assert!(!smooth(&mut meets, 1e-3) && meets.state.stuck && meets.energy().dissipated == dissipated);
+        meets.step(&Inputs { t_e_ref: 50.0, theta_h: 60.0, ..Inputs::default() }, 1e-3);
+        assert!(!meets.state.stuck, "the next one lets it go");
+    }
+}
