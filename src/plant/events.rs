@@ -400,7 +400,8 @@ mod tests {
     fn a_settled_clutch_neither_breaks_away_nor_slips_past_zero() {
         let smooth = |plant: &mut Plant, h: f64| {
             let (x, found) = (plant.state.inputs.x_to, plant.found);
-            smooth_piece(&plant.config, &mut plant.state, &found, x, h, true, &mut 0)
+            let way = actuation::way(&plant.config, &plant.state, x, h);
+            smooth_piece(&plant.config, &mut plant.state, &found, x, h, &way, true, &mut 0)
         };
         let mut meets = plant([100.5, 100.0], 6.0, &[]);
         assert!(smooth(&mut meets, 0.1), "slip is gone within the piece");
