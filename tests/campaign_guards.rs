@@ -161,3 +161,39 @@ fn the_name_of_a_recording_leads_nowhere_else() {
         assert!(said.contains("recordings.json") && said.contains("can't be the name of a recording"), "{name}: {said}");
     }
 }
+
+#[test]
+fn a_campaign_that_is_too_large_is_refused_before_it_is_read() {
+    let folder = Folder::new("");
+    let entries: Vec<String> = (0..=1000).map(|k| format!(r#""r{k:04}": {ENTRY}"#)).collect();
+    folder.file("recordings.json", format!("{{{}}}", entries.join(",")).as_bytes());
+    let refused = folder.read().unwrap_err().to_string();
+    assert!(refused.contains("recordings.json: 1001 recordings") && refused.contains("the 1000 that"), "{refused}");
+    // A file that has no end on the disk: sparse, so that the test takes no room.
+    std::fs::File::create(folder.0.join("recordings.json")).unwrap().set_len(1 << 30).unwrap();
+    let refused = folder.read().unwrap_err().to_string();
+    assert!(refused.contains("recordings.json: is larger than 16 MB"), "{refused}");
+    let folder = Folder::new("");
+    std::fs::File::create(folder.0.join("r02.csv")).unwrap().set_len(1 << 30).unwrap();
+    assert!(folder.left_out().contains("r02.csv: line 1 is longer than 16 MB"), "{}", folder.left_out());
+}
+
+#[test]
+fn recordings_that_are_too_long_together_are_refused() {
+    // 1.2 million rows each, at 100 kHz: two of them are too many, one is not.
+    let text = |skip: usize| {
+        let mut text = String::from("time_s,omega_f_rad_s,omega_c_rad_s,T_e_Nm,x_to_cmd_mm\n");
+        (skip..1_200_000 + skip).for_each(|k| {
+            let v = k % 7;
+            text.push_str(&format!("{}e-5,{}.5,{}.25,{},{}\n", k - skip, 100 + v, 90 + v, 30 + v, 5 + v % 3));
+        });
+        text
+    };
+    let folder = Folder::new(&text(1));
+    let entry = ENTRY.replace(": 100,", ": 100000,");
+    folder.file("recordings.json", format!(r#"{{"r01": {ENTRY}, "r02": {entry}, "r03": {entry}}}"#).as_bytes());
+    assert_eq!(folder.read().unwrap().recordings.iter().filter(|r| r.time.len() == 1_200_000).count(), 1);
+    folder.file("r03.csv", text(2).as_bytes());
+    let refused = folder.read().unwrap_err().to_string();
+    assert!(refused.contains("rows are more than the 2000000") && refused.contains("window_s"), "{refused}");
+}

@@ -142,14 +142,19 @@ fn ten_thousand_instances_on_64_threads_give_numbers_and_take_no_memory() {
     assert!(refused < made / 10, "{refused} of {made} steps were refused");
 }
 
-/// Tables of a learned law have a test of their own (`tests/effects_null.rs`).
+/// Effects, and every other time the tables of a learned law; every other time with five times the friction and a drag of 100 N·m, in whose steep
+/// friction a plant once chattered.
 fn effects_at_extremes(random: &mut Random) -> Parameters {
     let mut parameters = effects::null();
     let share = [0.1, 0.5, 1.0][(random.next() * 3.0) as usize];
-    for (value, p) in parameters.iter_mut().zip(&PARAMETERS).filter(|(_, p)| p.effect != "empirical") {
+    let [learned, steep] = [0; 2].map(|_| random.next() < 0.5);
+    for (value, p) in parameters.iter_mut().zip(&PARAMETERS).filter(|(_, p)| learned || p.effect != "empirical") {
         if random.next() < share {
             *value = extreme(random, p.min, p.max);
         }
+    }
+    if steep {
+        (parameters[param::friction_level::factor], parameters[param::clutch_drag::torque]) = (5.0, 100.0);
     }
     // Faster pulsations than some radians in a substep are no longer followed.
     parameters[param::judder::order] = parameters[param::judder::order].min(3.0);
@@ -162,7 +167,7 @@ fn effects_at_extremes(random: &mut Random) -> Parameters {
 fn no_plant_has_more_energy_than_was_put_in() {
     let begin = Instant::now();
     let mut random = Random(0x2545_f491_4f6c_dd1d);
-    let (mut plants, mut balanced, mut steps, mut most) = (0, 0, 0, 0.0_f64);
+    let (mut plants, mut balanced, mut steps, mut most, mut fell) = (0, 0, 0, 0.0_f64, 0.0_f64);
     while soak().map_or(plants < 400, |time| begin.elapsed() < time) {
         let vehicle = Vehicle::paper();
         let parameters = effects_at_extremes(&mut random);
@@ -189,7 +194,9 @@ fn no_plant_has_more_energy_than_was_put_in() {
                 let now = plant.energy();
                 moved += (now.work_in - last.work_in).abs() + (now.losses - last.losses).abs() + (now.dissipated - last.dissipated).abs();
                 let beyond = now.stored - first.stored + now.losses - now.work_in;
-                assert!(now.stored >= 0.0 && beyond.is_finite() && now.dissipated >= last.dissipated - 1e-9 * moved);
+                // The stages of a Runge–Kutta step weigh the friction work of what settles within it less exactly than its motion.
+                fell = fell.max((last.dissipated - now.dissipated) / moved);
+                assert!(now.stored >= 0.0 && beyond.is_finite() && fell < 1e-6, "{fell}, {:?}", effects::to_value(&parameters));
                 most = most.max(beyond / moved);
                 assert!(beyond < 1e-3 * moved, "{beyond} J of {moved} J beyond what was put in, {:?}", effects::to_value(&parameters));
                 off = off.max((beyond + now.dissipated).abs() / moved);
@@ -199,7 +206,8 @@ fn no_plant_has_more_energy_than_was_put_in() {
         balanced += usize::from(off < 1e-3);
     }
     println!(
-        "{plants} plants, {steps} steps: at most {most:.1e} of the energy that passed beyond what was put in; {balanced} balance to 1e-3"
+        "{plants} plants, {steps} steps: at most {most:.1e} of the energy that passed beyond what was put in, {fell:.1e} of it heat taken back; \
+         {balanced} balance to 1e-3"
     );
     // Where friction is so steep that a substep is just stable, its heat is less exact than the motion.
     assert!(100 * balanced > 95 * plants, "{balanced} of {plants} balance");

@@ -270,6 +270,18 @@ fn in_overrun_a_torque_that_is_too_small_closes_further() {
 }
 
 #[test]
+fn in_overrun_a_torque_that_is_too_large_opens_further() {
+    // The disc drags the engine with 60 N·m; the paper's law asks for less, the governed one waits at the contact and asks for none.
+    for (name, s) in sets() {
+        let mut overrun = controller(&s);
+        run(&mut overrun, 0.8, |t| told(80.0 + alive(t), 100.0, 0.03 * 80.0 - 60.0));
+        let o = overrun.outputs();
+        assert!(o.t_fc_hat < -50.0 && o.t_c_ref > -30.0 && o.t_c_ref < 1.0, "{name}: {} N·m asked for, {} N·m seen", o.t_c_ref, o.t_fc_hat);
+        assert!(o.x_to_fb < -0.05, "{name}: the feedback adds {} mm", o.x_to_fb);
+    }
+}
+
+#[test]
 fn the_torque_feedback_keeps_its_bound_and_a_weak_clutch_needs_it() {
     let s = figure_3();
     let mut weak = effects::null();

@@ -11,6 +11,7 @@ use std::path::Path;
 use encoding_rs_io::DecodeReaderBytesBuilder;
 
 use super::error::{Defect, RecordingError};
+use super::limits::{FILE_ROWS, TEXT_BYTES};
 use super::table::{Group, Measurement, Rows, Series, Tell, Wanted};
 use super::text_cells::{Cells, is_comment, number, stamp, text};
 use super::text_long;
@@ -55,7 +56,7 @@ fn read_from(file: &str, input: impl Read, wanted: Wanted<'_>) -> Result<Measure
     let Some(shape) = shape(&head) else { return Err(Defect::Empty.in_file(file)) };
     let mut lines = Lines { input: BufReader::with_capacity(1 << 20, head.chain(input)), line: Vec::new(), number: 0, ended: true };
     for _ in 0..shape.above {
-        lines.next().map_err(unreadable)?;
+        lines.next().map_err(|d| d.in_file(file))?;
     }
     let mut m = match text_long::roles(&shape) {
         Some(roles) => text_long::read(file, &shape, roles, &mut lines, wanted)?,
@@ -81,12 +82,23 @@ pub(crate) struct Lines<R> {
 
 impl<R: Read> Lines<R> {
     /// The next line, or `None` at the end.
-    pub fn next(&mut self) -> std::io::Result<Option<&[u8]>> {
+    ///
+    /// # Errors
+    /// A file that cannot be read on, a line that is too long, or too many of them.
+    pub fn next(&mut self) -> Result<Option<&[u8]>, Defect> {
         self.line.clear();
-        if self.input.read_until(b'\n', &mut self.line)? == 0 {
+        let most = TEXT_BYTES as u64 + 1;
+        let read = self.input.by_ref().take(most).read_until(b'\n', &mut self.line).map_err(|e| Defect::Unreadable(e.to_string()))?;
+        if read == 0 {
             return Ok(None);
         }
         self.number += 1;
+        if self.line.len() > TEXT_BYTES {
+            return Err(Defect::LongLine { line: self.number, most: TEXT_BYTES });
+        }
+        if self.number > FILE_ROWS {
+            return Err(Defect::TooManyRows(FILE_ROWS));
+        }
         self.ended = self.line.last() == Some(&b'\n');
         let line = self.line.strip_suffix(b"\n").unwrap_or(&self.line);
         Ok(Some(line.strip_suffix(b"\r").unwrap_or(line)))
@@ -98,7 +110,7 @@ fn read_wide<R: Read>(file: &str, shape: &Shape, lines: &mut Lines<R>, wanted: W
     let mut table = Table::new(file, shape, wanted);
     // A short row is judged when the next one has been seen: only the last may be short.
     let mut short: Option<(u64, usize)> = None;
-    while let Some(line) = lines.next().map_err(|e| Defect::Unreadable(e.to_string()).in_file(file))? {
+    while let Some(line) = lines.next().map_err(|d| d.in_file(file))? {
         if is_comment(line) {
             continue;
         }
@@ -277,6 +289,24 @@ mod tests {
         assert_eq!(e.place.row, Some(("line", 3)));
         let e = all(b"t,a\n0,1,7\n0.02,3\n").unwrap_err();
         assert_eq!(e.place.row, Some(("line", 2)));
+    }
+
+    #[test]
+    fn a_line_without_end_is_no_table() {
+        // A terabyte of digits: what is read of it is bounded.
+        let endless = b"t,a\n0,1\n".chain(std::io::repeat(b'7').take(1 << 40));
+        let e = read_from("r.csv", endless, &|_| true).unwrap_err();
+        assert_eq!(*e.defect, Defect::LongLine { line: 3, most: TEXT_BYTES });
+        assert!(e.to_string().starts_with("r.csv: line 3 is longer than 16 MB"), "{e}");
+        let one = read_from("r.csv", std::io::repeat(b'7').take(1 << 40), &|_| true).unwrap_err();
+        assert_eq!(*one.defect, Defect::LongLine { line: 1, most: TEXT_BYTES });
+    }
+
+    #[test]
+    fn more_rows_than_are_read_are_refused() {
+        let mut lines = Lines { input: BufReader::new(&b"1\n2\n"[..]), line: Vec::new(), number: FILE_ROWS - 1, ended: true };
+        assert_eq!(lines.next(), Ok(Some(&b"1"[..])));
+        assert_eq!(lines.next(), Err(Defect::TooManyRows(FILE_ROWS)));
     }
 
     #[test]

@@ -96,6 +96,20 @@ pub enum CampaignError {
         /// Why it can't be, and what to do.
         why: &'static str,
     },
+    /// There is more than is read.
+    #[error("{}: {count} {what} are more than the {most} that one campaign may have. {remedy}", .file.display())]
+    TooMuch {
+        /// recordings.json.
+        file: PathBuf,
+        /// What there is too much of.
+        what: &'static str,
+        /// How much there is, so far.
+        count: usize,
+        /// How much there may be.
+        most: usize,
+        /// What to do.
+        remedy: &'static str,
+    },
     /// recordings.json lists nothing.
     #[error("{}: lists no recording. Add one entry per recording, e.g. \"r01\": {{\"manoeuvre\": \"launch\", \"sample_rate_Hz\": 100, \"theta_c0_degC\": 25, \"theta_b0_degC\": 25}}", .0.display())]
     EmptyCampaign(PathBuf),
@@ -183,6 +197,10 @@ pub enum Defect {
     Unreadable(String),
     #[error("the file is empty. Export the recording again")]
     Empty,
+    #[error("line {line} is longer than {} MB, so that this is no table of numbers. Export the recording again", .most >> 20)]
+    LongLine { line: u64, most: usize },
+    #[error("the file has more than {0} rows, which is more than is read. Split it, or export a part of it or at a lower rate")]
+    TooManyRows(u64),
     #[error("there is a header but no row of data. Export the recording again")]
     NoRows,
     #[error("the file is {found}, not {expected}. Give it the ending that fits, or export it again")]

@@ -8,6 +8,7 @@ use sha2::{Digest, Sha256};
 
 use super::assemble::assemble;
 use super::error::{CampaignError, Defect, RecordingError};
+use super::limits::{CAMPAIGN_ROWS, RECORDINGS, TEXT_BYTES};
 use super::manifest::{self, Entry};
 use super::pick;
 use super::table::{self, Format, file_name};
@@ -40,6 +41,10 @@ pub fn read_telling(dir: &Path, options: &ReadOptions, tell: &dyn Fn(&str, f64))
         return Err(CampaignError::Shape { file: vehicle_path, what: "is not an object".to_string(), remedy });
     }
     let entries = manifest::entries(&manifest_path, &manifest_text)?;
+    let too_much = |what, count, most, remedy| Err(CampaignError::TooMuch { file: manifest_path.clone(), what, count, most, remedy });
+    if entries.len() > RECORDINGS {
+        return too_much("recordings", entries.len(), RECORDINGS, "Split the campaign, or keep the recordings that tell most");
+    }
     let files = files(dir)?;
     let mut reading = Reading::new(options, tell);
     reading.hash("vehicle.json", vehicle_text.as_bytes());
@@ -47,6 +52,10 @@ pub fn read_telling(dir: &Path, options: &ReadOptions, tell: &dyn Fn(&str, f64))
     for entry in &entries {
         let stem = files.get(stem(entry)).map_or(&[][..], Vec::as_slice);
         reading.recording(entry, stem)?;
+        let rows = reading.recordings.iter().map(|r| r.time.len()).sum();
+        if rows > CAMPAIGN_ROWS {
+            return too_much("rows", rows, CAMPAIGN_ROWS, "Keep the parts that matter with window_s, or export at a lower rate");
+        }
     }
     let unlisted = files.iter().filter(|(stem, _)| entries.iter().all(|e| self::stem(e) != *stem)).flat_map(|(_, paths)| paths);
     // A text file need not be a measurement.
@@ -222,6 +231,11 @@ fn digest(path: &Path) -> std::io::Result<[u8; 32]> {
 }
 
 fn text(path: &Path, remedy: &'static str) -> Result<String, CampaignError> {
+    if path.metadata().is_ok_and(|m| m.len() > TEXT_BYTES as u64) {
+        let (what, remedy) =
+            (format!("is larger than {} MB", TEXT_BYTES >> 20), "Check that it is the file that its name says".to_string());
+        return Err(CampaignError::Shape { file: path.to_path_buf(), what, remedy });
+    }
     let bytes = match std::fs::read(path) {
         Ok(bytes) => bytes,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => {

@@ -10,6 +10,7 @@ use std::path::Path;
 use falcon_mdf::{CanDatabase, Channel, ChannelGroup, Conversion, Mf4Error, Mf4File, Signal, SignalValues};
 
 use super::error::{Defect, RecordingError};
+use super::limits::FILE_ROWS;
 use super::table::{Group, Measurement, Rows, Series, Tell, Wanted};
 
 /// Reads an MDF4 file; `file` is what messages call it.
@@ -77,6 +78,9 @@ fn decode_group(
     // Frames of a bus are no signals; see `decode_frames`.
     if group.is_bus_event() {
         return Ok(None);
+    }
+    if group.sample_count > FILE_ROWS && group.channels.iter().any(|c| wanted(&c.name)) {
+        return Err((None, Defect::TooManyRows(FILE_ROWS)));
     }
     let mut any = false;
     for channel in &group.channels {

@@ -19,6 +19,7 @@ mod error;
 mod folder;
 mod guess;
 mod inspect;
+mod limits;
 mod log;
 mod manifest;
 mod mdf;

@@ -21,11 +21,9 @@ use ::parquet::schema::types::ColumnDescriptor;
 use half::f16;
 
 use super::error::{Defect, RecordingError};
+use super::limits::FILE_ROWS;
 use super::table::{Group, Measurement, Rows, Series, Tell, Wanted};
 use super::{thrift, units};
-
-/// Rows of a file, at most: a day at a kilohertz. A count above it is damage, for a few bytes may claim any number of equal values.
-const MOST_ROWS: usize = 1 << 27;
 
 const ENDLESS: &str = "a count in it is larger than the file";
 
@@ -48,8 +46,9 @@ fn decode(file: &str, path: &Path, wanted: Wanted<'_>, tell: Tell<'_>) -> Result
     if rows == 0 {
         return Err(Defect::NoRows.in_file(file));
     }
-    if rows > MOST_ROWS {
-        return Err(Defect::Damaged(format!("it claims {rows} rows")).in_file(file));
+    // It may be damage, too: a few bytes may claim any number of equal values.
+    if rows as u64 > FILE_ROWS {
+        return Err(Defect::TooManyRows(FILE_ROWS).in_file(file));
     }
     let mut series = Vec::new();
     let mut names = Vec::new();

@@ -43,7 +43,7 @@ pub(crate) fn read<R: Read>(
     let (time_name, time_unit) = &shape.columns[roles.time];
     // Dates count from the first row of the file, so that all channels have one beginning.
     let mut clock = Column::new(time_name, time_unit.as_deref(), roles.time);
-    while let Some(line) = lines.next().map_err(|e| Defect::Unreadable(e.to_string()).in_file(file))? {
+    while let Some(line) = lines.next().map_err(|d| d.in_file(file))? {
         if is_comment(line) {
             continue;
         }

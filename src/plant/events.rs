@@ -23,15 +23,15 @@ const EVENT_TOLERANCE: f64 = 1e-12;
 /// Steps of the search for an event; it usually needs five.
 pub const LOCATE_ITERATIONS: usize = 60;
 
-/// Events that one substep serves; what is left after them is integrated without a further switch.
+/// Switches that one substep serves. What chatters more often sticks in the mean: where both sides meet next, they stay together to its end.
 pub const EVENTS_PER_SUBSTEP: usize = 8;
 
 /// Pieces, ended by contact or by an event, that one substep is cut into.
 pub const PIECES_PER_SUBSTEP: usize = 64;
 
 /// Inner iterations of one substep, at most: each piece may look for contact and is then integrated, each switch is looked for, and
-/// what is left is integrated at once.
-pub const ITERATIONS_PER_SUBSTEP: usize = PIECES_PER_SUBSTEP * (LOCATE_ITERATIONS + 1) + EVENTS_PER_SUBSTEP * LOCATE_ITERATIONS + 1;
+/// what is left is integrated in two, before and after both sides meet for the last time.
+pub const ITERATIONS_PER_SUBSTEP: usize = PIECES_PER_SUBSTEP * (LOCATE_ITERATIONS + 1) + (EVENTS_PER_SUBSTEP + 1) * LOCATE_ITERATIONS + 2;
 
 /// Relative length under which what remains of a step is rounding.
 const SLIVER: f64 = 1e-9;
@@ -167,7 +167,7 @@ fn substep(plant: &mut Plant, until: f64, delayed: bool) {
             state.time = until;
             return;
         }
-        let last = pieces == PIECES_PER_SUBSTEP;
+        let last = pieces >= PIECES_PER_SUBSTEP;
         let mut x_cmd = state.inputs.x_to;
         if delayed {
             let lag = config.constants.command_delay;
@@ -181,17 +181,15 @@ fn substep(plant: &mut Plant, until: f64, delayed: bool) {
             h = h.min(actuation::smooth_for(config, state, x_cmd, plant.max_substep));
         }
         pieces += 1;
-        let way = actuation::way(config, state, x_cmd, h);
-        if switches < EVENTS_PER_SUBSTEP && !last {
+        let settled = last || switches >= EVENTS_PER_SUBSTEP;
+        let mut way = actuation::way(config, state, x_cmd, h);
+        if !settled {
             let contact = until_contact(config, state, x_cmd, h, &way, iterations);
-            let way = if contact == h { way } else { actuation::way(config, state, x_cmd, contact) };
-            switches += usize::from(smooth_piece(config, state, found, x_cmd, contact, &way, iterations));
-        } else {
-            *iterations += 1;
-            let setting = setting(config, state, found, &way);
-            let y = integrate(config, state, &setting, x_cmd, h, &way);
-            accept(config, state, y, &way.end, h);
+            if contact != h {
+                (h, way) = (contact, actuation::way(config, state, x_cmd, contact));
+            }
         }
+        switches += usize::from(smooth_piece(config, state, found, x_cmd, h, &way, settled, iterations));
     }
 }
 
@@ -247,18 +245,30 @@ fn accept(config: &Config, state: &mut State, y: Motion, chain: &Chain, h: f64) 
     }
 }
 
-/// Integrates over `h`, or up to the first switch inside it; true if it ended in a switch.
-fn smooth_piece(config: &Config, state: &mut State, found: &Found, x_cmd: f64, h: f64, way: &Way, iterations: &mut u64) -> bool {
+/// Integrates over `h`, or up to the first switch inside it; true if it ended in a switch. A `settled` clutch sticks from where its sides meet.
+#[allow(clippy::too_many_arguments)]
+fn smooth_piece(
+    config: &Config,
+    state: &mut State,
+    found: &Found,
+    x_cmd: f64,
+    h: f64,
+    way: &Way,
+    settled: bool,
+    iterations: &mut u64,
+) -> bool {
     *iterations += 1;
-    if state.stuck && overload(config, state, &state.y, &way.begin) > 0.0 {
+    if state.stuck && !settled && overload(config, state, &state.y, &way.begin) > 0.0 {
         way.begin.store(state);
         break_away(config, state);
         return true;
     }
     let setting = setting(config, state, found, way);
     // Positive once the event has happened.
-    let passed = |y: &Motion, chain: &Chain| {
-        if setting.stuck { overload(config, state, y, chain) } else { -setting.direction * (y[index::OMEGA_F] - y[index::OMEGA_C]) }
+    let passed = |y: &Motion, chain: &Chain| match setting.stuck {
+        true if settled => 0.0,
+        true => overload(config, state, y, chain),
+        false => -setting.direction * (y[index::OMEGA_F] - y[index::OMEGA_C]),
     };
     let y = integrate(config, state, &setting, x_cmd, h, way);
     let after = passed(&y, &way.end);
@@ -287,7 +297,8 @@ fn smooth_piece(config: &Config, state: &mut State, found: &Found, x_cmd: f64, h
     if setting.stuck {
         break_away(config, state)
     } else {
-        meet(config, state)
+        meet(config, state);
+        state.stuck |= settled;
     }
     true
 }
@@ -350,4 +361,59 @@ fn meet(config: &Config, state: &mut State) {
         state.y[index::OMEGA_V] = common;
     }
     decide_at_zero_slip(config, state);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::{self, param};
+    use crate::vehicle::Vehicle;
+
+    /// Flywheel and disc at these speeds, disengaged or closed; the vehicle has 0.2 and 0.6 kg·m².
+    fn plant(speeds: [f64; 2], x_to: f64, set: &[(usize, f64)]) -> Plant {
+        let (mut vehicle, mut parameters) = (Vehicle::paper(), effects::null());
+        (vehicle.driveline.J_f, vehicle.driveline.J_c) = (0.2, 0.6);
+        set.iter().for_each(|&(k, value)| parameters[k] = value);
+        let start = Start { omega_f: speeds[0], omega_c: speeds[1], theta_c: 60.0, theta_b: 60.0 };
+        Plant::new(&vehicle, &parameters, &start, &Inputs { x_to, theta_h: 60.0, ..Inputs::default() })
+    }
+
+    #[test]
+    fn both_sides_meet_at_the_speed_that_keeps_their_momentum() {
+        use param::driveline_compliance::{compliance, disc_share};
+        // Behind elastic shafts the disc meets with its own inertia, and the car keeps its speed.
+        for (set, common, behind) in [
+            (&[][..], (0.2 * 10.0 + 0.6 * 6.0) / 0.8, 7.0),
+            (&[(compliance, 1e-3), (disc_share, 0.5)][..], (0.2 * 10.0 + 0.3 * 6.0) / 0.5, 6.0),
+        ] {
+            let mut plant = plant([10.0, 6.0], 8.0, set);
+            meet(&plant.config, &mut plant.state);
+            let y = &plant.state.y;
+            assert!((y[index::OMEGA_F] - common).abs() < 1e-12 && y[index::OMEGA_C] == y[index::OMEGA_F], "{y:?}");
+            assert!((y[index::OMEGA_V] - behind).abs() < 1e-12, "{y:?}");
+            assert!(plant.state.stuck, "a closed clutch holds");
+        }
+    }
+
+    /// As after more switches than a substep serves.
+    #[test]
+    fn a_settled_clutch_neither_breaks_away_nor_slips_past_zero() {
+        let smooth = |plant: &mut Plant, h: f64| {
+            let (x, found) = (plant.state.inputs.x_to, plant.found);
+            let way = actuation::way(&plant.config, &plant.state, x, h);
+            smooth_piece(&plant.config, &mut plant.state, &found, x, h, &way, true, &mut 0)
+        };
+        let mut meets = plant([100.5, 100.0], 6.0, &[]);
+        assert!(smooth(&mut meets, 0.1), "slip is gone within the piece");
+        assert!(meets.state.stuck && meets.slip() == 0.0 && meets.state.time < 0.1);
+        let dissipated = meets.energy().dissipated;
+        assert!(dissipated > 0.0);
+        // Opened, it would break away; it is settled until the substep ends.
+        meets.state.bearing = 0.0;
+        meets.state.inputs.x_to = 0.0;
+        meets.state.inputs.t_e_ref = 50.0;
+        assert!(!smooth(&mut meets, 1e-3) && meets.state.stuck && meets.energy().dissipated == dissipated);
+        meets.step(&Inputs { t_e_ref: 50.0, theta_h: 60.0, ..Inputs::default() }, 1e-3);
+        assert!(!meets.state.stuck, "the next one lets it go");
+    }
 }
