@@ -196,3 +196,36 @@ fn damping_and_load_follow_their_laws_in_both_directions() {
         close("rolling", coasting(|d| d.T_L0 = 8.0), 100.0 - 8.0 * 0.5 / 0.5, 1e-7);
     }
 }
+
+/// A torque in the place of the clutch takes the flywheel where it is told, whatever the engine's lag does within the step, and no momentum is lost; coupled
+/// rigidly both sides take the speed that keeps it.
+#[test]
+fn a_torque_in_the_place_of_the_clutch_loses_no_momentum() {
+    let bench = Bench::held(150.0, 40.0, 20.0, X_CNT + 1.0);
+    let mut vehicle = bench.vehicle;
+    let d = &mut vehicle.driveline;
+    (d.J_f, d.J_c, d.b_f, d.b_c, d.T_L0, d.k_L) = (0.2, 0.5, 0.0, 0.0, 0.0, 0.0);
+    let effects = with(&[(param::engine_torque_lag::time_constant, 0.02)]);
+    let (lag, report) = (0.02, 60.0);
+    let mut plant = Plant::new(&vehicle, &effects, &bench.start, &bench.rest);
+    let engine_at_rest = plant.state().engine.value;
+    let inputs = Inputs { t_e_ref: report, ..bench.rest };
+    let h = 1e-3;
+    plant.couple(false);
+    for k in 1..=100 {
+        let target = 150.0 - 0.3 * f64::from(k);
+        plant.pass_on(&inputs, h, target);
+        plant.step(&inputs, h);
+        close("flywheel", plant.outputs().omega_f, target, 1e-3);
+        assert_eq!(plant.outputs().phase, Phase::Slipping);
+    }
+    let impulse = report * 0.1 - (report - engine_at_rest) * lag * (1.0 - (-0.1_f64 / lag).exp());
+    let momentum = |p: &Plant| 0.2 * p.outputs().omega_f + 0.5 * p.outputs().omega_c;
+    close("momentum", momentum(&plant), 0.2 * 150.0 + 0.5 * 40.0 + impulse, 1e-3);
+    let before = momentum(&plant);
+    plant.couple(true);
+    close("momentum of one", momentum(&plant), before, 1e-9);
+    assert_eq!(plant.outputs().phase, Phase::Locked);
+    plant.step(&inputs, h);
+    assert_eq!(plant.slip(), 0.0);
+}

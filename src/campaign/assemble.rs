@@ -1,6 +1,5 @@
 //! From a file's channels to a recording: one span, every channel at its own stamps, and a note of everything that was done.
 
-use super::Recording;
 use super::channel_map::ChannelMap;
 use super::channels::{Channel, Lasting};
 use super::checks;
@@ -12,6 +11,7 @@ use super::pick::{Signal, pick};
 use super::rows::{SAME_S, held, rows, sensed};
 use super::span::{Track, check_rate, round, span, tracks};
 use super::table::Measurement;
+use super::{NO_POSITION, Recording};
 
 /// Housing air where nothing says how warm it is, °C.
 const MILD: f64 = 20.0;
@@ -52,8 +52,7 @@ pub(crate) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry) -> R
     recording.time = time;
     temperatures(&mut recording, entry, &mut notes);
     if recording.x_to_cmd.is_empty() {
-        let what = "actuator, clutch force and thermal parts can't be assessed; record the position that the TCU commands";
-        notes.push(format!("x_to_cmd_mm: not recorded: {what}"));
+        notes.push(NO_POSITION.to_owned());
     }
     let label = |channel| labels.iter().find(|(c, _)| *c == channel).map_or_else(String::new, |(_, l)| l.clone());
     checks::says_something(&m.file, label, &mut recording, &mut notes)?;

@@ -74,6 +74,9 @@ pub struct LeftOut {
     pub reason: String,
 }
 
+/// Note on a recording without a commanded position.
+pub const NO_POSITION: &str = "x_to_cmd_mm: not recorded: actuator, clutch force, friction and thermal parts can't be assessed; record the position that the TCU commands";
+
 /// Something that was done to a recording and that its user should know.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Note {

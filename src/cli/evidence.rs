@@ -41,6 +41,11 @@ diagnosis.json, or how_far.empirical.per_recording.after where a learned law was
 /// Why no archive was made.
 #[derive(Debug, thiserror::Error)]
 pub enum EvidenceError {
+    /// Nothing to drive the retuned plant with.
+    #[error(
+        "evidence repeats the answer by driving the retuned FMU with x_to_cmd_mm, which {0} does not have; record it, or leave --evidence out"
+    )]
+    NoPosition(String),
     /// A recording cannot be written.
     #[error(transparent)]
     Campaign(#[from] CampaignError),
@@ -57,6 +62,9 @@ pub enum EvidenceError {
 /// # Errors
 /// A recording or the archive that cannot be written.
 pub fn archive(answer: &Value, files: &[(&str, Vec<u8>)], campaign: &Campaign) -> Result<Vec<u8>, EvidenceError> {
+    if let Some(r) = campaign.recordings.iter().find(|r| r.x_to_cmd.is_empty()) {
+        return Err(EvidenceError::NoPosition(r.name.clone()));
+    }
     let file = |name: &str| files.iter().find(|f| f.0 == name).map(|f| f.1.clone()).unwrap_or_default();
     let of = |path: &str, kind, role, mime, meaning, bytes| Resource { path: path.to_owned(), kind, role, mime, meaning, bytes };
     let mut resources = vec![

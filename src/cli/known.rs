@@ -15,7 +15,7 @@ use crate::validated::Place;
 pub fn known(campaign: &Campaign, found: &Diagnosis) -> Option<Known> {
     let validated = &found.validated;
     let o = found.overlays.iter().find(|o| o.held_out).filter(|_| !validated.places().is_empty())?;
-    let (r, begin) = source(campaign, o)?;
+    let (r, begin) = source(campaign, o).filter(|(r, _)| !r.x_to_cmd.is_empty())?;
     let channel = |column: &str| o.channels.iter().find(|c| c.column == column).map(|c| c.real.as_slice());
     let omega_f = channel("omega_f_rad_s")?;
     let track = Track::new(r);

@@ -70,13 +70,14 @@ fn trace(car: &Config, r: &Recording, begin: usize, o: &Overlay) -> Trace {
         .collect();
     let held = |v: &[f64]| rows.iter().map(|&k| v.get(k).copied().unwrap_or(f64::NAN)).collect::<Vec<f64>>();
     let (t_e, x) = (held(&r.t_e), held(&r.x_to_cmd));
+    let position_free = r.x_to_cmd.is_empty();
     let theta = o.channels.iter().find(|c| c.column == "theta_c_degC");
     let speeds = ["omega_f_rad_s", "omega_c_rad_s"].map(|column| o.channels.iter().find(|c| c.column == column));
     let phases = match speeds {
         [Some(f), Some(c)] => (0..n.min(f.real.len()).min(c.real.len()))
             .map(|i| {
                 let theta = theta.map(|t| t.after[i]).filter(|t| t.is_finite()).unwrap_or(r.theta_c0);
-                if !clutch::engaged(car, x[i], theta) {
+                if !position_free && !clutch::engaged(car, x[i], theta) {
                     0
                 } else if (f.real[i] - c.real[i]).abs() < LOCKED {
                     2
@@ -87,10 +88,8 @@ fn trace(car: &Config, r: &Recording, begin: usize, o: &Overlay) -> Trace {
             .collect(),
         _ => Vec::new(),
     };
-    Trace {
-        signals: vec![Signal { column: "T_e_Nm", unit: "N.m", values: t_e }, Signal { column: "x_to_cmd_mm", unit: "mm", values: x }],
-        phases,
-    }
+    let command = (!position_free).then_some(Signal { column: "x_to_cmd_mm", unit: "mm", values: x });
+    Trace { signals: [Signal { column: "T_e_Nm", unit: "N.m", values: t_e }].into_iter().chain(command).collect(), phases }
 }
 
 /// Torque over position, friction over slip and over temperature; and what was learned where the library ends.

@@ -76,7 +76,8 @@ fn share() -> Size {
 
 /// What drove an overlay. Its first sample is where its replay starts.
 fn drive(campaign: &Campaign, found: &Diagnosis, o: &Overlay) -> Option<(Track, Drive)> {
-    let (recording, begin) = source(campaign, o)?;
+    // The plant in the page is driven by a position.
+    let (recording, begin) = source(campaign, o).filter(|(r, _)| !r.x_to_cmd.is_empty())?;
     let track = Track::new(recording);
     let first = |channel: Channel| o.channels.iter().find(|c| c.column == channel.column()).and_then(|c| c.after.first()).copied();
     let speeds = [first(Channel::OmegaF)?, first(Channel::OmegaC)? / found.effects[clutch_speed_gain::gain]];

@@ -52,6 +52,9 @@ pub struct Answer {
     pub domain: Domain,
     /// What would split what is still open; none where nothing is.
     pub measure_next: Option<MeasureNext>,
+    /// Subsystems that hide because no recording says where the bearing is; left out where one does.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub hidden_without_position: Vec<&'static str>,
 }
 
 /// What would split the explanations that are still believed.

@@ -13,6 +13,7 @@ use super::infer::search::{Search, log_prior};
 use super::map::{Cell, FAMILY_WISE_ERROR, HOT_DEGC};
 use super::measure::{Closed, Engagement, HeldOut};
 use super::model::track::Channel;
+use super::model::unknown_clutch::{self, HIDDEN};
 use super::plan::manoeuvre::Manoeuvre;
 use super::plan::reach::{Reach, TOO_LARGE};
 use super::plan::{Outlook, Worth};
@@ -82,6 +83,7 @@ pub fn answer(f: &Findings) -> Answer {
         joint: super::joint::joint(f.problem, f.conclusion),
         domain: Domain::of(f.validated),
         measure_next: measure_next(f.outlook),
+        hidden_without_position: HIDDEN.iter().filter(|_| position_free(f)).map(|s| s.id()).collect(),
     }
 }
 
@@ -181,7 +183,7 @@ fn which(f: &Findings) -> Which {
         ranked: ranked(f, &too_large),
         not_assessable: (0..REGISTRY.len())
             .filter(|e| too_large(*e) && !named(f).contains(e))
-            .map(|e| NotAssessable { id: REGISTRY[e].id, measure: measure(f.outlook, e) })
+            .map(|e| NotAssessable { id: REGISTRY[e].id, measure: to_measure(f, e) })
             .collect(),
         tolerances: f.problem.shared.iter().zip(&point.shared).map(|(n, z)| (n.name.clone(), Real(*z))).collect(),
         explanations: f
@@ -240,6 +242,20 @@ fn measure(outlook: &Outlook, effect: usize) -> String {
     } else {
         format!("{}; of what can be driven, {what} shows most, but only from {from}", entry.effect.shown_by)
     }
+}
+
+/// The same, with the channel that the recordings lack.
+fn to_measure(f: &Findings, effect: usize) -> String {
+    let what = measure(f.outlook, effect);
+    if position_free(f) && HIDDEN.contains(&REGISTRY[effect].effect.subsystem) {
+        return format!("record x_to_cmd_mm, the position that the TCU commands; with it {what}");
+    }
+    what
+}
+
+/// Whether no recording says where the bearing is.
+fn position_free(f: &Findings) -> bool {
+    f.problem.tracks.iter().all(|t| t.position_free)
 }
 
 fn measure_next(outlook: &Outlook) -> Option<MeasureNext> {
@@ -341,7 +357,7 @@ fn ranked(f: &Findings, too_large: &dyn Fn(usize) -> bool) -> Vec<Ranked> {
             let (verdict, reason) = if named.contains(&e) {
                 ("chosen", "the most probable explanation holds it".to_owned())
             } else if too_large(e) {
-                ("not assessable", format!("these recordings could not show it; measure: {}", measure(f.outlook, e)))
+                ("not assessable", format!("these recordings could not show it; measure: {}", to_measure(f, e)))
             } else if ambiguous.contains(&e) {
                 ("ambiguous", "may be at work instead of a chosen one".to_owned())
             } else if fitted {
@@ -436,7 +452,11 @@ fn per_recording(held_out: &[HeldOut]) -> Vec<PerRecording> {
 
 fn how_far(f: &Findings, closed: Closed) -> HowFar {
     HowFar {
-        metric: "root mean square of real minus simulated speed, free replay, mean of flywheel and disc, rad/s",
+        metric: if position_free(f) {
+            "root mean square of real minus simulated speed, mean of flywheel and disc, in a replay that is told the clutch torque which the flywheel's balance gives while the clutch slips, so that there the disc alone is judged, rad/s"
+        } else {
+            "root mean square of real minus simulated speed, free replay, mean of flywheel and disc, rad/s"
+        },
         before: Real(closed.before),
         after: Real(closed.after),
         noise_floor: Real(closed.noise),
@@ -480,6 +500,10 @@ fn sentence(f: &Findings, closed: f64) -> String {
     let of_it = if closed > 0.0 { percent(closed) } else { "none".to_owned() };
     let share = format!("{of_it} of the gap on {}, which took no part in the fit", f.held_out_name);
     match c.verdict {
+        Verdict::NoGap if position_free(f) => format!(
+            "No effect is called for in engine, driveline and sensors: within the tolerances of its vehicle file the model follows the car. Without a position {} are not assessable.",
+            unknown_clutch::hidden()
+        ),
         Verdict::NoGap => "No effect is called for: within the tolerances of its vehicle file the model follows the car.".to_owned(),
         Verdict::Explained => format!("The gap is explained by {names}, which {closes} {share}."),
         Verdict::PartlyExplained if closed <= 0.0 => {
@@ -493,6 +517,11 @@ fn sentence(f: &Findings, closed: f64) -> String {
             )
         }
         Verdict::Unexplained => format!("There is a gap in {at} that no effect in the library accounts for."),
+        Verdict::InputsDoNotFit if position_free(f) => {
+            "These inputs do not fit this vehicle: torque and speeds of such a car cannot go together like that, whatever its clutch transmits. Check \
+             the channel map: what T_e_Nm means, and which shafts the speeds belong to."
+                .to_owned()
+        }
         Verdict::InputsDoNotFit => {
             "These inputs do not fit this vehicle: torque, position and speeds of such a car cannot go together like that. Check \
              the channel map: what T_e_Nm means, which shafts the speeds belong to, and which way the position counts."

@@ -15,10 +15,11 @@ use super::measure::{self, Overlay};
 use super::model::filter::Disturbances;
 use super::model::prepare;
 use super::model::tolerance::{ToleranceError, Tolerances};
+use super::model::unknown_clutch;
 use super::plan::manoeuvre::{Manoeuvre, built_in};
 use super::plan::{Outlook, Planner, outlook};
 use super::verdict::{Conclusion, Verdict, conclude};
-use crate::campaign::{Campaign, Recording};
+use crate::campaign::{Campaign, NO_POSITION, Note, Recording};
 use crate::effects::{self, PARAMETERS, Parameters, REGISTRY};
 use crate::validated::Validated;
 use crate::vehicle::{Vehicle, VehicleError};
@@ -37,11 +38,6 @@ pub enum DiagnosisError {
         "the campaign has {0} usable recording(s); at least 2 are needed, or a drive with two engagements, so that one can be held out to judge the fit"
     )]
     TooFew(usize),
-    /// No position command.
-    #[error(
-        "{0} has no x_to_cmd_mm, the commanded position of the throwout bearing: without it the clutch torque cannot be replayed; record it, or leave that recording out"
-    )]
-    NoPosition(String),
 }
 
 /// The answer, and what the report shows beside it.
@@ -87,9 +83,6 @@ pub fn diagnose_with(
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Result<Diagnosis, DiagnosisError> {
     let vehicle = Vehicle::from_value(&campaign.vehicle_json)?;
-    if let Some(r) = campaign.recordings.iter().find(|r| r.x_to_cmd.is_empty()) {
-        return Err(DiagnosisError::NoPosition(r.name.clone()));
-    }
     let mut ready = Ready::new(campaign, &vehicle)?;
     let mut found = search(&ready.problem, &|what, share| progress(what, 0.6 * share));
     // A slow logger misses commands, unless the control unit is as slow.
@@ -105,7 +98,9 @@ pub fn diagnose_with(
     let held = thus.is_some();
     let campaign = thus.as_ref().unwrap_or(campaign);
     let Ready { split, mut problem, tolerances, with } = ready;
-    let mut notes: Vec<String> = campaign.notes.iter().map(|n| format!("{}: {}", n.recording, n.text)).collect();
+    let known = |n: &&Note| n.text != NO_POSITION;
+    let mut notes: Vec<String> = campaign.notes.iter().filter(known).map(|n| format!("{}: {}", n.recording, n.text)).collect();
+    notes.extend(position_note(campaign));
     if held {
         notes.push("the commands seem to change only as often as they are logged: inputs are taken as held from sample to sample, which these data make likelier than a logger that misses some".to_owned());
     }
@@ -115,7 +110,8 @@ pub fn diagnose_with(
     let mut filtered_by = with;
     let best = found.best();
     let coloured = sensors::refined(&problem, &best.fit.point, &best.fit.residuals, &known);
-    if coloured.is_some() || late.iter().any(|l| *l > LATE_S.max(LATE_INTERVALS * interval_of(&problem))) {
+    let locks_by_position = problem.tracks.iter().any(|t| !t.position_free);
+    if coloured.is_some() || locks_by_position && late.iter().any(|l| *l > LATE_S.max(LATE_INTERVALS * interval_of(&problem))) {
         notes.extend(coloured.as_ref().map(colour_note));
         filtered_by = coloured.unwrap_or(known);
         problem = prepare::problem(problem.tracks, &vehicle, &tolerances, &filtered_by);
@@ -272,6 +268,22 @@ fn late(problem: &Problem, found: &Search) -> [f64; 2] {
         effects[engine_speed_delay::delay] + effects[engine_speed_delay::smoothing],
         effects[clutch_speed_delay::delay] + effects[clutch_speed_delay::smoothing],
     ]
+}
+
+/// Says once what recordings without a position can show, and how.
+fn position_note(campaign: &Campaign) -> Option<String> {
+    let without: Vec<&str> = campaign.recordings.iter().filter(|r| r.x_to_cmd.is_empty()).map(|r| r.name.as_str()).collect();
+    let bench = campaign.recordings.iter().any(|r| r.x_to_cmd.is_empty() && (r.x_to.is_some() || r.t_fc.is_some() || r.theta_c.is_some()));
+    let left_out =
+        if bench { "; what a bench measured of position, clutch torque or disc temperature beside them is not used" } else { "" };
+    (!without.is_empty()).then(|| {
+        format!(
+            "x_to_cmd_mm is not recorded in {}: there the clutch torque is an unknown input, estimated from the balances of flywheel and disc, which speak together of engine, \
+             driveline and sensors; {} are not assessable by them{left_out}. Record the position that the TCU commands; what to measure next supposes that it is",
+            without.join(", "),
+            unknown_clutch::hidden()
+        )
+    })
 }
 
 fn colour_note(with: &Disturbances) -> String {

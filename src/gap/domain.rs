@@ -72,7 +72,7 @@ pub fn validated(problem: &Problem, posterior: &Posterior, handed: &Handed) -> V
     Validated::new(places, table.into_iter().flatten())
 }
 
-/// What a recording came through.
+/// What a recording came through: nothing that is known, if it has no position.
 struct Visited {
     /// Observation by observation.
     places: Vec<Place>,
@@ -84,6 +84,9 @@ struct Visited {
 
 fn visited(problem: &Problem, point: &Point, config: &Config, k: usize) -> Visited {
     let (track, filter, car) = (&problem.tracks[k], &problem.filters[k], problem.car(point, Some(k)));
+    if track.position_free {
+        return Visited { places: Vec::new(), excess: 0.0, squares: 0.0 };
+    }
     let n = track.observations();
     let mut places: Vec<Place> = Vec::with_capacity(n);
     let mut slips = vec![false; n];

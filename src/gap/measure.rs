@@ -9,6 +9,7 @@ use super::model::prepare;
 use super::model::replay;
 use super::model::tolerance::{self, Nuisance, Wander};
 use super::model::track::{Channel, Track};
+use super::model::unknown_clutch;
 use crate::campaign::Recording;
 use crate::effects::Parameters;
 use crate::physics::driveline::clutch_torque;
@@ -146,7 +147,7 @@ struct Prepared {
 }
 
 fn prepare(recording: &Recording, vehicle: &Vehicle) -> Prepared {
-    let track = Track::new(recording);
+    let mut track = Track::new(recording);
     let none = tolerance::Tolerances {
         shared: Vec::new(),
         own: Vec::new(),
@@ -154,6 +155,7 @@ fn prepare(recording: &Recording, vehicle: &Vehicle) -> Prepared {
         declared_report: tolerance::defaults::REPORT,
     };
     let with = prepare::disturbances(std::slice::from_ref(&track), &none);
+    unknown_clutch::find(std::slice::from_mut(&mut track), &with.noise);
     let filter = prepare::filter_of(&track, vehicle, &with);
     let stretches = stretches(&track);
     Prepared { noise: with.noise.map(|n| n.white), track, filter, stretches }

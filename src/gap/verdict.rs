@@ -1,10 +1,10 @@
 //! From the posterior to a verdict: which explanation stands, what may stand in its place, and where the gap lies.
 
-use super::infer::density::{Problem, misfit, prior};
+use super::infer::density::{Problem, misfit, prior, size};
 use super::infer::irregular::Irregular;
 use super::infer::posterior::{Explanation, Posterior};
 use super::infer::search::Search;
-use crate::effects::{REGISTRY, Subsystem};
+use crate::effects::{PARAMETERS, REGISTRY, Subsystem};
 use serde::Serialize;
 
 /// Verdict on a campaign, as the answer's schema names it.
@@ -33,6 +33,10 @@ pub const STAND_IN_SHARE: f64 = 0.5;
 /// on cars with a law that no library holds are a tenth of it.
 pub const STRANGE: f64 = 60.0;
 
+/// Departure of an effect, in sizes of a noticeable one, from which it is likelier that an input is not what it is said to be: the prior gives it less than one in a
+/// million. It is asked where no position is known, for then one factor may make up for the inputs of another car; with a position the clutch's own torque contradicts it.
+pub const BEYOND_A_CAR: f64 = 5.0;
+
 /// What was concluded.
 #[derive(Clone, Debug)]
 pub struct Conclusion {
@@ -58,7 +62,7 @@ pub fn conclude(problem: &Problem, search: &Search, posterior: &Posterior) -> Co
     let fit = best.fit.as_ref().expect("the best was fitted");
     let left = misfit(&fit.residuals) / problem.samples().max(1) as f64;
     let shares = shares(search, posterior, &best);
-    let strange = left > STRANGE;
+    let strange = left > STRANGE || problem.tracks.iter().all(|t| t.position_free) && is_beyond_a_car(&best);
     let stands_in = best.place.filter(|_| law_share(problem, search, &best) > STAND_IN_SHARE);
     let named: Vec<usize> = best.effects.iter().copied().filter(|&e| Some(REGISTRY[e].effect.subsystem) != stands_in).collect();
     let (verdict, unexplained_at) = match (best.effects.is_empty(), best.place) {
@@ -120,6 +124,17 @@ impl Conclusion {
             self.shares.sort_by(|a, b| b.1.total_cmp(&a.1));
         }
     }
+}
+
+/// Whether an effect that stands for an input, or for the inertia of another gear, is larger than any car has it.
+fn is_beyond_a_car(best: &Explanation) -> bool {
+    let Some(fit) = &best.fit else { return false };
+    let far = |k: &usize| (fit.point.effects[*k] - PARAMETERS[*k].null).abs() > BEYOND_A_CAR * size(*k);
+    let input = |e: &usize| {
+        let entry = &REGISTRY[*e];
+        matches!(entry.effect.subsystem, Subsystem::Engine | Subsystem::Sensors) || entry.id == "vehicle_mass"
+    };
+    best.effects.iter().filter(|e| input(e)).any(|&e| REGISTRY[e].effect.amplitudes.iter().any(far))
 }
 
 /// Cost of an explanation without the price of its law.

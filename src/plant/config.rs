@@ -30,6 +30,15 @@ impl<F: Copy> List<F> {
     }
 }
 
+/// What couples flywheel and disc in place of the clutch's own law.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Coupling {
+    /// This torque in N·m from flywheel to disc, whatever the slip.
+    Torque(f64),
+    /// They turn as one.
+    Rigid,
+}
+
 /// What the step needs to know.
 #[derive(Clone, Debug)]
 pub struct Config {
@@ -59,6 +68,8 @@ pub struct Config {
     pub load: List<fn(&Parameters, &Vehicle, f64) -> f64>,
     /// Laws that were learned.
     pub empirical: Active,
+    /// What couples both sides in place of the clutch; none but in a replay whose clutch torque is known otherwise than by its position.
+    pub coupling: Option<Coupling>,
 }
 
 impl PartialEq for Config {
@@ -84,6 +95,7 @@ impl Config {
             drag: List::new(|_, _, _| 0.0),
             load: List::new(|_, _, _| 0.0),
             empirical: Active::of(parameters),
+            coupling: None,
         };
         for entry in REGISTRY.iter().filter(|entry| !entry.is_null(parameters)) {
             match entry.effect.act {

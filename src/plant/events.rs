@@ -12,7 +12,7 @@
 
 use super::actuation::{self, Chain, Way};
 use super::clutch::{self, Found};
-use super::config::Config;
+use super::config::{Config, Coupling};
 use super::history::Signal;
 use super::motion::{self, Motion, Setting, index};
 use super::{Inputs, Phase, Plant, Start, State};
@@ -78,6 +78,8 @@ fn decide_at_zero_slip(config: &Config, state: &mut State) {
 pub fn clutch_torque(config: &Config, found: &Found, s: &State) -> f64 {
     if s.stuck {
         motion::sticking_torque(config, &s.y, s.engine.value, s.inputs.t_load)
+    } else if let Some(Coupling::Torque(torque)) = config.coupling {
+        torque
     } else {
         motion::slipping(config, found, &s.y, s.direction, s.memory, s.bearing).total()
     }
@@ -87,7 +89,7 @@ pub fn clutch_torque(config: &Config, found: &Found, s: &State) -> f64 {
 pub fn phase(config: &Config, found: &Found, s: &State) -> Phase {
     if s.stuck {
         Phase::Locked
-    } else if found.with_position(config, s.bearing, s.y[index::THETA_C]).engaged(config) {
+    } else if config.coupling.is_some() || found.with_position(config, s.bearing, s.y[index::THETA_C]).engaged(config) {
         Phase::Slipping
     } else {
         Phase::Open
@@ -195,7 +197,7 @@ fn substep(plant: &mut Plant, until: f64, delayed: bool) {
 
 /// Shortens `h` to the moment at which a moving bearing makes or breaks contact.
 fn until_contact(config: &Config, state: &State, x_cmd: f64, h: f64, way: &Way, iterations: &mut u64) -> f64 {
-    if actuation::immediate(config) {
+    if actuation::immediate(config) || config.coupling.is_some() {
         return h;
     }
     let theta = state.y[index::THETA_C];
@@ -222,7 +224,7 @@ fn setting(config: &Config, state: &State, found: &Found, way: &Way) -> Setting 
     Setting {
         stuck: state.stuck,
         direction: state.direction,
-        engaged: found.engaged(config),
+        engaged: config.coupling.is_some() || found.engaged(config),
         found,
         memory: state.memory,
         theta_h: state.inputs.theta_h,
@@ -258,6 +260,12 @@ fn smooth_piece(
     iterations: &mut u64,
 ) -> bool {
     *iterations += 1;
+    // What couples both sides in place of the clutch decides by itself when they are one.
+    if config.coupling.is_some() {
+        let y = integrate(config, state, &setting(config, state, found, way), x_cmd, h, way);
+        accept(config, state, y, &way.end, h);
+        return false;
+    }
     if state.stuck && !settled && overload(config, state, &state.y, &way.begin) > 0.0 {
         way.begin.store(state);
         break_away(config, state);
@@ -353,6 +361,12 @@ fn break_away(config: &Config, state: &mut State) {
 
 /// Slip has reached zero: both sides take the speed that keeps their momentum, then stick or slip on.
 fn meet(config: &Config, state: &mut State) {
+    join(config, state);
+    decide_at_zero_slip(config, state);
+}
+
+/// Both sides take the speed that keeps their momentum.
+pub fn join(config: &Config, state: &mut State) {
     let d = &config.constants.driveline;
     let common = common_speed([d.J_f, config.disc_inertia()], [state.y[index::OMEGA_F], state.y[index::OMEGA_C]]);
     state.y[index::OMEGA_F] = common;
@@ -360,7 +374,6 @@ fn meet(config: &Config, state: &mut State) {
     if !config.compliant() {
         state.y[index::OMEGA_V] = common;
     }
-    decide_at_zero_slip(config, state);
 }
 
 #[cfg(test)]

@@ -26,7 +26,7 @@ use crate::physics::lag::LagState;
 pub use crate::physics::phase::Phase;
 use crate::vehicle::Vehicle;
 use clutch::Found;
-use config::Config;
+use config::{Config, Coupling};
 use history::{History, SIGNALS, Signal};
 use motion::{Motion, index};
 use pace::TooFast;
@@ -233,6 +233,30 @@ impl Plant {
         let now = self.state.time;
         self.history.correct(Signal::Flywheel, by[0], rate[0], since, now);
         self.history.correct(Signal::Disc, by[1], rate[1], since, now);
+    }
+
+    /// Couples flywheel and disc rigidly, or by the torque that the clutch transmits now, in place of the clutch's own law from now on: for a replay whose position is
+    /// not known. Sides that become one take the speed that keeps their momentum.
+    pub fn couple(&mut self, rigidly: bool) {
+        if rigidly && !self.state.stuck {
+            events::join(&self.config, &mut self.state);
+        }
+        if !rigidly && !matches!(self.config.coupling, Some(Coupling::Torque(_))) {
+            self.config.coupling = Some(Coupling::Torque(events::clutch_torque(&self.config, &self.found, &self.state)));
+        }
+        if rigidly {
+            self.config.coupling = Some(Coupling::Rigid);
+        }
+        self.state.stuck = rigidly;
+    }
+
+    /// Makes sides that are coupled by a torque pass on what brings the flywheel to `omega_f` rad/s within a step of `h` seconds under these inputs.
+    pub fn pass_on(&mut self, inputs: &Inputs, h: f64, omega_f: f64) {
+        let state = State { inputs: *inputs, ..self.state };
+        let way = actuation::way(&self.config, &state, inputs.x_to, h);
+        let [begin, middle, end] = actuation::stages(&self.config, &state, inputs.x_to, h, &way);
+        let t_e = (begin.t_e + 4.0 * middle.t_e + end.t_e) / 6.0;
+        self.config.coupling = Some(Coupling::Torque(motion::torque_to(&self.config, &state.y, t_e, omega_f, h)));
     }
 
     /// Tells twisted shafts of `torque` N·m that an observer found on the car's side: what accelerates the whole car so shows as an acceleration of the disc

@@ -6,7 +6,7 @@
 
 use super::actuation::Drive;
 use super::clutch::{self, Branch, Found, Slipping};
-use super::config::Config;
+use super::config::{Config, Coupling};
 use crate::effects::empirical;
 use crate::physics::{driveline, thermal};
 
@@ -119,6 +119,12 @@ pub fn sticking_torque(config: &Config, y: &Motion, t_e: f64, t_load: f64) -> f6
     driveline::holding_torque(&config.constants.driveline, config.disc_inertia(), y[OMEGA_F], t_e, resist)
 }
 
+/// Clutch torque in N·m that takes a slipping flywheel to `omega_f` rad/s within `h` seconds; `t_e` is the engine's mean torque over them, N·m.
+pub fn torque_to(config: &Config, y: &Motion, t_e: f64, omega_f: f64, h: f64) -> f64 {
+    let mean = 0.5 * (y[OMEGA_F] + omega_f);
+    driveline::clutch_torque(&config.constants.driveline, crankshaft_torque(config, t_e, mean), mean, (omega_f - y[OMEGA_F]) / h)
+}
+
 /// Rates of all states.
 #[inline(always)]
 fn rates(config: &Config, set: &Setting, found: &Found, y: &Motion, drive: Drive) -> Motion {
@@ -134,11 +140,16 @@ fn rates(config: &Config, set: &Setting, found: &Found, y: &Motion, drive: Drive
         dy[OMEGA_C] = common;
         (t_fc, 0.0, 0.0)
     } else {
-        let slipping = slipping(config, found, y, set.direction, set.memory, drive.x);
-        let (t_fc, slip) = (slipping.total(), y[OMEGA_F] - y[OMEGA_C]);
+        let slip = y[OMEGA_F] - y[OMEGA_C];
+        let (t_fc, heating) = if let Some(Coupling::Torque(torque)) = config.coupling {
+            (torque, torque * slip)
+        } else {
+            let slipping = slipping(config, found, y, set.direction, set.memory, drive.x);
+            (slipping.total(), slipping.friction * slip)
+        };
         dy[OMEGA_F] = driveline::flywheel_acceleration(d, y[OMEGA_F], t_e, t_fc);
         dy[OMEGA_C] = driveline::driveline_acceleration(config.disc_inertia(), t_fc, resist);
-        (t_fc, slip, slipping.friction * slip)
+        (t_fc, slip, heating)
     };
     dy[LOSSES] = d.b_f * y[OMEGA_F] * y[OMEGA_F];
     if config.compliant() {

@@ -27,6 +27,13 @@ fn marked(diagnosis: &Value) -> String {
     let place = places(diagnosis);
     let alone = effects.len() < 2;
     match text(diagnosis, "verdict") {
+        Some("no_gap") if !texts(diagnosis, "hidden_without_position").is_empty() => {
+            let hidden: Vec<String> = texts(diagnosis, "hidden_without_position").into_iter().map(names::place).collect();
+            format!(
+                "No effect is called for in engine, driveline and sensors: within the tolerances of its vehicle file the model follows the car. Without a recorded position, {} could not be assessed.",
+                enumeration(&hidden)
+            )
+        }
         Some("no_gap") => "No effect is called for: within the tolerances of its vehicle file the model follows the car.".to_owned(),
         Some("explained") => format!("{} {} the gap.", named(effects), if alone { "explains" } else { "explain" }),
         Some("partly_explained") => format!(
@@ -35,6 +42,11 @@ fn marked(diagnosis: &Value) -> String {
             if alone { "explains" } else { "explain" }
         ),
         Some("unexplained") => format!("No effect in the library explains the gap; it lies in {place}."),
+        Some("inputs_do_not_fit") if !texts(diagnosis, "hidden_without_position").is_empty() => {
+            "The recordings do not fit this vehicle: torque and speeds of such a car do not go together like that, whatever its clutch \
+             transmits. Check the channel map."
+                .to_owned()
+        }
         Some("inputs_do_not_fit") => {
             "The recordings do not fit this vehicle: torque, position and speeds of such a car do not go together \
              like that. Check the channel map."

@@ -84,7 +84,8 @@ fn beside_sets(problem: &Problem, search: &Search, best: &Hypothesis, known: &[U
 /// Weighs missing laws beside what the search found; `known` ones are not worked out again.
 pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Posterior {
     let mut all: Vec<Explanation> = Vec::new();
-    for h in &search.hypotheses {
+    let tolerated = |effects: &[usize], fit: Option<&Fit>| fit.is_some_and(|f| effects.iter().any(|&e| problem.is_tolerated(&f.point, e)));
+    for h in search.hypotheses.iter().filter(|h| !tolerated(&h.effects, Some(&h.fit))) {
         all.push(Explanation {
             effects: h.effects.clone(),
             place: None,
@@ -105,6 +106,7 @@ pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Poste
     if let Some(first) = unknowns.iter().find(|u| u.fit.is_some()).filter(|u| u.lead > best.lead).cloned() {
         unknowns.extend(changed_beside(problem, search, first));
     }
+    unknowns.retain(|u| !tolerated(&u.effects, u.fit.as_ref()));
     // Of two fits of one explanation the better one, and either before a promise.
     unknowns.sort_by(|a, b| b.fit.is_some().cmp(&a.fit.is_some()).then(b.lead.total_cmp(&a.lead)));
     let mut distinct: Vec<Unknown> = Vec::new();

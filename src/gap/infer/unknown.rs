@@ -13,6 +13,7 @@ use super::search::{DRAGGED, Hypothesis, log_prior, moments};
 use crate::effects::Subsystem;
 use crate::gap::model::missing;
 use crate::gap::model::replay::Missing;
+use crate::gap::model::unknown_clutch::hides;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -73,7 +74,11 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
     let (Some(sharp), Some(coarse)) = (Mode::new(problem, of, WHOLE), Mode::new(problem, of, problem.steering())) else {
         return Vec::new();
     };
-    let mut found: Vec<(Unknown, f64)> = Subsystem::ALL.into_iter().map(|place| promised(problem, of, [&sharp, &coarse], place)).collect();
+    let mut found: Vec<(Unknown, f64)> = Subsystem::ALL
+        .into_iter()
+        .filter(|p| !hides(&problem.tracks, *p))
+        .map(|place| promised(problem, of, [&sharp, &coarse], place))
+        .collect();
     // Tolerances that the gap bent are no good start for a law that explains it.
     let bent = of.fit.pull() > DRAGGED;
     let straight = Point { effects: of.fit.point.effects, ..problem.nominal() };

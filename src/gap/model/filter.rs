@@ -11,6 +11,9 @@
 //! measured speeds, so that gains and innovation covariance do not depend on what is fitted: the innovations of a candidate are its errors under one
 //! fixed linear whitening, and the likelihood's determinant is the same for all of them.
 //!
+//! Where the clutch torque is unknown ([`super::unknown_clutch`]) the flywheel follows its sensor while the clutch slips, and the sum of both balances moves the disc,
+//! J_c δω̇_c = w + d: nothing is left of the clutch torque.
+//!
 //! Speeds are taken in one after the other (flywheel, then disc), which decorrelates the two innovations of an instant.
 
 use super::noise::Noise;
@@ -112,6 +115,8 @@ pub struct Filter {
     pub log_det: f64,
     /// Phase of the clutch by observation: locked as measured, open as the vehicle file has it.
     pub phase: Vec<Phase>,
+    /// Whether the flywheel follows its sensor, for the clutch torque is unknown, by observation: what is wrong with either balance then moves the disc.
+    pub pinned: Vec<bool>,
     /// Whether the car stands and is held by its brakes, by observation.
     pub stands: Vec<bool>,
     /// Inertias that the gains were worked out for: flywheel, car, kg·m².
@@ -134,8 +139,10 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
         let ahead = (with.late[c] / pace).round() as usize;
         (0..n).map(|k| speeds[c][(k + ahead).min(n - 1)]).collect()
     });
-    let locked = locked(&then, with, |k| closed(track, vehicle, k));
-    let blur = lock_up_blur(track, &then, &locked);
+    let unknown = track.unknown_clutch.as_ref();
+    let closed = |k: usize| unknown.is_some() || closed(track, vehicle, k);
+    let locked = unknown.map_or_else(|| locked(&then, with, closed), |u| u.locked.clone());
+    let blur = if unknown.is_some() { vec![0.0; n] } else { lock_up_blur(track, &then, &locked) };
     let [j_f, j_c] = [vehicle.driveline.J_f, vehicle.driveline.J_c];
     let total = j_f + j_c;
     let variance = |c: usize, samples: usize| with.noise[c].white.powi(2) / samples as f64;
@@ -148,6 +155,8 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     let start = |c: usize| with.noise[c].white.powi(2) + with.noise[c].coloured.powi(2) + with.sensors[c].sigma.powi(2) + hidden(c).powi(2);
     (p[(OMEGA_F, OMEGA_F)], p[(OMEGA_C, OMEGA_C)]) = (start(0), start(1));
     let colour: [Wander; 2] = std::array::from_fn(|c| joined(with.noise[c], with.sensors[c]));
+    // What the noise of a flywheel that follows its sensor is worth at the disc.
+    let followed = (j_f / j_c).powi(2) * (variance(0, track.rows_per_observation) + colour[0].sigma.powi(2));
     let mut gains = Vec::with_capacity(n);
     let mut torque_variance = Vec::with_capacity(n);
     let mut log_det = 0.0;
@@ -167,14 +176,18 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     let unseen = [unseen(track, &report, |_| true), unseen(track, torque, |k| !locked[k])];
     for k in 0..n {
         let mut gain = Gain { interval: interval(track, k), ..Gain::default() };
+        let pinned = unknown.is_some() && !locked[k];
+        if unknown.is_some() && (k == 0 && pinned || k > 0 && locked[k] != locked[k - 1]) {
+            p = switched(&p, pinned, j_f, j_c);
+        }
         for c in 0..2 {
             let (mean, count) = speeds[c][k];
-            if !mean.is_finite() {
+            if !mean.is_finite() || pinned && c == 0 {
                 continue;
             }
             let (speed, noise) = [(OMEGA_F, NOISE_F), (OMEGA_C, NOISE_C)][c];
             let share = if c == 0 { j_c / total } else { j_f / total };
-            let r = variance(c, count) + (share * blur[k]).powi(2);
+            let r = variance(c, count) + (share * blur[k]).powi(2) + if pinned { followed } else { 0.0 };
             let mut h = SVector::<f64, STATES>::zeros();
             (h[speed], h[noise]) = (1.0, 1.0);
             let ph = p * h;
@@ -223,13 +236,19 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
                 q[(a, b)] = report_impulse / (total * total);
             }
             // While the command asks for an open clutch only the samples say that it still holds: as well as they would have shown slip.
-            if !closed(track, vehicle, k) {
+            if !closed(k) {
                 let slip = (LOCKED_MEAN * slip_noise(with)).powi(2) / (total * total);
                 q[(OMEGA_F, OMEGA_F)] += slip * j_c * j_c;
                 q[(OMEGA_C, OMEGA_C)] += slip * j_f * j_f;
                 q[(OMEGA_F, OMEGA_C)] -= slip * j_f * j_c;
                 q[(OMEGA_C, OMEGA_F)] -= slip * j_f * j_c;
             }
+        } else if pinned {
+            f[(OMEGA_C, ENGINE)] = f[(OMEGA_F, ENGINE)] / j_c;
+            f[(OMEGA_C, LOAD)] /= j_c;
+            (f[(OMEGA_F, ENGINE)], f[(OMEGA_F, OMEGA_F)]) = (0.0, 0.0);
+            (f[(OMEGA_F, CLUTCH)], f[(OMEGA_C, CLUTCH)]) = (0.0, 0.0);
+            q[(OMEGA_C, OMEGA_C)] = report_impulse / (j_c * j_c);
         } else {
             f[(OMEGA_F, ENGINE)] /= j_f;
             f[(OMEGA_F, CLUTCH)] /= j_f;
@@ -252,13 +271,26 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
         }
     }
     let bench = bench(track, with, &locked, &torque_variance, &mut samples, &mut log_det);
-    let phase = |k: usize| match (locked[k], closed(track, vehicle, k)) {
+    let phase = |k: usize| match (locked[k], closed(k)) {
         (true, _) => Phase::Locked,
         (_, true) => Phase::Slipping,
         _ => Phase::Open,
     };
     let (phase, stands) = ((0..n).map(phase).collect(), stands(track, &speeds[1], with.noise[1].white, braking));
-    Filter { gains, bench, log_det, stands, phase, inertia: [j_f, j_c], samples }
+    let pinned = locked.iter().map(|locked| unknown.is_some() && !locked).collect();
+    Filter { gains, bench, log_det, stands, pinned, phase, inertia: [j_f, j_c], samples }
+}
+
+/// Covariance where a clutch of unknown torque begins to slip (`pinned`), or is locked again. While it slips the flywheel follows what was measured, and the disc's state is
+/// the error of the whole momentum over the car's inertia; locked, that momentum is shared.
+fn switched(p: &Covariance, pinned: bool, j_f: f64, j_c: f64) -> Covariance {
+    let mut to = Covariance::identity();
+    if pinned {
+        (to[(OMEGA_F, OMEGA_F)], to[(OMEGA_C, OMEGA_F)]) = (0.0, j_f / j_c);
+    } else {
+        (to[(OMEGA_F, OMEGA_F)], to[(OMEGA_F, OMEGA_C)], to[(OMEGA_C, OMEGA_C)]) = (0.0, j_c / (j_f + j_c), j_c / (j_f + j_c));
+    }
+    to * p * to.transpose()
 }
 
 /// Time at rest under the brakes after which shafts have come to rest too, s.

@@ -7,3 +7,4 @@ pub mod prepare;
 pub mod replay;
 pub mod tolerance;
 pub mod track;
+pub mod unknown_clutch;

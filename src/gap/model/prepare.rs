@@ -6,6 +6,7 @@ use super::noise::{self, Noise};
 use super::replay;
 use super::tolerance::{self, Car, Logger, Tolerances, Wander};
 use super::track::{CONTROL_INTERVAL_S, Track};
+use super::unknown_clutch;
 use crate::campaign::Recording;
 use crate::gap::infer::density::{EXACT, Problem};
 use crate::vehicle::Vehicle;
@@ -65,7 +66,7 @@ pub fn problem(tracks: Vec<Track>, vehicle: &Vehicle, tolerances: &Tolerances, w
 /// The filter of a recording, with the clutch torque that the nominal car shows in a corrected replay.
 pub fn filter_of(track: &Track, vehicle: &Vehicle, with: &Disturbances) -> Filter {
     let without = filter(track, vehicle, &Disturbances { clutch: NONE, ..*with }, &[]);
-    if with.clutch.sigma == 0.0 {
+    if with.clutch.sigma == 0.0 || track.position_free {
         return without;
     }
     let torque = replay::torques(track, &without, &Car::nominal(vehicle), track.theta_0);
@@ -80,6 +81,8 @@ pub fn read(recordings: &[&Recording], vehicle_json: &serde_json::Value) -> Resu
     let mut tracks: Vec<Track> = recordings.iter().map(|r| Track::new(r)).collect();
     let (white, quantum) = (noise::of_report(&tracks), noise::report_quantum(&tracks));
     tracks.par_iter_mut().for_each(|t| t.believe(&noise::without_noise(&t.time, &t.reported, white, quantum)));
+    let sensors = noise::channels(&tracks);
+    unknown_clutch::find(&mut tracks, &sensors);
     let tolerances = tolerance::read(vehicle_json, logger(&tracks))?;
     Ok((tracks, tolerances))
 }

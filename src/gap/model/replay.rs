@@ -3,6 +3,7 @@
 use super::filter::{Filter, STATES, state};
 use super::tolerance::{Car, Signal};
 use super::track::{Channel, Track};
+use super::unknown_clutch;
 use crate::effects::param as effects;
 use crate::plant::{Inputs, Outputs, Plant, Start};
 use std::ops::Range;
@@ -20,7 +21,7 @@ pub struct Added {
 }
 
 /// A law that the model lacks, as torques and sensor errors along a recording.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Missing {
     /// Torque on flywheel and disc, N·m, by row; empty for none.
     pub torque: [Vec<f64>; 2],
@@ -90,6 +91,14 @@ pub fn start(track: &Track, car: &Car, row: usize, theta: [f64; 2], noise: f64) 
         if v.first().is_some_and(|v| v.is_nan()) && seen.abs() < HIDDEN { 0.0 } else { seen }
     };
     let (omega_f, omega_c) = (first(Channel::OmegaF), first(Channel::OmegaC) / car.effects[gain]);
+    if let Some(unknown) = &track.unknown_clutch {
+        let omega_f = unknown.omega_f(track.time[row] + unknown_clutch::age_of_flywheel(car));
+        let locked = unknown.locked[track.observation_of(row)];
+        let d = &car.vehicle.driveline;
+        let common = (d.J_f * omega_f + d.J_c * omega_c) / (d.J_f + d.J_c);
+        let [omega_f, omega_c] = if locked { [common; 2] } else { [omega_f, omega_c] };
+        return Start { omega_f, omega_c, theta_c: theta[0], theta_b: theta[1] };
+    }
     let command = track.ticks[track.tick_of_row[row]].x_to;
     let closed = command > 0.5 * (car.vehicle.actuator.x_cnt_0 + car.vehicle.actuator.x_cls_0);
     let (omega_f, omega_c) = if closed && (omega_f - omega_c).abs() < LOCKED_SLIP.max(6.0 * noise) {
@@ -125,6 +134,8 @@ fn stepped(
     missing: Option<&Missing>,
     mut at: impl FnMut(usize, &Outputs, &mut Plant, &mut Added),
 ) {
+    let seen = track.unknown_clutch.as_ref().map(|_| unknown_clutch::as_seen(car));
+    let car = seen.as_ref().unwrap_or(car);
     let [late_f, late_c, late_report, late_command] =
         [Signal::OmegaF, Signal::OmegaC, Signal::Report, Signal::Command].map(|s| car.late[s as usize]);
     let inputs = |ticks: Range<usize>| {
@@ -137,6 +148,7 @@ fn stepped(
     plant.set_max_substep(SUBSTEP_S);
     let gain = car.effects[crate::effects::param::engine_torque_gain::gain];
     let speed_gain = car.effects[crate::effects::param::clutch_speed_gain::gain];
+    let age = unknown_clutch::age_of_flywheel(car);
     let mut added = Added::default();
     let mut pace = [0.0; 2];
     let shown = |plant: &Plant, pace: [f64; 2]| {
@@ -165,11 +177,17 @@ fn stepped(
         let h = end - begin;
         let before = &plant.state().y;
         let speeds = [before[0], before[1]];
+        if let Some(unknown) = track.unknown_clutch.as_ref().filter(|_| !plant.state().stuck) {
+            plant.pass_on(&input, h, unknown.omega_f(end + age));
+        }
         plant.step(&input, h);
         let after = &plant.state().y;
         [(after[0] - speeds[0]) / h, (after[1] - speeds[1]) / h]
     };
     for rows in groups {
+        if let Some(unknown) = &track.unknown_clutch {
+            plant.couple(unknown.locked[track.observation_of(rows.start)]);
+        }
         let ticks = track.tick_of_row[rows.start]..track.tick_of_row[rows.end];
         let begin = shown(&plant, pace);
         if rows.len() == 1 {
@@ -236,9 +254,12 @@ pub fn torques(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Ve
     all
 }
 
-/// A plant's inertias over those that gains were worked out for; together while its clutch sticks.
-fn shares(of: [f64; 2], plant: &Plant) -> [f64; 2] {
+/// A plant's inertias over those that gains were worked out for, by the side on which a torque was found; together while its clutch sticks, the car's while the flywheel is pinned.
+fn shares(of: [f64; 2], plant: &Plant, pinned: bool) -> [f64; 2] {
     let d = &plant.config().constants.driveline;
+    if pinned {
+        return [d.J_c / of[1]; 2];
+    }
     if plant.state().stuck { [(d.J_f + d.J_c) / (of[0] + of[1]); 2] } else { [d.J_f / of[0], d.J_c / of[1]] }
 }
 
@@ -307,10 +328,14 @@ fn corrected_in(
             (corrected[0], corrected[1]) = (corrected[0] + of[0] * innovation, corrected[1] + of[1] * innovation);
             (2..STATES).for_each(|s| estimate[s] += of[s] * innovation);
             // A speed that is sensed late tells of a moment ago; the torques that it shows missing have moved the speeds since.
-            let torque = [of[state::ENGINE] - of[state::CLUTCH], of[state::LOAD] + of[state::CLUTCH]];
+            let torque = if filter.pinned[k] {
+                [0.0, of[state::ENGINE] + of[state::LOAD]]
+            } else {
+                [of[state::ENGINE] - of[state::CLUTCH], of[state::LOAD] + of[state::CLUTCH]]
+            };
             let rate = [torque[0] * innovation / filter.inertia[0], torque[1] * innovation / filter.inertia[1]];
             plant.correct_speeds([of[0] * innovation, of[1] * innovation / speed_gain], rate, age[c]);
-            let found = if plant.state().stuck { of[state::LOAD] + of[state::ENGINE] } else { of[state::LOAD] };
+            let found = if plant.state().stuck || filter.pinned[k] { of[state::LOAD] + of[state::ENGINE] } else { of[state::LOAD] };
             plant.correct_shafts(found * innovation);
         }
         if filter.stands[k] {
@@ -331,7 +356,7 @@ fn corrected_in(
         let clutch = estimate[state::CLUTCH];
         // The gains belong to one pair of inertias, and so do the accelerations that they ask for: a candidate with others would be corrected by more
         // or less, and gain or lose by that alone.
-        let share = shares(filter.inertia, plant);
+        let share = shares(filter.inertia, plant, filter.pinned[k]);
         *added = Added { flywheel: share[0] * (estimate[state::ENGINE] - clutch), disc: share[1] * (estimate[state::LOAD] + clutch) };
         sums = Default::default();
         k += 1;

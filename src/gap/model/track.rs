@@ -4,6 +4,7 @@
 //! the next. A logger that is slower than the control unit misses commands in between: such an interval is cut into ticks along which the input
 //! goes from one sample to the next, as a command that changes at every tick would. A slow control unit misses nothing ([`Recording::held`]).
 
+use super::unknown_clutch::UnknownClutch;
 use crate::campaign::Recording;
 use std::ops::Range;
 
@@ -94,12 +95,17 @@ pub struct Track {
     pub rows_per_observation: usize,
     /// [`Recording::held`].
     pub held: bool,
+    /// Whether no position was recorded. Bench channels then say nothing either.
+    pub position_free: bool,
+    /// What takes the place of the clutch where no position was recorded, once it has been looked for ([`unknown_clutch::find`](super::unknown_clutch::find)).
+    pub unknown_clutch: Option<UnknownClutch>,
 }
 
 impl Track {
     /// Takes over a recording.
     pub fn new(r: &Recording) -> Self {
-        let optional = |v: &Option<Vec<f64>>| v.clone().unwrap_or_default();
+        let position_free = r.x_to_cmd.is_empty();
+        let optional = |v: &Option<Vec<f64>>| v.clone().filter(|_| !position_free).unwrap_or_default();
         let interval = 1.0 / r.sample_rate_hz;
         let (ticks, tick_of_row) = ticks(r, interval);
         Self {
@@ -115,6 +121,8 @@ impl Track {
             theta_0_sigma: r.theta_0_sigma,
             rows_per_observation: ((OBSERVATION_S / interval).round() as usize).max(1),
             held: r.held,
+            position_free,
+            unknown_clutch: None,
         }
     }
 
@@ -145,6 +153,11 @@ impl Track {
         let n = self.rows_per_observation;
         let end = if k + 1 == self.observations() { self.rows() } else { (k + 1) * n };
         k * n..end
+    }
+
+    /// Observation that holds `row`.
+    pub fn observation_of(&self, row: usize) -> usize {
+        (row / self.rows_per_observation).min(self.observations() - 1)
     }
 
     /// Mean of a measured channel over observation `k`, and how many samples it has.
