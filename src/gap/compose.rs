@@ -373,7 +373,7 @@ fn reason(f: &Findings, l: &Tried) -> String {
         Some(Refusal::LeftOut) => {
             let share = l.share_left_out();
             let does = if share > 0.0 { format!("closes {} of what is left", percent(share)) } else { "closes nothing".to_owned() };
-            format!("it {does} on {others}; more than {least} is asked for, so it does not carry over")
+            format!("it {does} on {others}; more than {least} is required, so it does not carry over")
         }
         Some(Refusal::HeldOut) => {
             format!(
@@ -480,7 +480,7 @@ fn sentence(f: &Findings, closed: f64) -> String {
     let of_it = if closed > 0.0 { percent(closed) } else { "none".to_owned() };
     let share = format!("{of_it} of the gap on {}, which took no part in the fit", f.held_out_name);
     match c.verdict {
-        Verdict::NoGap => "No effect is called for: within the tolerances of its vehicle file the model follows the car.".to_owned(),
+        Verdict::NoGap => "No effect is needed: the model follows the car within the tolerances of its vehicle file.".to_owned(),
         Verdict::Explained => format!("The gap is explained by {names}, which {closes} {share}."),
         Verdict::PartlyExplained if closed <= 0.0 => {
             format!(
@@ -494,7 +494,7 @@ fn sentence(f: &Findings, closed: f64) -> String {
         }
         Verdict::Unexplained => format!("There is a gap in {at} that no effect in the library accounts for."),
         Verdict::InputsDoNotFit => {
-            "These inputs do not fit this vehicle: torque, position and speeds of such a car cannot go together like that. Check \
+            "These inputs do not fit this vehicle: such a car cannot have this torque, position and speed at once. Check \
              the channel map: what T_e_Nm means, which shafts the speeds belong to, and which way the position counts."
                 .to_owned()
         }
