@@ -47,7 +47,8 @@ def main():
         )
     print(f"means in their 95 % intervals: {inside[0][0]} of {inside[0][1]}; spreads: {inside[1][0]} of {inside[1][1]}")
     by_name = {one["number"]: one for one in numbers}
-    held, errors = [], {"vehicle file": [], "corrected": [], "each car, given the fleet": []}
+    held: list[bool] = []
+    errors: dict[tuple[bool, str], list[float]] = {}
     for row in pq.read_table(asked.out / "cars.parquet").to_pylist():
         one = by_name.get(row["number"])
         if one is None:
@@ -56,11 +57,13 @@ def main():
         true = combined(one["parts"], truth["cars"][row["name"]])
         value, sd = row["value"] / factor, row["sd"] / factor
         held.append(abs(value - true) < 1.96 * sd)
-        errors["vehicle file"].append(true)
-        errors["corrected"].append(true - (one["mean"] if one["off"] else 0.0))
-        errors["each car, given the fleet"].append(true - value)
+        ill = row["name"] in carries
+        for name, off in (("vehicle file", true), ("corrected", true - (one["mean"] if one["off"] else 0.0)), ("each car, given the fleet", true - value)):
+            errors.setdefault((ill, name), []).append(off)
     print(f"numbers of single cars in their 95 % intervals: {sum(held)} of {len(held)} ({100 * np.mean(held):.1f} %)")
-    print("rms distance to the car: " + ", ".join(f"{name} {np.sqrt(np.mean(np.square(e))):.2f}" for name, e in errors.items()))
+    for ill in (False, True):
+        told = ", ".join(f"{name} {np.sqrt(np.mean(np.square(e))):.2f} (median {np.median(np.abs(e)):.2f})" for (of, name), e in errors.items() if of == ill)
+        print(f"rms distance to cars {'with' if ill else 'without'} the effect: {told}")
     named = {one["name"] for one in fleet["outliers"] if any(e["effect"] == truth["effect"] for e in one["effects"])}
     others = {one["name"] for one in fleet["outliers"] if one["effects"]} - named
     by_number = {one["name"] for one in fleet["outliers"] if one["numbers"]}

@@ -89,7 +89,7 @@ mod tests {
         assert_eq!(ticks(0.0, 4.5, 5), [0.0, 1.0, 2.0, 3.0, 4.0]);
         assert_eq!(decimals(&ticks(0.0, 0.1, 4)), 2);
         assert!(ticks(1.0, 1.0, 4).is_empty());
-        assert_eq!([bound(7.0), bound(4.9), bound(0.12)], [5.0, 2.0, 0.1]);
+        assert_eq!([bound(7.0), bound(4.9), bound(0.12)], [6.0, 4.0, 0.1]);
     }
 
     #[test]
