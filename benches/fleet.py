@@ -2,7 +2,7 @@
 
     nice python benches/fleet.py --campaigns 1000 --workers 1 2 --folder /tmp/fleet
 
-Draws copies of the bundled campaign with other bytes, diagnoses them with each number of workers and a cache of its own, and then once more from the cache.
+Makes copies of a campaign with other bytes, diagnoses them with each number of workers and a cache of its own, and then once more from the cache.
 Prints one JSON line per run. $KISSPOINT names the command. Figures: docs/fleet.md.
 
 With --stand-in the command copies an answer that is there: then all that is measured is the engine, and a thousand campaigns take seconds.
@@ -31,17 +31,17 @@ from kisspoint import fleet  # noqa: E402
 EXAMPLE = ROOT / "tests/data/campaigns/example"
 
 
-def copies(folder, count):
+def copies(folder, count, source):
     """Campaigns that differ in a comment; recordings are linked, for a disk need not hold each a thousand times."""
-    document = json.loads((EXAMPLE / "vehicle.json").read_text())
+    document = json.loads((source / "vehicle.json").read_text())
     for k in range(count):
         car = folder / f"car_{k:06}"
         if car.exists():
             continue
         car.mkdir(parents=True)
-        for file in EXAMPLE.iterdir():
+        for file in source.iterdir():
             if file.name != "vehicle.json":
-                (car / file.name).symlink_to(file)
+                (car / file.name).symlink_to(file.resolve())
         (car / "vehicle.json").write_text(json.dumps({"_": str(k), **document}))
     return [str(folder / f"car_{k:06}") for k in range(count)]
 
@@ -100,10 +100,11 @@ def main():
     parser.add_argument("--campaigns", type=int, default=1000)
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--folder", type=Path, default=Path("/tmp/kisspoint-fleet-bench"))
+    parser.add_argument("--campaign", type=Path, default=EXAMPLE, help="campaign to copy; the bundled one by default")
     parser.add_argument("--stand-in", action="store_true", help="a command that copies an answer in place of the diagnosis: what the engine alone can do")
     parser.add_argument("--passes", type=int, default=10, help="how often all are asked for again, from the cache")
     asked = parser.parse_args()
-    cars = copies(asked.folder / "cars", asked.campaigns)
+    cars = copies(asked.folder / "cars", asked.campaigns, asked.campaign)
     if asked.stand_in:
         os.environ["KISSPOINT"] = str(stand_in(asked.folder))
     first = None

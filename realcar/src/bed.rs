@@ -7,7 +7,8 @@ use crate::draw::{Remains, mix};
 use crate::effects::{Deviation, STEP_S};
 use crate::manoeuvre::{self, Manoeuvre};
 use crate::tcu::{Tcu, Tuning};
-use crate::vehicle::Vehicle;
+use crate::fleet::Population;
+use crate::vehicle::{Moves, Vehicle};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
@@ -15,6 +16,7 @@ use rand::{RngExt, SeedableRng};
 pub(crate) struct Bed {
     file: Vehicle,
     real: Vehicle,
+    moves: Moves,
     tuning: Tuning,
     noise: Noise,
     rate: f64,
@@ -27,10 +29,20 @@ pub(crate) struct Bed {
 }
 
 impl Bed {
-    pub(crate) fn draw(seed: u64, index: usize, ids: &[&str]) -> Self {
+    pub(crate) fn draw(seed: u64, index: usize, ids: &[&str], fleet: Option<&Population>) -> Self {
         let mut rng = StdRng::seed_from_u64(mix(seed, 0xbed, index));
-        let file = Vehicle::draw_type(&mut rng);
-        let real = file.draw_real(&mut rng);
+        let (file, (real, moves)) = match fleet {
+            None => {
+                let file = Vehicle::draw_type(&mut rng);
+                let real = file.draw_real(&mut rng);
+                (file, real)
+            }
+            Some(population) => {
+                let file = Vehicle::draw_type(&mut StdRng::seed_from_u64(mix(seed, 0xf11e, 0)));
+                let real = file.draw_real_about(&mut rng, |name| population.of(name));
+                (file, real)
+            }
+        };
         let tuning = Tuning::draw(&mut rng);
         let noise = Noise::draw(&mut rng);
         let rate = [1000.0, 200.0, 50.0, 100.0][[0.17, 0.25, 0.33].iter().take_while(|edge| rng.random::<f64>() > **edge).count()];
@@ -40,7 +52,7 @@ impl Bed {
         let hot_creep = rng.random_bool(0.45);
         let plan = plan(&mut rng, alone, hot_creep);
         let unseen = unseen(&mut rng);
-        Self { file, real, tuning, noise, rate, bench, plan, unseen, pen_seed: rng.random(), seen: Deviation::default(), rng }
+        Self { file, real, moves, tuning, noise, rate, bench, plan, unseen, pen_seed: rng.random(), seen: Deviation::default(), rng }
     }
 
     pub(crate) fn record(mut self, deviation: &Deviation) -> (Vec<Recording>, Remains) {
@@ -55,7 +67,7 @@ impl Bed {
         }
         let vehicle_json = crate::write::pretty(&self.file.to_json(None));
         let noise_rad_s = self.noise.speed.hypot(Steps::BENCH.speed / 12f64.sqrt());
-        (all, Remains { vehicle_json, real: self.real, noise_rad_s, noise: self.noise, shown: self.plan.len(), seen: self.seen })
+        (all, Remains { vehicle_json, real: self.real, moves: self.moves, noise_rad_s, noise: self.noise, shown: self.plan.len(), seen: self.seen })
     }
 
     fn one(&mut self, what: Manoeuvre, hot: bool, deviation: &Deviation, k: u64) -> (Recording, Motion) {

@@ -5,8 +5,9 @@ use crate::car::{Motion, Start};
 use crate::catalogue;
 use crate::channels::{Noise, Recording};
 use crate::effects::{Deviation, Dice};
+use crate::fleet::Population;
 use crate::street::Street;
-use crate::vehicle::Vehicle;
+use crate::vehicle::{Moves, Vehicle};
 use rand::rngs::StdRng;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
@@ -73,6 +74,7 @@ pub struct Campaign {
 #[derive(Clone, Debug)]
 pub struct Real {
     pub(crate) vehicle: Vehicle,
+    pub(crate) moves: Moves,
     pub(crate) deviation: Deviation,
     pub(crate) noise_rad_s: f64,
     pub(crate) noise: Noise,
@@ -84,6 +86,11 @@ impl Real {
     /// Standard deviation of what the sensors add to a speed, their steps included, rad/s.
     pub fn noise_rad_s(&self) -> f64 {
         self.noise_rad_s
+    }
+
+    /// How far each number is from the file, in standard deviations of its tolerance.
+    pub fn moves(&self) -> &[(&'static str, f64)] {
+        &self.moves
     }
 
     /// What its sensors add to what they read.
@@ -110,6 +117,7 @@ impl Real {
 pub(crate) struct Remains {
     pub vehicle_json: String,
     pub real: Vehicle,
+    pub moves: Moves,
     pub noise_rad_s: f64,
     pub noise: Noise,
     pub shown: usize,
@@ -174,6 +182,11 @@ pub fn draw_car_of(place: Place, seed: u64, index: usize, kind: Kind) -> Car {
 
 /// As [`draw_car_of`], every magnitude scaled by `size`: at 0 the car is the healthy car of that index.
 pub fn draw_car_sized(place: Place, seed: u64, index: usize, kind: Kind, size: f64) -> Car {
+    drawn(place, seed, index, kind, size, None)
+}
+
+/// A car by itself, or of a fleet.
+pub(crate) fn drawn(place: Place, seed: u64, index: usize, kind: Kind, size: f64, fleet: Option<&Population>) -> Car {
     let ids: &[&'static str] = match &kind {
         Kind::Healthy => &[],
         Kind::Single(a) | Kind::Outside(a) => std::slice::from_ref(a),
@@ -198,7 +211,7 @@ pub fn draw_car_sized(place: Place, seed: u64, index: usize, kind: Kind, size: f
         });
     }
     let (mut all, mut bed) = match place {
-        Place::Bench => Bed::draw(seed, index, ids).record(&deviation),
+        Place::Bench => Bed::draw(seed, index, ids, fleet).record(&deviation),
         Place::Road => Street::draw(seed, index).record(&deviation),
     };
     for (subsystem, seen) in bed.seen.seen() {
@@ -206,7 +219,8 @@ pub fn draw_car_sized(place: Place, seed: u64, index: usize, kind: Kind, size: f
     }
     let unseen = all.split_off(bed.shown);
     let campaign = Campaign { vehicle_json: bed.vehicle_json, recordings: all };
-    let real = Real { vehicle: bed.real, deviation, noise_rad_s: bed.noise_rad_s, noise: bed.noise, shown: bed.shown as u64 };
+    let moves = bed.moves;
+    let real = Real { vehicle: bed.real, moves, deviation, noise_rad_s: bed.noise_rad_s, noise: bed.noise, shown: bed.shown as u64 };
     Car { campaign, unseen, truth: Truth { effects }, real }
 }
 

@@ -11,6 +11,7 @@
 //! | what is withheld | [`effects`], [`catalogue`] | one deviation per subsystem, drawn by its id |
 //! | motion on a bench | [`car`], [`tcu`], [`manoeuvre`], [`channels`] | the car, its controller, what is driven, what is recorded |
 //! | motion on the road | [`drive`], [`driver`] | legs of stop and go, driver and controller |
+//! | a fleet | [`fleet`] | cars of one type, with a population that the file does not declare |
 //! | motion on order | [`ordered`] | a further recording, driven as somebody else commands |
 //! | campaigns | [`draw`](mod@draw), [`altered`], [`write`](mod@write) | a whole campaign with its truth, what a worse logger makes of it, its files |
 //!
@@ -29,6 +30,7 @@ pub mod draw;
 pub mod drive;
 pub mod driver;
 pub mod effects;
+pub mod fleet;
 pub mod manoeuvre;
 pub mod map;
 pub mod ordered;

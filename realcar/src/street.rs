@@ -6,7 +6,7 @@ use crate::draw::{Remains, mix};
 use crate::drive::Drive;
 use crate::driver::{Driver, Style, TICK_S};
 use crate::effects::Deviation;
-use crate::vehicle::{Declared, Vehicle};
+use crate::vehicle::{Declared, Moves, Vehicle};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
@@ -41,6 +41,7 @@ pub(crate) struct Street {
     file: Vehicle,
     declared: Declared,
     real: Vehicle,
+    moves: Moves,
     style: Style,
     logger: Logger,
     drives: usize,
@@ -53,7 +54,7 @@ impl Street {
         let mut rng = StdRng::seed_from_u64(mix(seed, 0x57ee7, index));
         let file = Vehicle::draw_type(&mut rng);
         let declared = Declared::draw(&mut rng);
-        let mut real = file.draw_real(&mut rng);
+        let (mut real, moves) = file.draw_real(&mut rng);
         real.latency_s = declared.draw_latency(&mut rng);
         let style = Style::draw(&mut rng);
         let noise = Noise { speed: rng.random_range(0.04..0.2), ..Noise::draw(&mut rng) };
@@ -62,7 +63,7 @@ impl Street {
         let jitter = if rng.random_bool(0.6) { Jitter::Task(part) } else { Jitter::Stamp(part) };
         let logger = Logger { noise, steps: Steps::draw_bus(&mut rng), every, jitter };
         let drives = rng.random_range(2..=5);
-        Self { file, declared, real, style, logger, drives, rng, seen: Deviation::default() }
+        Self { file, declared, real, moves, style, logger, drives, rng, seen: Deviation::default() }
     }
 
     pub(crate) fn record(mut self, deviation: &Deviation) -> (Vec<Recording>, Remains) {
@@ -76,7 +77,8 @@ impl Street {
         }
         let vehicle_json = crate::write::pretty(&self.file.to_json(Some(&self.declared)));
         let noise_rad_s = self.logger.noise.speed.hypot(self.logger.steps.speed / 12f64.sqrt());
-        (all, Remains { vehicle_json, real: self.real, noise_rad_s, noise: self.logger.noise, shown: self.drives, seen: self.seen })
+        let moves = self.moves;
+        (all, Remains { vehicle_json, real: self.real, moves, noise_rad_s, noise: self.logger.noise, shown: self.drives, seen: self.seen })
     }
 
     fn one(&mut self, k: usize, deviation: &Deviation) -> (Recording, Motion) {

@@ -62,6 +62,25 @@ pub struct Vehicle {
     pub latency_s: [f64; 2],
 }
 
+/// How far each number of a car is from its file, in standard deviations of its tolerance.
+pub type Moves = Vec<(&'static str, f64)>;
+
+/// Names of the tolerances that every file declares, in the order in which they are drawn.
+pub const TOLERANCES: [&str; 12] = [
+    "driveline.J_f",
+    "driveline.J_c",
+    "driveline.b_f",
+    "driveline.b_c",
+    "driveline.T_L0",
+    "actuator.x_cnt",
+    "cushion_spring.beta",
+    "friction.mu",
+    "thermal.C_1",
+    "thermal.gamma_1",
+    "engine.T_e_bias",
+    "engine.T_e_gain",
+];
+
 /// What a vehicle file declares of the road beside the tolerances of the bench; standard deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Declared {
@@ -155,11 +174,21 @@ impl Vehicle {
     }
 
     /// Draws a real car of this type: every number that has a tolerance lies off by it.
-    pub fn draw_real(&self, rng: &mut impl Rng) -> Self {
+    pub fn draw_real(&self, rng: &mut impl Rng) -> (Self, Moves) {
+        self.draw_real_about(rng, |_| [0.0, 1.0])
+    }
+
+    /// The same where numbers have another mean and standard deviation than the file says, in standard deviations of the tolerances.
+    pub fn draw_real_about(&self, rng: &mut impl Rng, population: impl Fn(&str) -> [f64; 2]) -> (Self, Moves) {
         let mut v = self.clone();
+        let mut moves = Vec::with_capacity(TOLERANCES.len());
         let mut off = |sigma: f64| -> f64 {
+            let name = TOLERANCES[moves.len()];
+            let [mean, spread] = population(name);
             let z: f64 = StandardNormal.sample(rng);
-            sigma * z.clamp(-3.0, 3.0)
+            let z = mean + spread * z.clamp(-3.0, 3.0);
+            moves.push((name, z));
+            sigma * z
         };
         v.j_f *= 1.0 + off(0.01);
         v.j_c *= 1.0 + off(0.02);
@@ -174,7 +203,7 @@ impl Vehicle {
         v.gamma_1 *= 1.0 + off(0.05);
         v.engine_bias = off(0.2);
         v.engine_gain = 1.0 + off(0.005);
-        v
+        (v, moves)
     }
 
     /// The vehicle file that the engineer is handed, with what it declares of the road.

@@ -4,6 +4,7 @@ use crate::campaign::{CampaignError, LeftOut, lines};
 use crate::fmu::FmuError;
 use crate::gap::diagnosis::DiagnosisError;
 use crate::vehicle::VehicleError;
+use std::io::ErrorKind;
 use std::path::PathBuf;
 
 /// Why a command stopped; its exit code is 1.
@@ -59,7 +60,7 @@ pub enum CommandError {
     #[error(transparent)]
     Fmu(#[from] FmuError),
     /// A file that cannot be read or written.
-    #[error("{}: {source}; check path and permissions", path.display())]
+    #[error("{}: {}; check path and permissions", path.display(), plainly(source))]
     File {
         /// The file.
         path: PathBuf,
@@ -81,4 +82,16 @@ pub enum CommandError {
 pub fn at(path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> CommandError {
     let path = path.into();
     move |source| CommandError::File { path, source }
+}
+
+/// What the system says, in words where it is one of the usual answers.
+fn plainly(source: &std::io::Error) -> String {
+    match source.kind() {
+        ErrorKind::NotFound => "no such file or folder".to_owned(),
+        ErrorKind::PermissionDenied => "permission denied".to_owned(),
+        ErrorKind::AlreadyExists | ErrorKind::NotADirectory => "a file is where a folder is needed".to_owned(),
+        ErrorKind::IsADirectory => "this is a folder, not a file".to_owned(),
+        ErrorKind::InvalidData => "this is not text in UTF-8".to_owned(),
+        _ => source.to_string(),
+    }
 }

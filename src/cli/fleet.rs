@@ -6,6 +6,10 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 
+/// What a reader without the package gets to know; the package has the rest.
+const USAGE: &str = "Usage: kisspoint fleet [OPTIONS] --out <DIR> <CAMPAIGN>...\n\nExamples:\n  kisspoint fleet 'cars/*' --out out\n  \
+    kisspoint fleet 's3://bucket/cars/*' --out s3://bucket/out --workers 8";
+
 /// Options of `kisspoint fleet`.
 #[derive(clap::Args, Debug)]
 #[command(disable_help_flag = true, after_help = "Examples:\n  kisspoint fleet 'measurements/*' --out out\n  kisspoint fleet --help")]
@@ -37,7 +41,7 @@ pub fn run(args: &Args) -> ExitCode {
         Err(e) => format!("{} cannot be run: {e}", python.display()),
     };
     alarm(&CommandError::Refused(format!(
-        "{refused}\nkisspoint fleet needs the Python package: pip install 'kisspoint[fleet]', or name the Python that has it in KISSPOINT_PYTHON"
+        "{refused}\nkisspoint fleet needs the Python package: pip install 'kisspoint[fleet]', or name the Python that has it in KISSPOINT_PYTHON.\n\n{USAGE}"
     )));
     ExitCode::FAILURE
 }

@@ -27,7 +27,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE", default_value = "index.html")]
     out: PathBuf,
     /// Title of the page
-    #[arg(long, value_name = "TEXT", default_value = "")]
+    #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
     title: String,
     /// Print the rows as JSON and write no page
     #[arg(long)]

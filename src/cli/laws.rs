@@ -5,6 +5,9 @@ use crate::effects::Subsystem;
 use crate::effects::empirical::{Curve, curves};
 use crate::gap::diagnosis::Diagnosis;
 use crate::gap::measure::Overlay;
+use crate::gap::model::replay;
+use crate::gap::model::tolerance::Car;
+use crate::gap::model::track::Track;
 use crate::physics::cushion;
 use crate::physics::driveline::{clutch_torque, load_torque};
 use crate::physics::map::torque_of;
@@ -33,6 +36,7 @@ struct Sample {
     x: f64,
     slip: f64,
     theta: Option<f64>,
+    modelled: Option<f64>,
 }
 
 /// The recording of an overlay, and the row at which it begins.
@@ -53,10 +57,22 @@ pub fn source<'a>(campaign: &'a Campaign, o: &Overlay) -> Option<(&'a Recording,
 /// Reported torque, commanded position and state of the clutch along each overlay.
 pub fn traces(campaign: &Campaign, found: &Diagnosis) -> Vec<Trace> {
     let car = Config::new(&found.vehicle, &found.effects);
-    found.overlays.iter().map(|o| source(campaign, o).map_or_else(Trace::default, |(r, begin)| trace(&car, r, begin, o))).collect()
+    let one = |o| source(campaign, o).map_or_else(Trace::default, |(r, begin)| trace(&car, r, begin, o, warmed(found, r, begin, o)));
+    found.overlays.iter().map(one).collect()
 }
 
-fn trace(car: &Config, r: &Recording, begin: usize, o: &Overlay) -> Trace {
+/// Disc temperature of the retuned model along an overlay, in a free replay.
+fn warmed(found: &Diagnosis, r: &Recording, begin: usize, o: &Overlay) -> Vec<f64> {
+    let track = Track::new(r);
+    let car = Car { effects: found.effects, ..Car::nominal(&found.vehicle) };
+    let start = replay::start(&track, &car, begin, o.theta, 0.0);
+    let rows = o.channels.iter().map(|c| c.real.len()).max().unwrap_or(0);
+    let mut theta = Vec::with_capacity(rows);
+    replay::replay(&track, &car, &start, begin..(begin + rows).min(track.rows()), None, |_, now, _, _| theta.push(now.theta_c));
+    theta
+}
+
+fn trace(car: &Config, r: &Recording, begin: usize, o: &Overlay, warmed: Vec<f64>) -> Trace {
     let n = o.channels.iter().map(|c| c.real.len()).max().unwrap_or(0);
     let mut row = begin;
     let rows: Vec<usize> = (0..n)
@@ -76,7 +92,7 @@ fn trace(car: &Config, r: &Recording, begin: usize, o: &Overlay) -> Trace {
     let phases = match speeds {
         [Some(f), Some(c)] => (0..n.min(f.real.len()).min(c.real.len()))
             .map(|i| {
-                let theta = theta.map(|t| t.after[i]).filter(|t| t.is_finite()).unwrap_or(r.theta_c0);
+                let theta = theta.map(|t| t.after[i]).or(warmed.get(i).copied()).filter(|t| t.is_finite()).unwrap_or(r.theta_c0);
                 if !position_free && !clutch::engaged(car, x[i], theta) {
                     0
                 } else if (f.real[i] - c.real[i]).abs() < LOCKED {
@@ -89,7 +105,8 @@ fn trace(car: &Config, r: &Recording, begin: usize, o: &Overlay) -> Trace {
         _ => Vec::new(),
     };
     let command = (!position_free).then_some(Signal { column: "x_to_cmd_mm", unit: "mm", values: x });
-    Trace { signals: [Signal { column: "T_e_Nm", unit: "N.m", values: t_e }].into_iter().chain(command).collect(), phases }
+    let signals = [Signal { column: "T_e_Nm", unit: "N.m", values: t_e }].into_iter().chain(command).collect();
+    Trace { signals, phases, theta: warmed }
 }
 
 /// Torque over position, friction over slip and over temperature; and what was learned where the library ends.
@@ -128,17 +145,19 @@ pub fn laws(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law
         band: Vec::new(),
         learned: false,
     }];
-    // The friction that the data show needs the temperature for the force; without a thermocouple the laws stand alone.
+    // The friction that the data show needs the temperature for the force; without a thermocouple it is the retuned model's.
+    let warm = |s: &Sample| if thetas.is_empty() { s.modelled } else { s.theta };
     let friction = |s: &Sample| {
-        let per_mu =
-            torque_of(&cars[1].vehicle.friction, clutch::force(&cars[1], &Found::NOTHING, s.x, Branch { x: s.x, z: 0.0 }, s.theta?), 1.0);
+        let force = clutch::force(&cars[1], &Found::NOTHING, s.x, Branch { x: s.x, z: 0.0 }, warm(s)?);
+        let per_mu = torque_of(&cars[1].vehicle.friction, force, 1.0);
         (per_mu > PRESSED).then(|| s.torque / per_mu)
     };
-    let cloud = |over: fn(&Sample) -> Option<f64>| all.iter().filter_map(|s| Some((over(s)?, friction(s)?))).collect::<Vec<_>>();
-    let from = if thetas.is_empty() {
-        "without a measured disc temperature the recordings give no μ"
-    } else {
-        "dots: measured torque over the model’s force"
+    let cloud = |over: &dyn Fn(&Sample) -> Option<f64>| all.iter().filter_map(|s| Some((over(s)?, friction(s)?))).collect::<Vec<_>>();
+    let from = match (measured, thetas.is_empty()) {
+        (true, false) => "dots: measured torque over the model’s force",
+        (true, true) => "dots: measured torque over the model’s force, at its temperature",
+        (false, false) => "dots: torque from the flywheel’s balance over the model’s force",
+        (false, true) => "dots: torque from the flywheel’s balance over the model’s force, at its temperature",
     };
     laws.push(Law {
         title: "Friction coefficient over slip".to_owned(),
@@ -147,7 +166,7 @@ pub fn laws(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law
         lines: lines(&|car, theta| {
             (0..POINTS).map(|k| 200.0 * k as f64 / (POINTS - 1) as f64).map(|slip| (slip, mu(car, slip, theta))).collect()
         }),
-        cloud: cloud(|s| Some(s.slip)),
+        cloud: cloud(&|s| Some(s.slip)),
         note: format!("{cold:.0} and {hot:.0} °C; {from}"),
         band: Vec::new(),
         learned: false,
@@ -165,7 +184,7 @@ pub fn laws(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law
                 Line { identified: k == 1, hot: false, points: (0..POINTS).map(|i| (theta(i), mu(car, SLIP, theta(i)))).collect() }
             })
             .collect(),
-        cloud: cloud(|s| s.theta),
+        cloud: cloud(&warm),
         note: format!("at {SLIP:.0} rad/s; {from}"),
         band: Vec::new(),
         learned: false,
@@ -311,8 +330,9 @@ fn samples(o: &Overlay, t: &Trace, vehicle: &Vehicle) -> Vec<Sample> {
     (0..t.phases.len())
         .filter(|&i| t.phases[i] == 1 && f[i] - c[i] > 3.0 * LOCKED)
         .filter_map(|i| {
-            let theta = of("theta_c_degC").and_then(|v| v.get(i).copied()).filter(|v| v.is_finite());
-            let sample = Sample { torque: torque(i)?, x: *x.get(i)?, slip: f[i] - c[i], theta };
+            let finite = |v: &[f64]| v.get(i).copied().filter(|v| v.is_finite());
+            let (theta, modelled) = (of("theta_c_degC").and_then(finite), finite(&t.theta));
+            let sample = Sample { torque: torque(i)?, x: *x.get(i)?, slip: f[i] - c[i], theta, modelled };
             (sample.torque.is_finite() && sample.x.is_finite()).then_some(sample)
         })
         .collect()

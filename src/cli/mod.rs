@@ -86,9 +86,9 @@ enum Command {
     Plan(plan::Args),
     /// Drive the plant with a car's recordings and print the gap
     Replay(replay::Args),
-    /// Check the diagnosis on freshly drawn cars whose effects it does not know
+    /// Test the diagnosis on freshly drawn cars whose effects it does not know
     Blind(blind::Args),
-    /// Diagnose many campaigns and say what they have in common (runs the Python package)
+    /// Diagnose many campaigns and say what they have in common (needs the Python package)
     Fleet(fleet::Args),
     /// Compare two answers of one car: before and after a repair, or two software levels
     Compare(compare::Args),
@@ -98,7 +98,7 @@ enum Command {
     Vehicle(vehicle::Args),
     /// Show what a measurement file holds, and draft a channel map
     Inspect(inspect::InspectArgs),
-    /// Say what a log is worth, which gears, launches and shifts it shows, and what its torque can be
+    /// Take a first look at any log: gears, launches, shifts, sensors, and what its torque can be
     Survey(survey::Args),
     /// Print a completion script for a shell
     #[command(after_help = "Examples:\n  \
@@ -123,7 +123,7 @@ pub fn run() -> ExitCode {
         Command::Fleet(args) => fleet::run(&args),
         Command::Compare(args) => finish("compare", compare::run(&args)),
         Command::Index(args) => finish("index", index::run(&args)),
-        Command::Vehicle(args) => finish("vehicle", vehicle::run(&args)),
+        Command::Vehicle(args) => finish(args.name(), vehicle::run(&args)),
         Command::Inspect(args) => finish("inspect", inspect::run(&args)),
         Command::Survey(args) => finish("survey", survey::run(&args)),
         Command::Completions { shell } => finish("completions", completions(shell)),

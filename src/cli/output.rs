@@ -50,8 +50,11 @@ pub fn coloured(text: &str, colour: Colour, terminal: bool) -> String {
 
 /// Prints an error to standard error.
 pub fn alarm(error: &CommandError) {
+    const NAME: &str = "kisspoint:";
     let terminal = std::io::stderr().is_terminal();
-    eprintln!("{} {}", coloured("kisspoint:", Colour::Red, terminal), folded(&error.to_string(), width(terminal), ""));
+    // Folded with its name before that is coloured, since codes have no width.
+    let text = folded(&format!("{NAME} {error}"), width(terminal), "");
+    eprintln!("{}{}", coloured(NAME, Colour::Red, terminal), &text[NAME.len()..]);
 }
 
 /// Columns of the terminal, or as many as $COLUMNS says; what is no terminal has no end of a line.

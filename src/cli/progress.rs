@@ -1,5 +1,6 @@
 //! A progress bar on long work: on a terminal only.
 
+use super::output::width;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Steps of the bar.
@@ -12,10 +13,10 @@ impl Progress {
     /// A bar at its start; hidden when standard error is no terminal.
     pub fn new() -> Self {
         let bar = ProgressBar::new(STEPS);
-        bar.set_style(
-            ProgressStyle::with_template("{spinner} {bar:24} {percent:>3} %  {elapsed:>4}  {wide_msg}")
-                .unwrap_or_else(|_| ProgressStyle::default_bar()),
-        );
+        // On a narrow terminal what is being done needs the room more than the bar.
+        let wide = width(true).clamp(40, 120) / 5;
+        let template = format!("{{spinner}} {{bar:{wide}}} {{percent:>3}} %  {{elapsed:>4}}  {{wide_msg}}");
+        bar.set_style(ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar()));
         // Some steps are long: the clock shows that work goes on.
         bar.enable_steady_tick(std::time::Duration::from_millis(250));
         Self(bar)

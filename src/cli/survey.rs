@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 /// Options of `kisspoint survey`.
 #[derive(clap::Args, Debug)]
 #[command(
-    after_help = "Needs neither a position nor a vehicle file.\n\nExamples:\n  kisspoint survey drive.mf4\n  kisspoint survey drive.csv --ratios 3.25,2.23,1.61,1.24,1.00,0.63 --final-drive 3.73 --out out/survey\n  kisspoint survey frames.mf4 --dbc car.dbc --engine EngSpeed --road VehSpeed --json"
+    after_help = "Needs neither a position nor a vehicle file.\n\nExamples:\n  kisspoint survey drive.mf4\n  kisspoint survey drive.csv --ratios 3.25,2.23,1.61,1.24,1.00,0.63 --final-drive 3.73 --out out\n  kisspoint survey frames.mf4 --dbc car.dbc --engine EngSpeed --road VehSpeed --json"
 )]
 pub struct Args {
     /// Measurement files: text, MDF4, Parquet

@@ -24,6 +24,17 @@ pub struct Args {
     action: Action,
 }
 
+impl Args {
+    /// Words of the command, for messages.
+    pub fn name(&self) -> &'static str {
+        match self.action {
+            Action::New { .. } => "vehicle new",
+            Action::Check { .. } => "vehicle check",
+            Action::Correct { .. } => "vehicle correct",
+        }
+    }
+}
+
 #[derive(clap::Subcommand, Debug)]
 enum Action {
     /// Draft a vehicle file with the paper's numbers, each with its unit, meaning and bounds

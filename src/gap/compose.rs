@@ -389,7 +389,7 @@ fn reason(f: &Findings, l: &Tried) -> String {
         Some(Refusal::LeftOut) => {
             let share = l.share_left_out();
             let does = if share > 0.0 { format!("closes {} of what is left", percent(share)) } else { "closes nothing".to_owned() };
-            format!("it {does} on {others}; more than {least} is asked for, so it does not carry over")
+            format!("it {does} on {others}; more than {least} is required, so it does not carry over")
         }
         Some(Refusal::HeldOut) => {
             format!(
@@ -501,10 +501,10 @@ fn sentence(f: &Findings, closed: f64) -> String {
     let share = format!("{of_it} of the gap on {}, which took no part in the fit", f.held_out_name);
     match c.verdict {
         Verdict::NoGap if position_free(f) => format!(
-            "No effect is called for in engine, driveline and sensors: within the tolerances of its vehicle file the model follows the car. Without a position {} are not assessable.",
+            "No effect is needed in engine, driveline and sensors: there the model follows the car within the tolerances of its vehicle file. Without a position, {} are not assessable.",
             unknown_clutch::hidden()
         ),
-        Verdict::NoGap => "No effect is called for: within the tolerances of its vehicle file the model follows the car.".to_owned(),
+        Verdict::NoGap => "No effect is needed: the model follows the car within the tolerances of its vehicle file.".to_owned(),
         Verdict::Explained => format!("The gap is explained by {names}, which {closes} {share}."),
         Verdict::PartlyExplained if closed <= 0.0 => {
             format!(
@@ -518,12 +518,12 @@ fn sentence(f: &Findings, closed: f64) -> String {
         }
         Verdict::Unexplained => format!("There is a gap in {at} that no effect in the library accounts for."),
         Verdict::InputsDoNotFit if position_free(f) => {
-            "These inputs do not fit this vehicle: torque and speeds of such a car cannot go together like that, whatever its clutch transmits. Check \
+            "These inputs do not fit this vehicle: such a car cannot have this torque and these speeds at once, whatever its clutch transmits. Check \
              the channel map: what T_e_Nm means, and which shafts the speeds belong to."
                 .to_owned()
         }
         Verdict::InputsDoNotFit => {
-            "These inputs do not fit this vehicle: torque, position and speeds of such a car cannot go together like that. Check \
+            "These inputs do not fit this vehicle: such a car cannot have this torque, position and speed at once. Check \
              the channel map: what T_e_Nm means, which shafts the speeds belong to, and which way the position counts."
                 .to_owned()
         }

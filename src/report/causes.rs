@@ -26,8 +26,8 @@ fn effect(e: &Value, which: &Value) -> String {
         format!("<strong>{} nats</strong> {side} the best explanation without it", number(nats.abs(), 3))
     });
     let mass = real(e, "probability").map_or_else(
-        || "weight not stated".to_owned(),
-        |p| format!("{} of the weight of all explanations compared", percent(p.min(0.9999))),
+        || "probability not stated".to_owned(),
+        |p| format!("probability {} among the explanations compared", percent(p.min(0.9999))),
     );
     let parameters = match e["parameters"].as_object() {
         Some(map) if !map.is_empty() => {
@@ -88,7 +88,7 @@ fn whisker(value: f64, low: f64, high: f64, null: f64) -> String {
 
 fn ambiguity(e: &Value) -> String {
     if !e["ambiguous_with"].is_array() {
-        return absent("Whether these data tell it from other effects was not stated.");
+        return absent("It was not stated whether these data tell it from other effects.");
     }
     let others: Vec<String> = texts(e, "ambiguous_with").iter().map(|id| format!("<b>{}</b>", escape(&names::effect(id)))).collect();
     if others.is_empty() {
@@ -97,7 +97,7 @@ fn ambiguity(e: &Value) -> String {
     let split =
         text(e, "separated_by").map_or_else(String::new, |how| format!(" To tell them apart: {}.", escape(how.trim_end_matches('.'))));
     format!(
-        "<p class=\"ambiguity\"><span class=\"pill warn\"><span aria-hidden=\"true\">≈</span> Ambiguous</span> These recordings cannot tell it from {}.{split} The numbers above hold if it is the right one.</p>",
+        "<p class=\"ambiguity\"><span class=\"pill warn\"><span aria-hidden=\"true\">≈</span> Ambiguous</span> These recordings cannot tell it from {}.{split} The numbers above hold if this one is right.</p>",
         alternatives(&others)
     )
 }
@@ -142,8 +142,8 @@ fn ranked(diagnosis: &Value) -> String {
     let (rest, rows) = if rest.len() < MANY { (Vec::new(), candidates.iter().collect()) } else { (rest, rows) };
     let rows: String = rows.iter().map(|c| candidate(c, diagnosis, law)).collect();
     format!(
-        "<h3>Every candidate</h3>\n<p>How many nats the best explanation with the effect is ahead of the best one without it (to the right), or behind it (to the left); 2.3 nats are odds of ten to one. \
-         For an effect that was not fitted it is the most that a linear model promises.</p>\n\
+        "<h3>Every candidate</h3>\n<p>By how many nats the best explanation with the effect leads the best one without it (to the right) or trails it (to the left); 2.3 nats are odds of ten to one. \
+         For an effect that was never fitted, it is the most that a linear model promises.</p>\n\
          <div class=\"scroll\" role=\"region\" aria-label=\"Candidates\" tabindex=\"0\"><table class=\"ranked\"><thead><tr><th scope=\"col\">Effect</th>\
          <th scope=\"col\" class=\"num\">Nats</th><th scope=\"col\">{}</th><th scope=\"col\">Verdict</th><th scope=\"col\">Why</th></tr></thead><tbody>{rows}</tbody></table></div>\n{}",
         ruler(),
@@ -169,7 +169,7 @@ fn ruler() -> String {
         .iter()
         .map(|(m, shown)| format!("<text class=\"tick\" x=\"{:.1}\" y=\"12\" text-anchor=\"middle\">{shown}</text>", forest_at(*m)))
         .collect();
-    format!("<svg class=\"forest\" viewBox=\"-10 0 220 16\" role=\"img\" aria-label=\"nats behind and ahead\">{marks}</svg>")
+    format!("<svg class=\"forest\" viewBox=\"-10 0 220 16\" role=\"img\" aria-label=\"nats, behind to the left and ahead to the right\">{marks}</svg>")
 }
 
 /// Rejected candidates by reason: names with their nats.
@@ -188,7 +188,7 @@ fn trifles(rest: &[&Value], law: Option<&str>) -> String {
         }
     }
     let items: String = groups.iter().map(|(why, names)| format!("<li><b>{}</b>: {}</li>", escape(why), names.join(", "))).collect();
-    if items.is_empty() { items } else { format!("<p>Far behind, with their nats:</p>\n<ul class=\"trifles\">{items}</ul>\n") }
+    if items.is_empty() { items } else { format!("<p>Far behind, in nats:</p>\n<ul class=\"trifles\">{items}</ul>\n") }
 }
 
 /// Why, in words for people; diagnosis.json has its own.
@@ -196,10 +196,10 @@ fn reason(c: &Value, law: Option<&str>) -> String {
     let why = text(c, "reason").unwrap_or("");
     let fitted = why.contains("nats");
     match (text(c, "verdict"), real(c, "evidence")) {
-        (Some("chosen"), _) => "part of the most probable explanation".to_owned(),
-        (Some("ambiguous"), _) => "may be at work instead of one that was named".to_owned(),
+        (Some("chosen"), _) => "in the most probable explanation".to_owned(),
+        (Some("ambiguous"), _) => "may be at work in place of a named one".to_owned(),
         (Some("rejected"), Some(e)) if e > 0.0 => match law {
-            Some(place) => format!("it helps beside a missing law in {}, but does not explain the gap", names::place(place)),
+            Some(place) => format!("it helps alongside a missing law in {}, but does not explain the gap", names::place(place)),
             None => "it stands in for something else".to_owned(),
         },
         (Some("rejected"), _) if fitted => "explanations with it are less probable".to_owned(),

@@ -48,7 +48,7 @@ pub fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
 /// A round value within `reach`, for a strip around zero.
 pub fn bound(reach: f64) -> f64 {
     let power = 10f64.powf(reach.log10().floor());
-    [5.0, 2.0, 1.0].into_iter().map(|m| m * power).find(|v| *v <= reach * 1.000_001).unwrap_or(reach)
+    [8.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0].into_iter().map(|m| m * power).find(|v| *v <= reach * 1.000_001).unwrap_or(reach)
 }
 
 /// Decimals that tell neighbouring ticks apart.
@@ -89,7 +89,7 @@ mod tests {
         assert_eq!(ticks(0.0, 4.5, 5), [0.0, 1.0, 2.0, 3.0, 4.0]);
         assert_eq!(decimals(&ticks(0.0, 0.1, 4)), 2);
         assert!(ticks(1.0, 1.0, 4).is_empty());
-        assert_eq!([bound(7.0), bound(4.9), bound(0.12)], [5.0, 2.0, 0.1]);
+        assert_eq!([bound(7.0), bound(4.9), bound(0.12)], [6.0, 4.0, 0.1]);
     }
 
     #[test]

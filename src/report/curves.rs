@@ -23,7 +23,7 @@ pub fn section(input: &Input) -> String {
     let retuned = series::retuned(input.diagnosis);
     let (said, class, legend, frame) = if retuned {
         (
-            "<b>Before</b> is the nominal model, <b>after</b> the retuned one; below each plot stands car minus model, each on its own scale.",
+            "<b>Before</b> is the nominal model, <b>after</b> the retuned one; below each plot is car minus model, each on its own scale.",
             "",
             LEGEND,
             FRAME.to_owned(),
@@ -31,16 +31,21 @@ pub fn section(input: &Input) -> String {
     } else {
         let without: String =
             FRAME.lines().filter(|l| !l.contains("data-curve=\"after\"")).map(|l| l.replace(">before<", ">model<") + "\n").collect();
-        ("Nothing was retuned, so that there is one model; below each plot stands car minus model.", " single", LEGEND_SINGLE, without)
+        ("Nothing was retuned, so there is only one model; below each plot is car minus model.", " single", LEGEND_SINGLE, without)
     };
     format!(
-        "<p>A free replay: the model starts where the car does and is then driven by the recorded inputs alone. {said} Held-out recordings took no part in choosing or fitting.</p>\n\
+        "<p>A free replay: the model starts where the car does and is then driven by the recorded inputs alone. {said} Held-out recordings took no part in choosing or fitting.{drives}</p>\n\
          <div class=\"live\" id=\"viewer\">\n<div class=\"cards\" role=\"group\" aria-label=\"Recording\">{cards}</div>\n{what_if}{frame}</div>\n\
          <div class=\"stills{class}\">{legend}{stills}</div>\n{}",
         aligned(input, retuned),
+        drives = if input.overlays.iter().any(|o| o.recording.contains(" at ")) { DRIVES } else { "" },
         what_if = super::what_if::control(input),
     )
 }
+
+/// Why curves of drives are closer to the car than the figures that are stated.
+const DRIVES: &str = " Engagements of a drive start here at the temperatures that the fit gives them. The figures stated elsewhere on this page use those \
+    noted in recordings.json, as a user of the model would, and can be larger.";
 
 /// Key to the still figures.
 const LEGEND: &str = r#"<p class="keys"><svg class="key" aria-hidden="true"><path class="c-real" d="M0 7h26"/></svg> car
@@ -69,7 +74,7 @@ const FRAME: &str = r#"<div class="tools">
 </div>
 <h3 id="shown" class="shown"></h3>
 <div id="stage" tabindex="0" role="group" aria-labelledby="shown" aria-describedby="keys"></div>
-<p id="keys" class="hint">Move over a plot to read all channels at one instant; drag to zoom, double-click to reset. The address of the page names recording and zoom. Keys: <kbd>←</kbd> <kbd>→</kbd> cursor (<kbd>Shift</kbd> for ten samples), <kbd>Home</kbd> <kbd>End</kbd>, <kbd>+</kbd> <kbd>−</kbd> zoom, <kbd>Esc</kbd> reset, <kbd>Page&nbsp;↑</kbd> <kbd>Page&nbsp;↓</kbd> other recording.</p>
+<p id="keys" class="hint">Move over a plot to read all channels at one instant; drag to zoom, double-click to reset. The page’s address holds recording and zoom. Keys: <kbd>←</kbd> <kbd>→</kbd> cursor (<kbd>Shift</kbd> for ten samples), <kbd>Home</kbd> <kbd>End</kbd>, <kbd>+</kbd> <kbd>−</kbd> zoom, <kbd>Esc</kbd> reset, <kbd>Page&nbsp;↑</kbd> <kbd>Page&nbsp;↓</kbd> other recording.</p>
 <p id="spoken" class="unseen" aria-live="polite"></p>
 "#;
 

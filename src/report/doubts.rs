@@ -65,7 +65,7 @@ fn rivals(effect: &Value) -> Option<String> {
 
 fn elsewhere(d: &Value) -> Option<String> {
     let others = texts(&d["where"], "ambiguous_with");
-    let what = if text(d, "verdict") == Some("partly_explained") { "What remains" } else { "The gap" };
+    let what = if text(d, "verdict") == Some("partly_explained") { "The rest" } else { "The gap" };
     (!others.is_empty()).then(|| format!("{what} may just as well lie in {}.", or_places(&others)))
 }
 
@@ -80,10 +80,10 @@ fn thin(input: &Input) -> Option<String> {
     }
     let many = |n: usize, what: &str| if n == 1 { format!("one {what}") } else { format!("{n} {what}s") };
     Some(if curves > recordings {
-        format!("All {curves} curves are engagements of {}, so whatever they have in common is not tested.", many(recordings, "recording"))
+        format!("All {curves} curves are engagements from {}, so nothing tests what those have in common.", many(recordings, "recording"))
     } else {
         format!(
-            "Thin data: {}. With fewer than {FEW} a verdict rests on little, and what was held out resembles what was fitted.",
+            "Thin data: {}. With fewer than {FEW} the verdict rests on little, and what was held out resembles what was fitted.",
             many(recordings, "recording")
         )
     })
@@ -117,8 +117,8 @@ fn remains(input: &Input) -> Option<String> {
 
 fn stays(r: &Residual) -> String {
     format!(
-        "In the free replay of {} the {} stays outside ±2σ of its sensor noise for {} s at a stretch, by up to {} {}; {} of its samples lie outside, where \
-         noise alone puts 5\u{202f}%. <a href=\"#residuals\">Tests of the residuals</a>",
+        "In the free replay of {} the {} stays outside ±2σ of its sensor noise for {} s at a stretch, by up to {} {}; {} of its samples lie outside (noise \
+         alone: 5\u{202f}%). <a href=\"#residuals\">Tests of the residuals</a>",
         escape(&r.recording),
         escape(&channel(r.column).to_lowercase()),
         number(r.longest_s, 2),
@@ -153,7 +153,7 @@ fn worse(d: &Value) -> Option<String> {
     let (count, more) = (names.len(), names.len().saturating_sub(3));
     names.truncate(3);
     let tail = if more > 0 { format!(", and {more} more") } else { String::new() };
-    (count > 0).then(|| format!("Worse after retuning: {count} of {all} figures: {}{tail}.", escape(&names.join(", "))))
+    (count > 0).then(|| format!("Worse after retuning, {count} of {all} figures: {}{tail}.", escape(&names.join(", "))))
 }
 
 #[cfg(test)]

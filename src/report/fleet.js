@@ -123,7 +123,10 @@ function row(i, at) {
 }
 
 // The distribution: cars along one number, or that number over mileage or date.
-const numbers = Object.keys(F.values);
+// As the table has them: what is off most comes first.
+const rows = [...document.querySelectorAll(".numbers tbody th code")].map((e) => e.textContent);
+const place = (n) => (rows.includes(n) ? rows.indexOf(n) : rows.length);
+const numbers = Object.keys(F.values).sort((a, b) => place(a) - place(b));
 for (const n of numbers) option($("number"), n, n);
 for (const [key, label] of [["before", "gap before, rad/s"], ["after", "gap after, rad/s"], ["closed", "share of the gap that is closed"]]) option($("number"), key, label);
 option($("over"), "", "how many");

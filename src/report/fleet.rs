@@ -99,7 +99,7 @@ fn header(title: &str, rows: &[Value], population: &Value) -> String {
             if off.is_empty() { "holds".to_owned() } else { enumeration(&off) },
             if off.is_empty() { "no number is off for all" } else { "off for all cars" }.to_owned(),
         ));
-        tiles.push(("Outliers", plural(outliers, "car"), "do not belong to the rest, by a number or an effect".to_owned()));
+        tiles.push(("Outliers", plural(outliers, "car"), "stand out, by a number or an effect".to_owned()));
     }
     let tiles: String = tiles
         .iter()
@@ -164,7 +164,7 @@ fn numbers(population: &Value) -> String {
     };
     format!(
         "<p>Each number of the vehicle file over all cars, in standard deviations of its declared tolerance: where its mean lies (point, 95 % interval) and how much cars differ (band, ± one spread). \
-         What a single car's tolerance had taken up is divided out.</p>{others}\n<div class=\"scroll\"><table class=\"plain numbers\"><thead><tr><th scope=\"col\">Number</th><th scope=\"col\" class=\"num\">Off by</th>\
+         The tolerance assumed in each car's own fit is divided out.</p>{others}\n<div class=\"scroll\"><table class=\"plain numbers\"><thead><tr><th scope=\"col\">Number</th><th scope=\"col\" class=\"num\">Off by</th>\
          <th scope=\"col\">−{REACH} to {REACH} σ</th><th scope=\"col\" class=\"num\">Spread / tolerance</th><th scope=\"col\">Says</th></tr></thead><tbody>{body}</tbody></table></div>\n"
     )
 }
@@ -284,7 +284,7 @@ fn effects(rows: &[Value], population: &Value) -> String {
     };
     out + &format!(
         "<h3>Which</h3><div class=\"scroll\"><table class=\"bars which\"><thead><tr><th scope=\"col\">Effect</th><th scope=\"col\"><span class=\"unseen\">Bar</span></th><th scope=\"col\" class=\"num\">Cars</th>{heads}</tr></thead><tbody>{lines}</tbody></table></div>\n\
-         <p class=\"hint live\">A click shows these cars in the list below.</p>\n"
+         <p class=\"hint live\">Click a name to list its cars below.</p>\n"
     )
 }
 
@@ -313,7 +313,7 @@ fn size(p: &Value) -> String {
 const DISTRIBUTION: &str = "<noscript><p class=\"absent\">The distributions are drawn by a script, which this browser does not run; cars.parquet holds the numbers.</p></noscript>\n\
 <div class=\"live tools\"><label>Number <select id=\"number\"></select></label><label>Over <select id=\"over\"></select></label></div>\n\
 <div class=\"live\"><p class=\"shown\" id=\"hint\" role=\"status\"></p><canvas id=\"plot\" tabindex=\"0\" role=\"img\" aria-label=\"Cars as points; the list below holds the same\"></canvas>\n\
-<p class=\"hint\">Each point is a car of the list below, filters and all; a click opens its report, the arrow keys go from car to car. Orange: outliers.</p></div>\n";
+<p class=\"hint\">Each point is a car in the list below, filters applied; click it for its report, or move with the arrow keys. Orange: outliers.</p></div>\n";
 
 const CARS: &str = "<noscript><p class=\"absent\">The list is drawn by a script, which this browser does not run; fleet.parquet holds the rows.</p></noscript>\n\
 <div class=\"live tools\"><label>Find <input type=\"search\" id=\"find\" placeholder=\"name or message\"></label><label>Verdict <select id=\"verdict\"></select></label>\

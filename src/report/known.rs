@@ -38,10 +38,10 @@ const STRIP: f64 = 7.0;
 pub fn section(input: &Input) -> String {
     let Some(known) = input.known.filter(|k| k.time.len() > 1) else { return String::new() };
     format!(
-        "<h3>How well the retuned plant knows its clutch torque</h3>\n<p>Its FMU says so of itself at every instant: <code>T_fc_sigma</code> is the standard deviation of the torque at this slip, temperature and \
-         position, <code>validity</code> is 1 where the recordings that taught it covered slip, temperature, position and torque together, and falls to 0 outside.</p>\n\
-         <p class=\"keys\"><svg class=\"key\" aria-hidden=\"true\"><path class=\"c-after\" d=\"M0 7h26\"/></svg> retuned plant in a free replay, with a band of ±2 standard deviations, while locked those of the torque at which \
-         it would break away; dots: the car; bar at the foot: dark where it is valid</p>\n<div class=\"figures\">{}</div>\n",
+        "<h3>How well the retuned plant knows its clutch torque</h3>\n<p>The retuned FMU reports it at every instant: <code>T_fc_sigma</code> is the standard deviation of the torque at this slip, temperature and \
+         position; <code>validity</code> is 1 where the recordings that taught it covered slip, temperature, position and torque together, and falls to 0 outside.</p>\n\
+         <p class=\"keys\"><svg class=\"key\" aria-hidden=\"true\"><path class=\"c-after\" d=\"M0 7h26\"/></svg> retuned plant in a free replay, with its ±2σ band (while locked, of the torque at which it \
+         would break away); dots: the car; bar at the foot: dark where the plant is valid</p>\n<div class=\"figures\">{}</div>\n",
         drawn(known)
     )
 }

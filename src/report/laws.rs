@@ -59,18 +59,18 @@ fn beyond(input: &Input, figures: &str) -> String {
     let name = escape(&names::place(law));
     if found["taken"] != true {
         return format!(
-            "<h3>No empirical law was taken</h3>\n<p>For what no effect of the library accounts for, a law of {name} was learned and tried on recordings that did not teach it: {}.</p>\n",
+            "<h3>No empirical law was adopted</h3>\n<p>For what no effect in the library accounts for, a law of {name} was learned and tried on recordings that had not taught it: {}.</p>\n",
             escape(reason)
         );
     }
     let reason = escape(&capitalised(reason));
     let closed = real(found, "closed_fraction")
-        .map_or_else(String::new, |c| format!(" Of the gap that stood above what a perfect model may be off by, {} is gone.", percent(c)));
+        .map_or_else(String::new, |c| format!(" Not counting what even a perfect model may be off by, {} of the gap is gone.", percent(c)));
     format!(
-        "<h3>An empirical law of {name}</h3>\n<p>For what no effect of the library accounts for, the retuned plant holds a law that was learned from these recordings. It says how the car \
-         behaves where it was driven, not why; it is no cause. {reason}.{closed} Its curves are added; as tables they are <code>effect.empirical.*</code> of the FMU, held constant outside their breakpoints.</p>\n\
+        "<h3>An empirical law of {name}</h3>\n<p>For what no effect in the library accounts for, the retuned plant holds a law learned from these recordings. It says how the car \
+         behaves where it was driven, not why. {reason}.{closed} Its curves are added; as tables they are <code>effect.empirical.*</code> of the FMU, held constant outside their breakpoints.</p>\n\
          <p class=\"keys\"><svg class=\"key\" aria-hidden=\"true\"><path class=\"c-before\" d=\"M0 7h26\"/></svg> no law \
-         <svg class=\"key\" aria-hidden=\"true\"><path class=\"c-after\" d=\"M0 7h26\"/></svg> learned, with its 95\u{202f}% band; dots are the recordings, less what the other curves say</p>\n\
+         <svg class=\"key\" aria-hidden=\"true\"><path class=\"c-after\" d=\"M0 7h26\"/></svg> learned, with its 95\u{202f}% band; dots: the recordings, less what the other curves account for</p>\n\
          <div class=\"figures\">{figures}</div>\n"
     )
 }

@@ -1,7 +1,8 @@
-//! Pictures of what recordings show and of what to measure next: the file that `kisspoint plan` writes, and two figures of the report.
+//! What recordings show and what to measure next: the picture that `kisspoint plan` writes, and two tables of the report.
 
 use super::names;
-use super::text::{capitalised, escape, plain};
+use super::chart::Scale;
+use super::text::{capitalised, escape, plain, words};
 use serde_json::Value;
 use std::fmt::Write as _;
 
@@ -44,12 +45,10 @@ pub fn svg(plan: &Value) -> String {
     )
 }
 
-/// Both figures for the report of a diagnosis; what there is none of is left out.
+/// Both tables for the report of a diagnosis; what there is none of is left out.
 pub fn figures(diagnosis: &Value) -> String {
     let mut out = String::new();
-    if let Some((bars, height)) = worth(&diagnosis["measure_next"]) {
-        out += &figure(&bars, height, "Expected evidence per minute of each manoeuvre, for the explanations that are still open");
-    }
+    out += &worth_table(&diagnosis["measure_next"]);
     let mut marks: Vec<Mark> = diagnosis["which"]["ranked"]
         .as_array()
         .into_iter()
@@ -61,30 +60,83 @@ pub fn figures(diagnosis: &Value) -> String {
         .collect();
     marks.sort_by(|a, b| b.now.total_cmp(&a.now));
     if !marks.is_empty() {
-        let (limits, height) = limits(&marks);
-        out += &figure(&limits, height, "Smallest size of each effect that these recordings show, in sizes of a usual fault");
+        out += &limits_table(&marks);
     }
     out
 }
 
-fn figure(body: &str, height: f64, caption: &str) -> String {
+/// A row for each effect, which reflows on a narrow screen: name, limit, and its place on a logarithmic scale.
+fn limits_table(marks: &[Mark]) -> String {
+    let (low, high) = decades(marks);
+    let x = Scale { low, high, a: 8.0, b: 232.0 };
+    let ticks: String = (low as i32..=high as i32)
+        .map(|power| {
+            let size = plain(10f64.powi(power), 1);
+            format!("<text class=\"tick\" x=\"{:.1}\" y=\"12\" text-anchor=\"middle\">{size}</text>", x.at(f64::from(power)))
+        })
+        .collect();
+    let one = x.at(0.0);
+    let row = |m: &Mark| {
+        let seen = m.now < 1e3;
+        let at = x.at(m.now.log10().clamp(low, high));
+        let class = if m.now <= 1.0 { "dot" } else { "dot beyond" };
+        let dot = if seen { format!("<circle class=\"{class}\" cx=\"{at:.1}\" cy=\"7\" r=\"4.5\"/>") } else { String::new() };
+        format!(
+            "<tr><th scope=\"row\">{}</th><td class=\"num\">{}</td><td class=\"drawn\"><svg viewBox=\"0 0 240 14\" aria-hidden=\"true\">\
+             <path class=\"null\" d=\"M{one:.1} 0v14\"/>{dot}</svg></td></tr>",
+            escape(&capitalised(&names::effect(m.id))),
+            if seen { plain(m.now, 2) } else { "not shown".to_owned() }
+        )
+    };
+    let rows: String = marks.iter().map(row).collect();
     format!(
-        "<figure class=\"plan\"><svg viewBox=\"0 0 {WIDTH} {height}\" role=\"img\" aria-label=\"{0}\" font-size=\"13\">{body}</svg>\
-         <figcaption>{0}.</figcaption></figure>\n",
-        escape(caption)
+        "<h3>How small an effect would show</h3>\n<p>The smallest size of each effect that these recordings would show with 95\u{202f}% probability, in sizes of a usual fault. \
+         Right of the line, a usual fault could go unseen.</p>\n\
+         <table class=\"plain limits\"><thead><tr><th scope=\"col\">Effect</th><th scope=\"col\" class=\"num\">Limit</th><th scope=\"col\">\
+         <svg viewBox=\"0 0 240 16\" role=\"img\" aria-label=\"sizes of a usual fault, logarithmic\" overflow=\"visible\">{ticks}</svg></th></tr></thead><tbody>{rows}</tbody></table>\n"
+    )
+}
+
+/// Powers of ten between which all limits lie.
+fn decades(marks: &[Mark]) -> (f64, f64) {
+    let finite = marks.iter().flat_map(|m| [Some(m.now), m.best]).flatten().filter(|x| x.is_finite() && *x > 0.0 && *x < 1e3);
+    let (low, high) = finite.fold((0.1f64, 10.0f64), |(a, b), x| (a.min(x), b.max(x)));
+    (low.log10().floor(), high.log10().ceil())
+}
+
+/// A row for each manoeuvre; nothing where nothing is open.
+fn worth_table(next: &Value) -> String {
+    let all: Vec<&Value> = next["manoeuvres"].as_array().into_iter().flatten().collect();
+    let rate = |m: &Value| m["nats_per_minute"].as_f64().unwrap_or(0.0).max(0.0);
+    let most = all.iter().map(|m| rate(m)).fold(0.0, f64::max);
+    if most <= 0.0 {
+        return String::new();
+    }
+    let row = |m: &&Value| {
+        format!(
+            "<tr><th scope=\"row\">{}</th><td class=\"num\">{}</td><td class=\"num\">{:.0}\u{202f}%</td><td class=\"wide\"><span class=\"bar after\"><i style=\"width:{:.1}%\"></i></span></td></tr>",
+            escape(&words(m["name"].as_str().unwrap_or_default())),
+            plain(rate(m), 2),
+            100.0 * m["splits"].as_f64().unwrap_or(0.0),
+            100.0 * rate(m) / most
+        )
+    };
+    let rows: String = all.iter().map(row).collect();
+    format!(
+        "<h3>What each manoeuvre would tell</h3>\n<p>Evidence that one more recording is expected to give about what is still open, per minute with its preparation, and the chance that it settles it.</p>\n\
+         <table class=\"bars worth\"><thead><tr><th scope=\"col\">Manoeuvre</th><th scope=\"col\" class=\"num\">Nats per minute</th><th scope=\"col\" class=\"num\">Settles it</th>\
+         <th scope=\"col\"><span class=\"unseen\">Drawn</span></th></tr></thead><tbody>{rows}</tbody></table>\n"
     )
 }
 
 /// A dot for each effect on a logarithmic scale, the line of a usual fault through them.
 fn limits(marks: &[Mark]) -> (String, f64) {
     let height = TOP + ROW * marks.len() as f64 + BOTTOM;
-    let finite = marks.iter().flat_map(|m| [Some(m.now), m.best]).flatten().filter(|x| x.is_finite() && *x > 0.0 && *x < 1e3);
-    let (low, high) = finite.fold((0.1f64, 10.0f64), |(a, b), x| (a.min(x), b.max(x)));
-    let (low, high) = (low.log10().floor(), high.log10().ceil());
+    let (low, high) = decades(marks);
     let x = |size: f64| LEFT + (size.log10().clamp(low, high) - low) / (high - low) * (WIDTH - LEFT - RIGHT);
     let (top, bottom) = (TOP, height - BOTTOM);
     let mut svg = format!(
-        "<text x=\"{LEFT}\" y=\"18\" fill=\"currentColor\">Smallest size that is shown, in sizes of a usual fault</text>\n\
+        "<text x=\"{LEFT}\" y=\"18\" fill=\"currentColor\">Smallest size that would show, in sizes of a usual fault</text>\n\
          <rect x=\"{a}\" y=\"{top}\" width=\"{w}\" height=\"{h}\" fill=\"{HIDDEN}\" fill-opacity=\"0.08\"/>\n\
          <path d=\"M{one} {top}V{bottom}\" stroke=\"currentColor\" stroke-dasharray=\"4 3\"/>\n",
         a = x(1.0),
@@ -118,7 +170,7 @@ fn limits(marks: &[Mark]) -> (String, f64) {
             let colour = if m.now <= 1.0 { SHOWN } else { HIDDEN };
             let _ = write!(
                 svg,
-                "<circle cx=\"{at}\" cy=\"{y}\" r=\"5\" fill=\"{colour}\"/><text x=\"{}\" y=\"{}\" fill=\"currentColor\">{}</text>\n",
+                "<circle cx=\"{at}\" cy=\"{y}\" r=\"5\" fill=\"{colour}\"/><text x=\"{}\" y=\"{}\" fill=\"currentColor\" stroke=\"white\" stroke-width=\"3\" paint-order=\"stroke\">{}</text>\n",
                 x(m.now) + 9.0,
                 y + 4.5,
                 plain(m.now, 2),
@@ -130,7 +182,7 @@ fn limits(marks: &[Mark]) -> (String, f64) {
     }
     if marks.iter().any(|m| m.best.is_some_and(|b| b < 0.8 * m.now)) {
         let _ =
-            write!(svg, "<text x=\"{LEFT}\" y=\"{}\" fill=\"currentColor\">hollow: with the best manoeuvre more</text>\n", height - 3.0);
+            write!(svg, "<text x=\"{LEFT}\" y=\"{}\" fill=\"currentColor\">hollow: with the best further manoeuvre</text>\n", height - 3.0);
     }
     (svg, height)
 }
@@ -151,7 +203,7 @@ fn worth(next: &Value) -> Option<(String, f64)> {
         let _ = write!(
             svg,
             "<text x=\"{}\" y=\"{}\" text-anchor=\"end\" fill=\"currentColor\">{}</text><rect x=\"{LEFT}\" y=\"{}\" width=\"{long:.1}\" height=\"{}\" fill=\"{SHOWN}\"/>\
-             <text x=\"{:.1}\" y=\"{}\" fill=\"currentColor\">{}, splits with {:.0} %</text>\n",
+             <text x=\"{:.1}\" y=\"{}\" fill=\"currentColor\">{}, settles it with {:.0} %</text>\n",
             LEFT - 12.0,
             y + 15.0,
             escape(m["name"].as_str().unwrap_or_default()),
@@ -179,6 +231,6 @@ mod tests {
             "measure_next": {"manoeuvres": [{"name": "a<b", "nats_per_minute": 12.0, "splits": 0.9}]}});
         let svg = svg(&plan);
         assert!(svg.contains("Judder") && svg.contains("not shown") && svg.contains("hollow"));
-        assert!(svg.contains("a&lt;b") && svg.contains("12, splits with 90 %"));
+        assert!(svg.contains("a&lt;b") && svg.contains("12, settles it with 90 %"));
     }
 }

@@ -105,7 +105,7 @@ function ticks(low, high, count) {
 /// Zero and a round value on either side, for a strip that reaches so far.
 function bounds(reach) {
   const power = 10 ** Math.floor(Math.log10(reach));
-  const value = power * [5, 2, 1].find((m) => m * power <= reach * 1.000001);
+  const value = power * [8, 6, 5, 4, 3, 2, 1].find((m) => m * power <= reach * 1.000001);
   const places = Math.max(0, Math.ceil(-Math.log10(value) - 1e-9));
   return [-value, 0, value].map((v) => ({ value: v, text: v ? minus(v.toFixed(places)) : "0" }));
 }

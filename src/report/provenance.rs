@@ -92,7 +92,7 @@ fn tolerances(diagnosis: &Value) -> String {
     };
     let rows: String = used.iter().filter_map(row).collect();
     format!(
-        "<h3>How far the tolerances were used</h3>\n<p>In standard deviations as the vehicle file declares them{kept}; the band reaches two of them to either side, an arrow means more than four. \
+        "<h3>How far the tolerances were used</h3>\n<p>In standard deviations as the vehicle file declares them{kept}; the band reaches two to either side, an arrow means more than four. \
          A number far outside is wrong in the file, or makes up for something that no effect describes.</p>\n\
          <table class=\"plain tolerances\"><thead><tr><th scope=\"col\">Number</th><th scope=\"col\" class=\"num\">Moved by</th><th scope=\"col\"><span class=\"unseen\">Drawn</span></th></tr></thead><tbody>{rows}</tbody></table>\n"
     )

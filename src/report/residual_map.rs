@@ -16,7 +16,7 @@ const EQUATIONS: [(&str, &str, &str); 5] = [
     (
         "engine balance",
         "engine torque, clutch force, friction",
-        "flywheel speed: the torque that the flywheel lacks in J_f ω̇_f = T_e − T_fc − b_f ω_f",
+        "flywheel speed: torque missing on the flywheel in J_f ω̇_f = T_e − T_fc − b_f ω_f",
     ),
     ("bearing position", "actuator", "position of the throwout bearing"),
     ("clutch torque", "clutch force, friction", "torque by the transducer"),
@@ -24,7 +24,7 @@ const EQUATIONS: [(&str, &str, &str); 5] = [
     (
         "driveline balance",
         "driveline, clutch force, friction",
-        "disc speed: the torque that the disc lacks in J_c ω̇_c = T_fc − T_L − b_c ω_c",
+        "disc speed: torque missing on the disc in J_c ω̇_c = T_fc − T_L − b_c ω_c",
     ),
 ];
 
@@ -55,7 +55,7 @@ const SWITCH: &str = "<div class=\"tools live\" role=\"group\" aria-label=\"Resi
 
 /// A gap of which the map shows nothing.
 const HIDDEN: &str = "<p>No cell stands out: spread over phases and regions, this gap is too faint to show in any one of them. It takes all recordings \
-    together to see it.</p>\n";
+    together to show it.</p>\n";
 
 /// Subsystems in the order of their importance, the primary one first.
 pub fn subsystems(place: &Value) -> Vec<&str> {
@@ -82,7 +82,7 @@ fn lead(diagnosis: &Value) -> String {
     };
     let remainder = text(place, "unexplained_at").filter(|_| partly).map_or_else(String::new, |id| {
         let all: Vec<&str> = std::iter::once(id).chain(texts(place, "ambiguous_with")).collect();
-        format!(" <span class=\"pill warn\"><span aria-hidden=\"true\">◐</span> Not accounted for: something in {}</span>", or_places(&all))
+        format!(" <span class=\"pill warn\"><span aria-hidden=\"true\">◐</span> Unaccounted for: something in {}</span>", or_places(&all))
     });
     format!("<p>{primary}{remainder}</p>\n")
 }
@@ -119,11 +119,11 @@ fn map(entries: &[Value], place: &Value, id: &str) -> String {
     let rows = rows.trim_end_matches("<tbody>").trim_end_matches("</tbody>");
     format!(
         "<div class=\"map {id}\"><div class=\"scroll\" role=\"region\" aria-label=\"Residual map{}\" tabindex=\"0\"><table class=\"heat\">\
-         <caption><span>{} In standard deviations of the noise, with the rms error below. The model is corrected at every sample, so errors do not add up.</span></caption>\
+         <caption><span>{} Standard deviations of the noise, with the rms error below. The model is corrected at every sample, so errors do not accumulate.</span></caption>\
          <thead><tr><th scope=\"col\">Phase</th><th scope=\"col\">Region</th>{head}</tr></thead><tbody>{rows}</tbody></table></div></div>\n{}",
         if id == "map-after" { ", with the effects" } else { "" },
         if id == "map-after" {
-            "What is left with the effects named above."
+            "What is left once the named effects are in."
         } else {
             "Without any effect, at the vehicle numbers that go with the verdict."
         },
@@ -168,8 +168,8 @@ fn how_to_read(entries: &[Value], regions: &str) -> String {
     let columns: String = known.map(|(name, _, meaning)| format!("<div><dt>{}</dt><dd>{meaning}</dd></div>", title(name))).collect();
     let regions = if regions.is_empty() { String::new() } else { format!(" {}.", escape(&capitalised(regions))) };
     format!(
-        "<p class=\"hint\">Below each column’s name stand the subsystems whose errors it shows first. A cell says where the gap shows, not where it comes from: a wrong clutch force also heats the disc wrongly and shows in both balances. \
-         The subsystem named is that of the effect that explains all cells together or, without one, that of the balance that any explanation has to change.{regions}</p>\n\
+        "<p class=\"hint\">Under each column’s name are the subsystems whose errors show there first. A cell says where the gap shows, not where it comes from: a wrong clutch force also heats the disc wrongly, and shows in both balances. \
+         The subsystem named is that of the effect that explains all cells together or, if there is none, that of the balance that any explanation has to change.{regions}</p>\n\
          <dl class=\"columns\">{columns}</dl>\n"
     )
 }

@@ -139,11 +139,11 @@ pub fn section(input: &Input) -> String {
     };
     let rows: String = all.iter().map(row).collect();
     format!(
-        "<h3 id=\"residuals\">Does what is left look like noise?</h3>\n<p>Car minus model in the free replay of what was held out{}. Bold figures are more than noise alone would do. \
-         Errors add up over a free replay, so a residual that fails here may be a small error in some law rather than another effect; \
+        "<h3 id=\"residuals\">Does what is left look like noise?</h3>\n<p>Car minus model in the free replay of what was held out{}. Bold figures are beyond what noise alone would give. \
+         Errors accumulate over a free replay, so a residual that fails here may be a small error in some law rather than another effect; \
          the verdict rests on the <a href=\"#where\">residual map</a>, where the model is corrected at every sample.</p>\n\
          <div class=\"scroll\" role=\"region\" aria-label=\"Tests of residuals\" tabindex=\"0\"><table class=\"plain tests\"><thead><tr><th scope=\"col\">Channel</th><th scope=\"col\" class=\"num\">rms</th>\
-         <th scope=\"col\" class=\"num\">Outside ±2σ<small>noise: 5&#8239;%</small></th><th scope=\"col\" class=\"num\">Longest outside<small>in one piece</small></th>\
+         <th scope=\"col\" class=\"num\">Outside ±2σ<small>noise: 5&#8239;%</small></th><th scope=\"col\" class=\"num\">Longest outside<small>at a stretch</small></th>\
          <th scope=\"col\" class=\"num\">Not white<small>noise: 5&#8239;% of 25 lags</small></th><th scope=\"col\" class=\"num\">Depends most on<small>correlation</small></th></tr></thead><tbody>{rows}</tbody></table></div>\n{}",
         if series::retuned(input.diagnosis) { ", after retuning" } else { "" },
         lacking(input)
@@ -175,18 +175,25 @@ pub fn flywheel(input: &Input) -> Option<(f64, f64)> {
     Some((numbers["driveline.J_f"].as_f64()?, numbers["driveline.b_f"].as_f64().unwrap_or(0.0)))
 }
 
+/// What the disc temperature is called: where nobody measured it, it is the retuned model's.
+fn temperature(input: &Input) -> &'static str {
+    let measured = input.overlays.iter().any(|o| o.channels.iter().any(|c| c.column == "theta_c_degC"));
+    if measured { "Disc temperature" } else { "Modelled disc temperature" }
+}
+
 /// The torque that is not explained, over slip, temperature and position, of all recordings.
 fn lacking(input: &Input) -> String {
     let Some((inertia, damping)) = flywheel(input) else { return String::new() };
     let mut clouds: Vec<(&str, &str, Vec<[f64; 3]>)> =
-        vec![("Slip", "rad/s", vec![]), ("Disc temperature", "°C", vec![]), ("Bearing position", "mm", vec![])];
+        vec![("Slip", "rad/s", vec![]), (temperature(input), "°C", vec![]), ("Bearing position", "mm", vec![])];
     for (k, o) in input.overlays.iter().enumerate() {
         let before = unexplained_torque(o, |c| &c.before, inertia, damping);
         let after = unexplained_torque(o, |c| &c.after, inertia, damping);
         let all = regressors(o);
         let commanded = input.traces.get(k).and_then(|t| t.signals.iter().find(|s| s.column == "x_to_cmd_mm")).map(|s| s.values.clone());
         let slip = all.iter().find(|r| r.0 == "slip").map(|r| r.1.clone());
-        let theta = all.iter().find(|r| r.0 == "disc temperature").map(|r| r.1.clone());
+        let measured = all.iter().find(|r| r.0 == "disc temperature").map(|r| r.1.clone());
+        let theta = measured.or_else(|| input.traces.get(k).map(|t| t.theta.clone()));
         let x = all.iter().find(|r| r.0 == "position").map(|r| r.1.clone()).or(commanded);
         for (cloud, values) in clouds.iter_mut().zip([slip, theta, x]) {
             for (i, v) in values.into_iter().flatten().enumerate().take(before.len()) {
@@ -205,8 +212,8 @@ fn lacking(input: &Input) -> String {
         return String::new();
     }
     format!(
-        "<h3>Unexplained torque on the flywheel</h3>\n<p>The torque on the flywheel that the car has and the model lacks: J_f times the slope of car minus model over {SLOPE_S} s, for all recordings{}. \
-         A cloud with a shape points to a law that is wrong, a flat one is noise. The same torque over time stands below the curves.</p>\n<div class=\"figures\">{drawn}</div>\n",
+        "<h3>Unexplained torque on the flywheel</h3>\n<p>Torque that acts on the car’s flywheel and not on the model’s: J_f times the slope of car minus model over {SLOPE_S} s, all recordings{}. \
+         A cloud with a shape points to a wrong law, a flat one is noise. The same torque over time is below the speeds of each recording.</p>\n<div class=\"figures\">{drawn}</div>\n",
         if series::retuned(input.diagnosis) { ", before and after retuning" } else { "" }
     )
 }
@@ -236,7 +243,7 @@ fn scatter(name: &str, unit: &str, dots: &[[f64; 3]], retuned: bool) -> String {
         writeln!(out, "{}", values.join(",")).expect("a String takes any text");
         out
     });
-    super::laws::figure(&format!("Unexplained torque over {}", name.to_lowercase()), "N·m", &drawing, &csv, "")
+    super::laws::figure(&format!("Unexplained torque over {}", name.to_lowercase().replace("modelled ", "")), "N·m", &drawing, &csv, "")
 }
 
 /// A number in a table for programs.
@@ -247,7 +254,8 @@ pub fn plain(v: f64) -> String {
 
 /// Labels of ticks for a scale.
 pub fn labelled(scale: &Scale, count: usize) -> Vec<(f64, String)> {
-    let at = ticks(scale.low, scale.high, count);
+    // Where the round step is as long as half of the scale, zero would stand alone.
+    let at = (count..3 * count).map(|n| ticks(scale.low, scale.high, n)).find(|at| at.len() > 2).unwrap_or_default();
     let places = decimals(&at);
     at.into_iter().map(|t| (t, fixed(t, places))).collect()
 }

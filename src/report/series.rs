@@ -32,6 +32,8 @@ pub struct Trace {
     pub signals: Vec<Signal>,
     /// State of the clutch per sample: 0 open, 1 slipping, 2 locked.
     pub phases: Vec<u8>,
+    /// Disc temperature of the retuned model, °C.
+    pub theta: Vec<f64>,
 }
 
 /// All curves as JSON that is safe inside a script element.

@@ -14,9 +14,9 @@ pub fn section(diagnosis: &Value) -> String {
     let retuned = super::series::retuned(diagnosis) && text(diagnosis, "verdict") != Some("unexplained");
     let untouched = match text(diagnosis, "verdict") {
         _ if !retuned && super::series::holds_law(diagnosis) => {
-            "<p>No effect was added: the model is that of the vehicle file. What the empirical law closes stands beside it.</p>\n"
+            "<p>No effect was added: the model is that of the vehicle file. What the empirical law closes is shown beside it.</p>\n"
         }
-        _ if !retuned => "<p>Nothing was retuned, so there is one model: that of the vehicle file.</p>\n",
+        _ if !retuned => "<p>Nothing was retuned, so there is only one model: that of the vehicle file.</p>\n",
         Some("no_gap") => "<p><b>After</b> is the same vehicle with its numbers moved within their tolerances; no effect was added.</p>\n",
         _ => "",
     };
@@ -40,8 +40,8 @@ fn summary(far: &Value, retuned: bool) -> String {
         )
     };
     let noise = floor.map_or_else(
-        || absent("By how much a perfect model may be off was not stated."),
-        |f| row("A perfect model may be off by", "floor", f),
+        || absent("How far off even a perfect model may be was not stated."),
+        |f| row("Even a perfect model", "floor", f),
     );
     let (row_noise, said) = if floor.is_some() { (noise, String::new()) } else { (String::new(), noise) };
     let held = texts(far, "held_out");
@@ -57,14 +57,14 @@ fn summary(far: &Value, retuned: bool) -> String {
     let closed = match (real(far, "closed_fraction"), floor) {
         (Some(_), Some(f)) if before <= f => {
             format!(
-                " {} within the {} {unit} by which a perfect model may be off.",
+                " {} within the {} {unit} by which even a perfect model may be off.",
                 if retuned { "Before, it was already" } else { "It is" },
                 number(f, 3)
             )
         }
         _ if !retuned => String::new(),
-        (Some(c), Some(f)) if c >= 1.0 => format!(" That is below the {} {unit} by which a perfect model may be off.", number(f, 3)),
-        (Some(c), _) => format!(" Leaving aside by how much a perfect model may be off, {} of the gap is gone.", percent(c)),
+        (Some(c), Some(f)) if c >= 1.0 => format!(" That is below the {} {unit} by which even a perfect model may be off.", number(f, 3)),
+        (Some(c), _) => format!(" Not counting what even a perfect model may be off by, {} of the gap is gone.", percent(c)),
         _ => String::new(),
     };
     format!(

@@ -30,26 +30,26 @@ fn marked(diagnosis: &Value) -> String {
         Some("no_gap") if !texts(diagnosis, "hidden_without_position").is_empty() => {
             let hidden: Vec<String> = texts(diagnosis, "hidden_without_position").into_iter().map(names::place).collect();
             format!(
-                "No effect is called for in engine, driveline and sensors: within the tolerances of its vehicle file the model follows the car. Without a recorded position, {} could not be assessed.",
+                "No effect is needed in engine, driveline and sensors: there the model follows the car within the tolerances of its vehicle file. Without a recorded position, {} could not be assessed.",
                 enumeration(&hidden)
             )
         }
-        Some("no_gap") => "No effect is called for: within the tolerances of its vehicle file the model follows the car.".to_owned(),
+        Some("no_gap") => "No effect is needed: the model follows the car within the tolerances of its vehicle file.".to_owned(),
         Some("explained") => format!("{} {} the gap.", named(effects), if alone { "explains" } else { "explain" }),
         Some("partly_explained") => format!(
-            "{} {} a part of the gap; something in {place} remains that no effect in the library explains.",
+            "{} {} part of the gap; the rest lies in {place}, and no effect in the library explains it.",
             named(effects),
             if alone { "explains" } else { "explain" }
         ),
         Some("unexplained") => format!("No effect in the library explains the gap; it lies in {place}."),
         Some("inputs_do_not_fit") if !texts(diagnosis, "hidden_without_position").is_empty() => {
-            "The recordings do not fit this vehicle: torque and speeds of such a car do not go together like that, whatever its clutch \
+            "The recordings do not fit this vehicle: such a car cannot have this torque and these speeds at once, whatever its clutch \
              transmits. Check the channel map."
                 .to_owned()
         }
         Some("inputs_do_not_fit") => {
-            "The recordings do not fit this vehicle: torque, position and speeds of such a car do not go together \
-             like that. Check the channel map."
+            "The recordings do not fit this vehicle: such a car cannot have this torque, position and speed at once. \
+             Check the channel map."
                 .to_owned()
         }
         _ => "The diagnosis holds no verdict.".to_owned(),
@@ -98,7 +98,7 @@ pub fn replayed(diagnosis: &Value) -> Option<String> {
     let with_unit = |v: f64| format!("{} {unit}", number(v, 3)).trim_end().to_owned();
     let (b, a) = (with_unit(before), with_unit(after));
     let law = real(&far["empirical"], "after").filter(|_| super::series::holds_law(diagnosis));
-    let law = law.map_or_else(String::new, |v| format!(" With an empirical law, which is no cause, it is off by {}.", with_unit(v)));
+    let law = law.map_or_else(String::new, |v| format!(" With an empirical law, which names no cause, it is off by {}.", with_unit(v)));
     let said = match text(diagnosis, "verdict") {
         Some("unexplained") if !law.is_empty() => format!("{on} is off by {b} (rms)."),
         Some("unexplained" | "inputs_do_not_fit") => format!("{on} is off by {b} (rms); nothing was retuned."),
@@ -107,9 +107,9 @@ pub fn replayed(diagnosis: &Value) -> Option<String> {
                 "{on} is off by {a} (rms) with the numbers that fit the other recordings best, and by {b} with those of the vehicle file."
             )
         }
-        Some("no_gap") => format!("{on} is off by {a} (rms); with the numbers of the vehicle file as they stand, by {b}."),
-        _ if after > before => format!("{on} got worse: it is now off by {a} (rms), before by {b}."),
-        _ => format!("{on} is off by {a} (rms) instead of {b}."),
+        Some("no_gap") => format!("{on} is off by {a} (rms) once its numbers are adjusted within their tolerances, and by {b} as the vehicle file has them."),
+        _ if after > before => format!("{on} got worse: it is off by {a} (rms), up from {b}."),
+        _ => format!("{on} is off by {a} (rms), down from {b}."),
     };
     Some(said + &law)
 }
@@ -126,7 +126,7 @@ pub fn next_best(diagnosis: &Value) -> Option<(String, f64)> {
     parts.extend(text(other, "missing_law").map(|s| format!("a missing law in {}", names::place(s))));
     let name = match (parts.is_empty(), adds) {
         (true, _) => "no effect at all".to_owned(),
-        (_, true) => format!("the same, and {} beside it", enumeration(&parts)),
+        (_, true) => format!("the same plus {}", enumeration(&parts)),
         _ => enumeration(&parts),
     };
     Some((name, real(other, "behind")?))
@@ -147,13 +147,13 @@ pub fn confidence(diagnosis: &Value) -> Option<String> {
         b if b < 1.0 => "Not settled",
         b if b < 3.0 => "Leaning",
         b if b < AHEAD => "Likely",
-        _ => "Clear within the library",
+        _ => "Clear",
     };
     if behind < EQUAL {
         return Some(format!("{said}. Next best: {name}, which is just as probable."));
     }
     Some(format!(
-        "{said}. Next best: {name}, {} nats behind; odds of {odds}, if the true cause is among those compared.",
+        "{said}. Next best: {name}, {} nats behind (odds of {odds}, if the true cause is among those compared).",
         number(behind, 2)
     ))
 }
@@ -217,7 +217,7 @@ fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
     let then = if others.is_empty() { None } else { Some(format!("then {}", enumeration(&others))) };
     let rest = text(place, "unexplained_at").filter(|_| partly).map(|id| {
         let all: Vec<String> = std::iter::once(id).chain(texts(place, "ambiguous_with")).map(names::subsystem).collect();
-        format!("what remains: {}", alternatives(&all))
+        format!("the rest: {}", alternatives(&all))
     });
     let then = then.into_iter().chain(rest).collect::<Vec<_>>().join("; ");
     let effects = list(&diagnosis["which"], "effects");
@@ -229,7 +229,7 @@ fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
             let law = real(&far["empirical"], "after").filter(|_| super::series::holds_law(diagnosis));
             let note = law.map_or_else(
                 || "nothing retuned".to_owned(),
-                |v| format!("{} {unit} with an empirical law, which is no cause", number(v, 3)),
+                |v| format!("{} {unit} with an empirical law, which names no cause", number(v, 3)),
             );
             (format!("{} {unit}", number(b.max(a), 3)), note)
         }
@@ -241,7 +241,7 @@ fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
             } else {
                 format!("{} more", percent(a / b - 1.0))
             };
-            let floor = real(far, "noise_floor").map_or_else(String::new, |f| format!("; a perfect model may be off by {}", number(f, 3)));
+            let floor = real(far, "noise_floor").map_or_else(String::new, |f| format!("; even a perfect model may be off by {}", number(f, 3)));
             (format!("{} → {} {unit}", number(b, 3), number(a, 3)), format!("{change}{floor}"))
         }
         _ => ("not stated".to_owned(), String::new()),
@@ -249,7 +249,7 @@ fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
     vec![
         ("Where", capitalised(&primary), then),
         ("Which", capitalised(&which), ids.join(", ")),
-        ("Free replay of what was held out", capitalised(&value), note),
+        ("Free replay of held-out data", capitalised(&value), note),
     ]
 }
 

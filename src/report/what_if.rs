@@ -115,10 +115,10 @@ pub fn control(input: &Input) -> String {
     };
     let how = match what_if.player {
         Player::Plant(_) => {
-            "The plant itself runs in this page, exactly as the FMU does, and replays the recording shown below with the sizes that you choose."
+            "The plant itself runs in this page, exactly as the FMU does, and replays the recording shown below with the sizes you choose."
         }
         Player::Replays(_) => {
-            "The replays were computed beforehand with the plant, at the sizes at which the slider stops; nothing is interpolated."
+            "The replays were computed with the plant when this page was written, at the sizes at which the slider stops; nothing is interpolated."
         }
     };
     format!(

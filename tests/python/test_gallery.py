@@ -110,3 +110,28 @@ def test_thin_data_take_the_tick_away(gallery, browser):
     browser.get((gallery / "thin/report.html").as_uri())
     assert any("Thin data: 2 recordings" in doubt.text for doubt in browser.find_elements("css selector", ".doubts .grave"))
     assert "✓" not in browser.find_element("css selector", "header > .pill").text
+
+
+# Zooms, switches to the next recording, and saves every plot; what would be saved is caught on its way.
+ZOOMED_AND_SAVED = """
+const done = arguments[0], saved = [];
+HTMLAnchorElement.prototype.click = function () { saved.push(this.href); };
+document.querySelector("[data-zoom=in]").click();
+const ticks = () => [...document.querySelectorAll("#stage figure:first-child text.tick")].map((t) => t.textContent).filter((t) => t.endsWith(" s")).join();
+const zoomed = ticks(), cards = document.querySelectorAll(".card");
+if (cards.length > 1) cards[cards[0].getAttribute("aria-pressed") === "true" ? 1 : 0].click();
+const kept = ticks() === zoomed, buttons = [...document.querySelectorAll(".save button")].filter((b) => b.getClientRects().length);
+buttons.forEach((b) => b.click());
+const wait = (left) => saved.length === buttons.length || !left ? done([kept, zoomed.length > 0, buttons.length, saved.filter((s) => /^(data:|blob:)/.test(s) && s.length > 20).length]) : setTimeout(wait, 100, left - 1);
+wait(100);
+"""
+
+
+def test_zoom_stays_and_every_plot_is_saved_in_every_report(gallery, browser):
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": 1280, "height": 900, "deviceScaleFactor": 1, "mobile": False})
+    for report in reports(gallery):
+        browser.get(report.as_uri())
+        kept, zoomed, offered, saved = browser.execute_async_script(ZOOMED_AND_SAVED)
+        assert kept and zoomed, report
+        assert saved == offered >= 9, report
+        assert browser.get_log("browser") == [], report

@@ -12,6 +12,7 @@ import re
 import subprocess
 import unittest
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
 from conftest import ROOT, find_command
@@ -195,24 +196,25 @@ class Browser:
         time = lambda: float(re.search(r"t = ([\d.]+) s", self.find("#shown")[0].text)[1])
         self.press("\ue014")  # right
         first = time()
+        # The page shows a time to the microsecond, and the mean step of a drive is not round.
         # Where samples are left out, a step is one of those that are drawn.
         channel = self.shown["channels"][0]
         index = list(range(channel["samples"])) if channel["index"] is None else unpack(channel["index"])
         at = min(range(len(index)), key=lambda k: abs(index[k] * self.shown["dt"] - first))
         after = lambda steps: (index[at + steps] - index[at]) * self.shown["dt"]
         self.press("\ue014", "\ue014", "\ue014")
-        self.assertAlmostEqual(time() - first, after(3), places=6)
+        self.assertAlmostEqual(time() - first, after(3), places=5)
         self.press("\ue012")  # left
-        self.assertAlmostEqual(time() - first, after(2), places=6)
+        self.assertAlmostEqual(time() - first, after(2), places=5)
         self.actions().key_down("\ue008").send_keys("\ue014").key_up("\ue008").perform()
-        self.assertAlmostEqual(time() - first, after(12), places=6)
+        self.assertAlmostEqual(time() - first, after(12), places=5)
         self.press("+", "+")
         self.assertNotEqual(self.ticks(), whole)
         self.press("-", "-", "-")
         self.assertEqual(self.ticks(), whole, "zooming out ends at the whole recording")
         self.press("+")
         self.press("\ue010")  # end
-        self.assertAlmostEqual(time(), index[-1] * self.shown["dt"], places=6)
+        self.assertAlmostEqual(time(), index[-1] * self.shown["dt"], places=5)
         self.assertAlmostEqual(float(self.ticks()[-1].split()[0]), time(), delta=1.0, msg="the view follows the cursor")
         self.press("\ue00c")  # escape
         self.assertEqual(self.ticks(), whole)
@@ -226,11 +228,11 @@ class Browser:
         self.press("\ue00f")  # page down
         self.assertEqual(self.ticks(), zoomed, "the other recording shows the same time")
         address = self.driver.current_url
-        self.assertRegex(address, r"#recording=r02&zoom=[\d.]+-[\d.]+$")
+        self.assertRegex(address, "#recording=" + re.escape(quote(self.data[1]["name"])) + r"&zoom=[\d.]+-[\d.]+$")
         self.driver.get("about:blank")
         self.driver.get(address)
         self.assertEqual(self.ticks(), zoomed, "a link shows what was linked")
-        self.assertTrue(self.find("#shown")[0].text.startswith("r02"))
+        self.assertTrue(self.find("#shown")[0].text.startswith(self.data[1]["name"]))
 
     def test_every_plot_is_offered_as_svg_png_and_csv(self):
         figures = len(self.find("#stage figure")) + len(self.find("figure[data-csv]"))
@@ -283,10 +285,10 @@ class Browser:
 
     def test_recordings_curves_and_units_can_be_chosen(self):
         self.find(".card")[0].click()
-        self.assertTrue(self.find("#shown")[0].text.startswith("r01"))
+        self.assertTrue(self.find("#shown")[0].text.startswith(self.data[0]["name"]))
         self.to_stage()
         self.press("\ue00f")  # page down
-        self.assertTrue(self.find("#shown")[0].text.startswith("r02"))
+        self.assertTrue(self.find("#shown")[0].text.startswith(self.data[1]["name"]))
         top = lambda: float(self.find("#stage figure:first-child .tick")[0].text)
         slow = top()
         self.find("#rpm")[0].click()

@@ -63,7 +63,7 @@ fn the_answers_of_a_campaign_are_all_there() {
         "thermal change of the cushion stiffness",
         "slip at constant clutch torque on a hot disc",
         "held out",
-        "A perfect model may be off by",
+        "Even a perfect model",
         "Dissipated energy, kJ",
         "a creep at 5 to 30 rad/s of slip, recorded at 1 kHz",
         "r11",
@@ -272,8 +272,8 @@ fn the_place_of_the_rest_is_told_apart_from_the_place_of_the_gap() {
     place["ambiguous_with"] = json!(["driveline"]);
     let page = render(&made.diagnosis, &made.overlays);
     assert!(page.contains("<dt>Where</dt><dd><strong>Actuator</strong>"), "the named effect lies in the actuator and nowhere else");
-    assert!(visible(&page).contains("what remains: engine torque or driveline"));
-    assert!(visible(&page).contains("What remains may just as well lie in"));
+    assert!(visible(&page).contains("the rest: engine torque or driveline"));
+    assert!(visible(&page).contains("The rest may just as well lie in"));
 }
 
 /// Numbers that the fit moved farther than the drawing reaches are told from those at its edge.

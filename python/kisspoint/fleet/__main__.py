@@ -19,8 +19,8 @@ DESCRIPTION = """Diagnose many campaigns, one task each with one thread, and say
 DIR gets fleet.parquet (a row per campaign; what went wrong is a row, too), cars/NAME/ (diagnosis.json, report.html, plant.ssv), fleet.json (the
 population), cars.parquet (estimates of each car in the light of all), corrections.json, vehicle.corrected.json, and index.html, one page for all.
 
-A campaign whose bytes and whose version of kisspoint were met before is taken from the cache. A run that was ended, however, is completed by the same
-command. Ctrl-C ends a run; what is done is kept."""
+A campaign already diagnosed with the same bytes by the same version of kisspoint is taken from the cache. Ctrl-C stops a run and keeps what is done; the
+same command then completes it, however the run ended."""
 
 EXAMPLES = """examples:
   kisspoint fleet 'cars/*' --out out                                       on all cores of this machine
@@ -28,8 +28,8 @@ EXAMPLES = """examples:
   kisspoint fleet 'cars/*' --out out --scheduler tcp://10.0.0.7:8786       on a cluster of dask.distributed that sees the same folders or stores
   find /data -name vehicle.json -printf '%h\\n' | kisspoint fleet - --out out
 
-It is the work of the Python package: pip install 'kisspoint[fleet]'; with Dask, 'kisspoint[fleet,dask]'. Stores need their fsspec package, e.g. s3fs.
-Exit codes: 0 done, also when some campaigns have no answer; 1 no campaign has one, or a file is wrong; 2 the command line is wrong; 130 ended by Ctrl-C."""
+Needs the Python package: pip install 'kisspoint[fleet]'; with Dask, 'kisspoint[fleet,dask]'. Stores need their fsspec package, e.g. s3fs.
+Exit codes: 0 done, even if some campaigns have no answer; 1 no campaign has one, or a file is wrong; 2 the command line is wrong; 130 stopped by Ctrl-C."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -38,13 +38,13 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("campaigns", metavar="CAMPAIGN", nargs="+", help="folder, URL or pattern of campaigns; a folder that holds some stands for them; - reads one per line")
     made.add_argument("--out", metavar="DIR", required=True, help="folder or URL for the answer")
     made.add_argument("--scheduler", metavar="ADDRESS", help="scheduler of dask.distributed, tcp://host:port, or a scheduler file")
-    made.add_argument("--workers", metavar="N", type=_count, help="campaigns at a time on this machine; all cores unless given")
+    made.add_argument("--workers", metavar="N", type=_count, help="campaigns at a time on this machine (default: all cores)")
     made.add_argument("--about", metavar="FILE", help="CSV with campaign (folder's name), and car, mileage_km, date or some of them")
-    made.add_argument("--cache", metavar="DIR", help="cache to share between runs; DIR/.kisspoint-cache unless given")
+    made.add_argument("--cache", metavar="DIR", help="cache to share between runs (default: DIR/.kisspoint-cache)")
     made.add_argument("--channel-map", metavar="FILE", help="names and units of the channels, TOML or JSON")
     made.add_argument("--strict", action="store_true", help="refuse a campaign in which any recording has a defect")
     made.add_argument("--fmu", action="store_true", help="write DrivelinePlant.fmu of each car, too; without it plant.ssv holds its numbers")
-    made.add_argument("--retries", metavar="N", type=int, default=2, help="further attempts after what may pass, such as a store that does not answer (%(default)s)")
+    made.add_argument("--retries", metavar="N", type=int, default=2, help="further attempts after a failure that may pass, such as a store that does not answer (%(default)s)")
     made.add_argument("--timeout", metavar="S", type=float, default=3600.0, help="longest time of one diagnosis, s (%(default)g)")
     made.add_argument("--json", action="store_true", help="print fleet.json")
     return made
@@ -53,7 +53,7 @@ def parser() -> argparse.ArgumentParser:
 def _count(text: str) -> int:
     value = int(text)
     if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} is no number of workers; give 1 or more")
+        raise argparse.ArgumentTypeError(f"{text} is not a number of workers; give 1 or more")
     return value
 
 
@@ -84,7 +84,7 @@ def main(arguments: list[str] | None = None) -> int:
         )
     except KeyboardInterrupt:
         teller.end()
-        print(f"kisspoint: ended; {teller.now.done} campaigns are done and kept, and the same command goes on from there", file=sys.stderr)
+        print(f"kisspoint: stopped; {teller.now.done} campaigns are done and kept, and the same command continues from there", file=sys.stderr)
         return 130
     except (KisspointError, OSError, ValueError) as error:
         teller.end()
@@ -142,6 +142,7 @@ class Teller:
         parts = [f"{now.done} of {total} campaigns" if total else f"{now.done} campaigns"]
         parts += [f"{now.cached} from the cache"] if now.cached else []
         parts += [f"{now.failed} without an answer"] if now.failed else []
+        parts.append(f"{_time(passed)} so far")
         worked = now.done - now.cached
         if total and worked > 0 and now.done < total:
             left = (total - now.done) * passed / now.done
@@ -164,10 +165,10 @@ def summary(found: Fleet) -> str:
     lines = [f"{told.done} campaigns, {told.cached} from the cache, {told.failed} without an answer"]
     for one in p["numbers"]:
         if one["off"]:
-            lines.append(f"  off for all: {one['number']} by {one['mean']:+.2f} tolerances (95 %: {one['low']:+.2f} to {one['high']:+.2f})")
+            lines.append(f"  off on all cars: {one['number']} by {one['mean']:+.2f} tolerances (95 %: {one['low']:+.2f} to {one['high']:+.2f})")
         if one["tolerance"] != "as_declared" and one["kind"] == "tolerance":
             spread = one["spread"]
-            lines.append(f"  tolerance {one['tolerance'].replace('_', ' ')}: {one['number']} spreads by {spread['value']:.2f} of it (95 %: {spread['low']:.2f} to {spread['high']:.2f})")
+            lines.append(f"  tolerance {one['tolerance'].replace('_', ' ')}: {one['number']} spreads by {spread['value']:.2f} times the declared one (95 %: {spread['low']:.2f} to {spread['high']:.2f})")
         for drift in one["drift"]:
             if drift["significant"]:
                 lines.append(f"  moves: {one['number']} by {drift['slope']:+.3g} tolerances per {drift['per']} ({drift['low']:+.3g} to {drift['high']:+.3g})")

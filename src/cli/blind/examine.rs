@@ -163,8 +163,9 @@ impl Outcome {
         let or = |ids: Vec<String>, none: &str| if ids.is_empty() { none.to_owned() } else { ids.join(", ") };
         let said = self.error.clone().map_or_else(
             || {
-                let places = self.primary.iter().chain(&self.unexplained_at).map(|place| format!("; {place}")).collect::<String>();
-                format!("{}: {}{places}", self.verdict, or(self.named.iter().map(named).collect(), "no effect named"))
+                let at = self.primary.as_ref().map_or_else(String::new, |place| format!("; in {place}"));
+                let rest = self.unexplained_at.as_ref().map_or_else(String::new, |place| format!("; rest in {place}"));
+                format!("{}: {}{at}{rest}", self.verdict, or(self.named.iter().map(named).collect(), "no effect named"))
             },
             |error| format!("not diagnosed: {error}"),
         );

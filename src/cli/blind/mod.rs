@@ -29,6 +29,7 @@ use folder::Temporary;
 use kept::Kept;
 use rayon::prelude::*;
 use realcar::Place;
+use realcar::fleet::{self, Population};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -52,6 +53,9 @@ pub struct Args {
     /// Draw bench campaigns that a worse logger wrote: every alteration in turn
     #[arg(long)]
     altered: bool,
+    /// Draw a fleet: bench campaigns of one vehicle file, whose numbers are off by what population.json in --keep says; some cars carry an effect
+    #[arg(long, conflicts_with_all = ["road", "altered", "new_outside", "plan"], requires = "keep")]
+    fleet: bool,
     /// Draw only effects outside the library that nobody had drawn while the diagnosis was made
     #[arg(long, conflicts_with = "altered")]
     new_outside: bool,
@@ -82,15 +86,19 @@ impl Args {
             let (car, alteration) = realcar::altered::draw_altered(seed, index);
             return Subject { car, alteration: Some(alteration) };
         }
+        if self.fleet {
+            return Subject { car: fleet::draw_member(&Population::draw(seed), index), alteration: None };
+        }
         let place = if self.road { Place::Road } else { Place::Bench };
         let car = if self.new_outside { realcar::draw_new(place, seed, index) } else { realcar::draw_car(place, seed, index) };
         Subject { car, alteration: None }
     }
 
     fn what(&self) -> &'static str {
-        match (self.road, self.altered) {
-            (true, _) => "road",
-            (_, true) => "altered",
+        match (self.road, self.altered, self.fleet) {
+            (true, ..) => "road",
+            (_, true, _) => "altered",
+            (.., true) => "fleet",
             _ => "bench",
         }
     }
@@ -110,7 +118,10 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
         return planned::run(&options, &pool);
     }
     if let Some(folder) = &args.keep {
-        pool.install(|| keep(folder, cars, |k| args.draw(seed, k)))?;
+        let moves = pool.install(|| keep(folder, cars, |k| args.draw(seed, k)))?;
+        if args.fleet {
+            write_population(folder, &Population::draw(seed), moves)?;
+        }
         if args.draw_only {
             let drawn = json!({"seed": seed, "cars": cars, "drawn": args.what(), "generator": realcar::VERSION, "folder": folder});
             return if args.json {
@@ -147,28 +158,40 @@ fn case(index: usize) -> String {
     format!("case_{:03}", index + 1)
 }
 
-/// Writes the campaigns as `case_001` and on, and what is true of them as `answers.json`.
-fn keep(folder: &Path, cars: usize, draw: impl Fn(usize) -> Subject + Sync) -> Result<(), CommandError> {
+/// Writes what is true of a fleet: mean and standard deviation of each number, and where each car is, in standard deviations of the tolerances.
+fn write_population(folder: &Path, population: &Population, cars: serde_json::Map<String, Value>) -> Result<(), CommandError> {
+    let number = |(name, [mean, spread]): &(&str, [f64; 2])| ((*name).to_owned(), json!({"mean": mean, "spread": spread}));
+    let numbers: serde_json::Map<String, Value> = population.numbers.iter().map(number).collect();
+    let document = json!({"seed": population.seed, "effect": population.effect, "numbers": numbers, "cars": cars});
+    let file = folder.join("population.json");
+    std::fs::write(&file, format!("{document:#}\n")).map_err(at(file))
+}
+
+/// Writes the campaigns as `case_001` and on, and what is true of them as `answers.json`; how far the numbers of each are from its file.
+fn keep(folder: &Path, cars: usize, draw: impl Fn(usize) -> Subject + Sync) -> Result<serde_json::Map<String, Value>, CommandError> {
     let one = |k: usize| {
         let Subject { car, alteration } = draw(k);
         let name = case(k);
         car.write(&folder.join(&name)).map_err(at(folder))?;
         let ids: Vec<&str> = car.truth.effects.iter().map(|e| e.id).collect();
         let told: Vec<String> = car.truth.effects.iter().map(|e| format!("{}: {}", e.id, e.shape)).collect();
-        Ok((name, ids, json!({"alteration": alteration.map(scores::row_name), "shapes": told})))
+        let moves: serde_json::Map<String, Value> = car.real.moves().iter().map(|(n, z)| ((*n).to_owned(), json!(z))).collect();
+        Ok((name, ids, json!({"alteration": alteration.map(scores::row_name), "shapes": told}), Value::Object(moves)))
     };
-    let drawn: Result<Vec<(String, Vec<&str>, Value)>, CommandError> = (0..cars).into_par_iter().map(one).collect();
+    let drawn: Result<Vec<(String, Vec<&str>, Value, Value)>, CommandError> = (0..cars).into_par_iter().map(one).collect();
     let mut answers = serde_json::Map::new();
     let mut shapes = serde_json::Map::new();
-    for (name, ids, told) in drawn? {
+    let mut moves = serde_json::Map::new();
+    for (name, ids, told, moved) in drawn? {
         answers.insert(name.clone(), json!(ids));
-        shapes.insert(name, told);
+        shapes.insert(name.clone(), told);
+        moves.insert(name, moved);
     }
     for (name, content) in [("answers.json", answers), ("shapes.json", shapes)] {
         let file = folder.join(name);
         std::fs::write(&file, format!("{:#}\n", Value::Object(content))).map_err(at(file))?;
     }
-    Ok(())
+    Ok(moves)
 }
 
 fn report(outcomes: &[Outcome], seed: u64, args: &Args) -> Result<(), CommandError> {

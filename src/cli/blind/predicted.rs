@@ -96,7 +96,10 @@ impl Summary {
     /// For people.
     pub fn as_text(&self) -> String {
         let part = |e: &Errors| {
-            let n = e.count.max(1) as f64;
+            if e.count == 0 {
+                return "no samples".to_owned();
+            }
+            let n = e.count as f64;
             let (share, error, sigma) = (100.0 * e.within as f64 / n, (e.squares / n).sqrt(), (e.variances / n).sqrt());
             format!("{share:.1} % of {} samples within 2 σ, error {error:.2} N·m, σ {sigma:.2} N·m", e.count)
         };
@@ -105,7 +108,7 @@ impl Summary {
             return String::new();
         }
         format!(
-            "clutch torque of unseen recordings, where the plant says that it is valid: {}; {within} of {recordings} recordings as a whole\n  outside: {}\n",
+            "clutch torque of unseen recordings where the plant says it is valid: {}; {within} of {recordings} whole recordings\n  outside: {}\n",
             part(&self.all.inside),
             part(&self.all.outside)
         )

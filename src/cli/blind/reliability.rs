@@ -103,7 +103,7 @@ impl Reliability {
         let mut text = String::new();
         if let (Some(error), Some(brier)) = (self.calibration_error(), self.brier()) {
             text += &format!(
-                "claimed probability of a named effect: {} claims, calibration error {error:.3}, Brier score {brier:.3}\n",
+                "probability claimed for a named effect: {} claims, calibration error {error:.3}, Brier score {brier:.3}\n",
                 self.claims()
             );
             for (b, edges) in self.bins.iter().zip(EDGES.windows(2)).filter(|(b, _)| b.count > 0) {

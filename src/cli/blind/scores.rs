@@ -17,6 +17,8 @@ pub struct Score {
     pub name: String,
     /// Its value; none if it concerns no outcome.
     pub value: Option<f64>,
+    /// Of a share: how many of the outcomes, parts counted as parts.
+    pub hits: Option<f64>,
     /// 95 % interval.
     pub interval: Option<[f64; 2]>,
     /// How many outcomes it concerns.
@@ -45,7 +47,7 @@ fn share<'a>(name: impl Into<String>, outcomes: impl Iterator<Item = &'a Outcome
     let (count, sum) = (hits.len(), hits.iter().sum::<f64>());
     let some = count > 0;
     let value = some.then(|| sum / count as f64);
-    Score { name: name.into(), value, interval: some.then(|| wilson(sum, count)), count, is_share: true }
+    Score { name: name.into(), value, hits: Some(sum), interval: some.then(|| wilson(sum, count)), count, is_share: true }
 }
 
 fn quantile(name: &str, sorted: &[f64], q: f64) -> Score {
@@ -56,6 +58,7 @@ fn quantile(name: &str, sorted: &[f64], q: f64) -> Score {
     Score {
         name: name.into(),
         value: some.then(|| at((n - 1.0) * q)),
+        hits: None,
         interval: some.then(|| [at((n - 1.0) * q - spread), at((n - 1.0) * q + spread)]),
         count: sorted.len(),
         is_share: true,
@@ -153,6 +156,7 @@ fn drawn(outcomes: &[Outcome]) -> Vec<Score> {
     table.push(Score {
         name: "extra effects per car".into(),
         value: Some(mean),
+        hits: None,
         interval: Some([(mean - half).max(0.0), mean + half]),
         count,
         is_share: false,
@@ -176,9 +180,15 @@ pub fn as_text(table: &[Score]) -> String {
     let row = |s: &Score| {
         let value = s.value.map_or("-".into(), |v| number(s, v));
         let interval = s.interval.map_or(String::new(), |[low, high]| format!("{} to {}", number(s, low), number(s, high)));
-        format!("  {:<58} {value:>8}  of {:>4}   {interval}\n", s.name, s.count)
+        // Half a name counts half: whole counts have no decimals.
+        let of = match s.hits {
+            Some(hits) => format!("{} of {}", (100.0 * hits).round() / 100.0, s.count),
+            None => format!("{} cars", s.count),
+        };
+        format!("  {:<50} {of:>13}  {value:>8}  {interval}\n", s.name)
     };
-    table.iter().map(row).collect()
+    let head = format!("  {:<50} {:>13}  {:>8}  {}\n", "", "count", "value", "95 % interval");
+    head + &table.iter().map(row).collect::<String>()
 }
 
 #[cfg(test)]
