@@ -49,6 +49,10 @@ impl Controller {
         let bandwidth = (TORQUE_FORGETTING / g.engaged_for.max(h)).min(BITE_BANDWIDTH).max(s.torque_bandwidth)
             * g.delivery(observed).max(LEAST_DELIVERY);
         let rate = (bandwidth * lacking / g.slope.max(LEAST_SLOPE)).clamp(-FEEDBACK_RATE, FEEDBACK_RATE);
+        if std::mem::take(&mut g.takes_over) {
+            *integral = state.outputs.x_to - x - learned.touch_point;
+        }
+        let rate = if g.landing.has_begun() && observed > g.floor { rate.min(0.0) } else { rate };
         *integral = (*integral + rate * h).clamp(-s.x_fb_max, s.x_fb_max);
         *integral = integral.max((least - x - learned.touch_point).min(*integral + FEEDBACK_RATE * h));
         state.outputs.x_to_fb = *integral;
@@ -75,7 +79,7 @@ impl Controller {
         self.state.outputs.x_to_fb = fb;
         let g = &mut self.state.governed;
         g.closing_for += h;
-        let gently = s.closing_rate * h / g.slope.max(LEAST_SLOPE);
+        let gently = s.closing_rate * (g.closing_for / GENTLY).min(1.0) * h / g.slope.max(LEAST_SLOPE);
         let rise = if g.closing_for < GENTLY { gently } else { gently.max(CLOSING_SPEED * h) };
         let x = self.state.outputs.x_to + rise;
         self.move_to(x, h);

@@ -346,11 +346,12 @@ impl Controller {
     pub(super) fn move_to(&mut self, target: f64, h: f64) {
         let (s, x) = (&self.settings, self.state.outputs.x_to);
         let target = Limits { low: s.x_open, high: s.x_max }.bound(target);
-        self.state.outputs.x_to = target.max(x - s.rate_open * h).min(x + s.rate_close * h);
+        let most = if self.state.mode == Mode::Open || s.is_figure_3() { f64::INFINITY } else { self.state.governed.rate };
+        self.state.outputs.x_to = target.max(x - s.rate_open.min(most) * h).min(x + s.rate_close.min(most) * h);
     }
 
     /// Position in mm at which the facings touch, at the estimated temperature.
-    fn contact(&self) -> f64 {
+    pub(super) fn contact(&self) -> f64 {
         self.contact_at(self.state.temperatures.theta_c)
     }
 

@@ -26,6 +26,7 @@ use super::controller::{Controller, Mode, engine_limits};
 use super::figure_3::clutch_limits;
 use super::filter::{self, Lags};
 use super::guard::Inputs;
+use super::landing::{Landing, knob};
 use super::load::{Inertia, Load};
 use super::pi::Gains;
 use super::settings::Settings;
@@ -110,8 +111,16 @@ pub struct Governed {
     pub from: f64,
     /// Share of its speed at which the torque rises, because the bearing is slow.
     pub pace: f64,
+    /// Speed of the command that the bearing follows, mm/s.
+    pub rate: f64,
     /// Slope of the map where the bearing was sent, N·m/mm.
     pub slope: f64,
+    /// Second half of the launch.
+    pub landing: Landing,
+    /// The landing begins with this sample: the torque feedback takes up what the map is off by.
+    pub takes_over: bool,
+    /// F.
+    pub floor: f64,
 }
 
 impl Governed {
@@ -128,6 +137,8 @@ impl Governed {
         self.expected = Lags::default();
         self.lacking = Lags::default();
         self.inertia = Inertia::default();
+        self.landing = Landing::default();
+        self.rate = OUT_OF_THE_WAY;
         self.hold_back = OUT_OF_THE_WAY;
         (self.bitten_for, self.near_for, self.landing_for, self.closing_for) = (0.0, 0.0, 0.0, 0.0);
         (self.from, self.pace) = (if slip < 0.0 { -1.0 } else { 1.0 }, 1.0);
@@ -189,6 +200,7 @@ impl Controller {
     pub(super) fn engage_governed(&mut self, inputs: &Inputs, h: f64) {
         let limit = self.torque_limit(inputs, h);
         let (references, slopes) = self.advance_plan(inputs, limit, h);
+        let (touch, lag) = (self.contact(), self.observer.lag());
         let (s, state) = (&self.settings, &mut self.state);
         let d = &self.vehicle.driveline;
         let (a, f) = (filter::share(0.5 * s.actuator_time, h), filter::share(s.filter_time, h));
@@ -197,20 +209,39 @@ impl Controller {
         let error = g.wanted.advance(references.omega_c, [a, a, f, f]) - g.speed.out();
         let (direction, mut limits) = clutch_limits(s, inputs.omega_f, g.slip.out() + s.slip_lock);
         limits.high = limits.high.min(limit);
-        let needed = d.J_c * g.inertia.factor() * slopes.omega_c + driveline::resistance(d, g.load.omega, g.load.torque);
-        // Before the plan's middle the torque does not fall: a car that runs ahead lets the plan run faster instead.
-        let rising = 2.0 * state.elapsed < state.plan.duration && !inputs.wish.creep;
-        // After it the torque does not fall below what the landing needs, so that it need not rise again.
-        let landing = needed - d.J_c * g.inertia.factor() * (slopes.omega_c - LANDING * state.plan.slope).max(0.0);
-        let least = if rising { state.outputs.t_c_ref } else { landing.min(needed) };
+        let j = d.J_c * g.inertia.factor();
+        let resist = driveline::resistance(d, g.load.omega, g.load.torque);
         let last = state.outputs.t_c_ref.max(0.0);
+        let closing = if g.landing.has_begun() { (last - resist) / j } else { slopes.omega_c };
+        let ahead = (s.actuator_time + 2.0 * SLIP_FILTER * s.filter_time) * (slopes.omega_f - closing);
+        let slip_there = (direction * (g.slip.out() + ahead)).max(0.0);
+        let half = 0.5 * (state.plan.end - state.plan.omega_c_start);
+        if !g.landing.has_begun() && direction > 0.0 && !inputs.wish.creep && slip_there < half && g.bitten_for > 0.0 {
+            // What the clutch carries more or less than was asked of it is the map's error: it is taken over without a step.
+            let departs = state.estimate.t_fc - g.expected.out();
+            g.landing = Landing { slip: slip_there, torque: last + departs };
+            g.expected.shift(departs);
+            g.carried.shift(departs);
+            g.hold_back += departs.max(0.0);
+            g.takes_over = true;
+            limits.high += departs.max(0.0);
+            state.outputs.t_c_ref += departs;
+        }
+        let last = state.outputs.t_c_ref.max(0.0);
+        let rising = !g.landing.has_begun() && !inputs.wish.creep;
+        g.floor = resist + 0.5 * LANDING * j * state.plan.slope;
+        let wanted = if g.landing.has_begun() {
+            g.landing.torque_at(slip_there, resist + super::landing::knob("L", 2.0) * j * state.plan.slope)
+        } else {
+            // Before the landing the torque does not fall: a car that runs ahead lets the plan run faster instead.
+            (j * slopes.omega_c + resist + s.kp_clutch * error).max(if rising { last } else { 0.0 })
+        };
         let delivery = g.delivery(direction * state.estimate.t_fc).max(LEAST_DELIVERY);
-        let t_c = limits.bound(
-            (needed + s.kp_clutch * error)
-                .max(least)
-                .max(last - FALL * h)
-                .min(last + RISE * inputs.wish.aggressiveness.exp2() * g.pace * delivery * h),
-        );
+        let t_c = limits.bound(wanted.max(last - FALL * h).min(last + RISE * inputs.wish.aggressiveness.exp2() * g.pace * delivery * h));
+        let t_c = if g.bitten_for == 0.0 && direction > 0.0 {
+            let t = g.engaged_for - 0.3;
+            t_c.min(knob("S0", 20.0) + (knob("S1", 40.0) * t).clamp(0.0, 25.0) + knob("S2", 5.0) * t.max(0.0))
+        } else { t_c };
         let gains = Gains { p: s.kp_engine, i: s.ki_engine };
         let bites = g.bitten_for == 0.0 && direction * state.estimate.t_fc > BITE;
         g.bitten_for = if bites || g.bitten_for > 0.0 { g.bitten_for + h } else { 0.0 };
@@ -218,17 +249,20 @@ impl Controller {
         let carried = t_c + share * direction * (state.estimate.t_fc.abs() - g.expected.out());
         state.outputs.t_e_ref = state.engine.step(gains, references.omega_f - inputs.omega_f, carried, engine_limits(s), h);
         state.outputs.t_c_ref = t_c;
-        if bites && g.engaged_for > LATE_BITE {
-            // A slow bearing is still on its way to where it was sent: it is sent to where it is, and the torque rises as slowly as it came.
-            g.pace = LATE_BITE / g.engaged_for;
-            state.feedback.integral = 0.0;
-            state.outputs.t_c_ref = t_c.min(state.estimate.t_fc.abs());
+        if bites {
+            let travelled = g.engaged_for - s.actuator_time - lag;
+            if travelled > 0.0 {
+                let speed = (touch - s.x_open) / travelled;
+                g.rate = knob("F", 0.7) * speed;
+                if g.engaged_for > knob("LB", 0.9) {
+                    state.feedback.integral = 0.0;
+                    state.outputs.t_c_ref = t_c.min(BITE + g.slope.max(15.0) * speed * (lag + s.actuator_time) * knob("LS", 1.0));
+                }
+            }
         }
         let t_c = state.outputs.t_c_ref;
-        let ahead = (s.actuator_time + 2.0 * SLIP_FILTER * s.filter_time) * (slopes.omega_f - slopes.omega_c);
-        let slip_there = (direction * (g.slip.out() + ahead)).max(0.0);
         // While the torque rises, the bearing does not go back for an early bite alone: the feedback takes effect on what is added.
         let least = if rising && t_c < limits.high { state.outputs.x_to } else { s.x_open };
-        self.place(t_c, direction, slip_there, least, h);
+        self.place(t_c, direction, slip_there.max(2.0 * self.settings.slip_lock), least, h);
     }
 }

@@ -25,6 +25,7 @@ pub mod governed;
 pub mod governor;
 pub mod guard;
 pub mod held;
+pub mod landing;
 pub mod learning;
 pub mod load;
 pub mod observer;
