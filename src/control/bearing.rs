@@ -49,10 +49,13 @@ impl Controller {
         let bandwidth = (TORQUE_FORGETTING / g.engaged_for.max(h)).min(BITE_BANDWIDTH).max(s.torque_bandwidth)
             * g.delivery(observed).max(LEAST_DELIVERY);
         let rate = (bandwidth * lacking / g.slope.max(LEAST_SLOPE)).clamp(-FEEDBACK_RATE, FEEDBACK_RATE);
-        if std::mem::take(&mut g.takes_over) {
-            *integral = state.outputs.x_to - x - learned.touch_point;
+        let takes_over = std::mem::take(&mut g.takes_over);
+        if takes_over != 0.0 {
+            let at = |t: f64| map::inverse_above(&v.friction, &v.actuator, &v.cushion_spring, self.xi_0, t.max(0.0) / learned.friction, slip, theta);
+            *integral += at(g.landing.torque - takes_over) - at(g.landing.torque);
         }
-        let rate = if g.landing.has_begun() && observed > g.floor { rate.min(0.0) } else { rate };
+        let rate = if g.bitten_for == 0.0 { 0.0 } else { rate };
+        let rate = if g.landing.has_begun() && observed > g.floor.max(0.6 * t_c) { rate.min(0.0) } else { rate };
         *integral = (*integral + rate * h).clamp(-s.x_fb_max, s.x_fb_max);
         *integral = integral.max((least - x - learned.touch_point).min(*integral + FEEDBACK_RATE * h));
         state.outputs.x_to_fb = *integral;

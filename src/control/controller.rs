@@ -346,8 +346,10 @@ impl Controller {
     pub(super) fn move_to(&mut self, target: f64, h: f64) {
         let (s, x) = (&self.settings, self.state.outputs.x_to);
         let target = Limits { low: s.x_open, high: s.x_max }.bound(target);
-        let most = if self.state.mode == Mode::Open || s.is_figure_3() { f64::INFINITY } else { self.state.governed.rate };
-        self.state.outputs.x_to = target.max(x - s.rate_open.min(most) * h).min(x + s.rate_close.min(most) * h);
+        let g = &self.state.governed;
+        let follows = if self.state.mode == Mode::Open || s.is_figure_3() { f64::INFINITY } else { g.rate };
+        let back = if g.landing.has_begun() { follows } else { f64::INFINITY };
+        self.state.outputs.x_to = target.max(x - s.rate_open.min(back) * h).min(x + s.rate_close.min(follows) * h);
     }
 
     /// Position in mm at which the facings touch, at the estimated temperature.

@@ -118,7 +118,7 @@ pub struct Governed {
     /// Second half of the launch.
     pub landing: Landing,
     /// The landing begins with this sample: the torque feedback takes up what the map is off by.
-    pub takes_over: bool,
+    pub takes_over: f64,
     /// F.
     pub floor: f64,
 }
@@ -223,7 +223,7 @@ impl Controller {
             g.expected.shift(departs);
             g.carried.shift(departs);
             g.hold_back += departs.max(0.0);
-            g.takes_over = true;
+            g.takes_over = departs;
             limits.high += departs.max(0.0);
             state.outputs.t_c_ref += departs;
         }
@@ -252,7 +252,7 @@ impl Controller {
         if bites {
             let travelled = g.engaged_for - s.actuator_time - lag;
             if travelled > 0.0 {
-                let speed = (touch - s.x_open) / travelled;
+                let speed: f64 = (touch - s.x_open) / travelled;
                 g.rate = knob("F", 0.7) * speed;
                 if g.engaged_for > knob("LB", 0.9) {
                     state.feedback.integral = 0.0;

@@ -215,9 +215,9 @@ fn walk_governed(governed: &mut Governed, words: &mut impl Words) {
         floor,
         rate,
     } = governed;
-    words.flag(takes_over);
+
     let Load { omega, torque } = load;
-    for x in [omega, torque, hold_back, near_for, closing_for, landing_for, bitten_for, engaged_for, from, pace, slope, &mut landing.slip, &mut landing.torque, floor, rate] {
+    for x in [omega, torque, hold_back, near_for, closing_for, landing_for, bitten_for, engaged_for, from, pace, slope, &mut landing.slip, &mut landing.torque, takes_over, floor, rate] {
         words.real(x);
     }
     let lags = [
