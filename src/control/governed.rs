@@ -73,6 +73,9 @@ const FALL: f64 = 400.0;
 /// Fastest rise of the torque asked for, N·m/s.
 const RISE: f64 = 150.0;
 
+/// Rise of the torque asked for while a held car waits for it, N·m/s.
+const SEEK: f64 = 50.0;
+
 /// Share of what the observed torque departs from the expected one that the engine is told: all of it would make a slow engine swing.
 const CARRIED_SHARE: f64 = 0.3;
 
@@ -107,6 +110,10 @@ pub struct Governed {
     pub bitten_for: f64,
     /// Time since the clutch was open, s.
     pub engaged_for: f64,
+    /// The hill holder holds the car.
+    pub held: bool,
+    /// Time since the car was let go, or the clutch was open, s.
+    pub free_for: f64,
     /// Side that the slip came from, ±1.
     pub from: f64,
     /// Share of its speed at which the torque rises, because the bearing is slow.
@@ -138,6 +145,7 @@ impl Governed {
         self.lacking = Lags::default();
         self.inertia = Inertia::default();
         self.landing = Landing::default();
+        self.held = true;
         self.rate = OUT_OF_THE_WAY;
         self.hold_back = OUT_OF_THE_WAY;
         (self.bitten_for, self.near_for, self.landing_for, self.closing_for) = (0.0, 0.0, 0.0, 0.0);
@@ -186,10 +194,11 @@ impl Controller {
         let departs = if state.mode == Mode::Engaging { BELIEVED * (state.estimate.t_fc - g.expected.out()) } else { 0.0 };
         let t = (t + departs).min(state.estimate.t_fc.max(0.0) + UNDELIVERED + UNDELIVERED_SHARE * t);
         g.engaged_for = if state.mode == Mode::Open { 0.0 } else { g.engaged_for + h };
-        let bandwidth = (LOAD_FORGETTING / g.engaged_for.max(h)).min(OPEN_LOAD_BANDWIDTH).max(s.load_bandwidth);
+        g.free_for = if state.mode == Mode::Open { 0.0 } else { g.free_for + h };
+        let bandwidth = (LOAD_FORGETTING / g.free_for.max(h)).min(OPEN_LOAD_BANDWIDTH).max(s.load_bandwidth);
         let d = &self.vehicle.driveline;
         g.load.advance(d, d.J_c * g.inertia.factor(), t, omega, bandwidth, s.torque_max, h);
-        if state.mode == Mode::Engaging && t > UNDELIVERED {
+        if state.mode == Mode::Engaging && !g.held && t > UNDELIVERED {
             let [before, after] = g.speed.0;
             let accelerating = d.J_c * (before - after) / s.filter_time.max(h);
             g.inertia.take(accelerating, t - driveline::resistance(d, omega, 0.0) - accelerating, h);
@@ -233,7 +242,8 @@ impl Controller {
         let wanted = if g.landing.has_begun() {
             g.landing.torque_at(slip_there, resist + super::landing::knob("L", 2.0) * j * state.plan.slope)
         } else {
-            // Before the landing the torque does not fall: a car that runs ahead lets the plan run faster instead.
+            // Before the landing the torque does not fall: a car that runs ahead lets the plan run faster instead. One that is held waits for what the map owes.
+            let last = if g.held { last + SEEK * h } else { last };
             (j * slopes.omega_c + resist + s.kp_clutch * error).max(if rising { last } else { 0.0 })
         };
         let delivery = g.delivery(direction * state.estimate.t_fc).max(LEAST_DELIVERY);

@@ -26,6 +26,7 @@ pub mod governor;
 pub mod guard;
 pub mod held;
 pub mod landing;
+pub mod hill;
 pub mod learning;
 pub mod load;
 pub mod observer;
