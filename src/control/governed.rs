@@ -73,6 +73,9 @@ const FALL: f64 = 400.0;
 /// Fastest rise of the torque asked for, N·m/s.
 const RISE: f64 = 150.0;
 
+/// Share of the torque of a while ago from which the torque asked for has not been taken back.
+const SOUND: f64 = 0.7;
+
 /// Rise of the torque asked for while a held car waits for it, N·m/s.
 const SEEK: f64 = 50.0;
 
@@ -225,7 +228,9 @@ impl Controller {
         let ahead = (s.actuator_time + 2.0 * SLIP_FILTER * s.filter_time) * (slopes.omega_f - closing);
         let slip_there = (direction * (g.slip.out() + ahead)).max(0.0);
         let half = 0.5 * (state.plan.end - state.plan.omega_c_start);
-        if !g.landing.has_begun() && direction > 0.0 && !inputs.wish.creep && slip_there < half && g.bitten_for > 0.0 {
+        // A slip that is small because the engine was dragged down, and the clutch taken back for it, is no landing.
+        let carries = g.bitten_for > 0.0 && last > SOUND * g.expected.out();
+        if !g.landing.has_begun() && direction > 0.0 && !inputs.wish.creep && slip_there < half && carries {
             // What the clutch carries more or less than was asked of it is the map's error: it is taken over without a step.
             let departs = state.estimate.t_fc - g.expected.out();
             g.landing = Landing { slip: slip_there, torque: last + departs };
