@@ -18,7 +18,8 @@ fn launch(change: impl FnOnce(&mut Parameters), settings: &Settings, noise: f64)
     p[param::actuator_lag::time_constant] = 0.03;
     p[param::actuator_delay::delay] = 0.015;
     change(&mut p);
-    let car = Car { vehicle: Vehicle::paper(), effects: p, theta: 25.0, theta_believed: 25.0, sampling: 0.01, noise, seed: 3 };
+    let car =
+        Car { vehicle: Vehicle::paper(), effects: p, theta: 25.0, theta_believed: 25.0, sampling: 0.01, noise, seed: 3, grade_error: 0.0 };
     drive::drive(&car, &mut kisspoint::control::Controller::new(&Vehicle::paper(), settings), 8.0)
 }
 

@@ -35,9 +35,16 @@ impl Landing {
     }
 }
 
-/// T.
-pub fn knob(name: &str, default: f64) -> f64 {
-    use std::sync::{Mutex, OnceLock};
-    static M: OnceLock<Mutex<std::collections::HashMap<String, f64>>> = OnceLock::new();
-    *M.get_or_init(Default::default).lock().unwrap().entry(name.to_owned()).or_insert_with(|| std::env::var(name).ok().and_then(|x| x.parse().ok()).unwrap_or(default))
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_torque_falls_with_the_slip_and_ends_where_it_should() {
+        let landing = Landing { slip: 50.0, torque: 90.0 };
+        assert_eq!((landing.torque_at(50.0, 30.0), landing.torque_at(0.0, 30.0)), (90.0, 30.0));
+        assert_eq!((landing.torque_at(70.0, 30.0), landing.torque_at(25.0, 30.0)), (90.0, 75.0));
+        assert!((0..50).all(|k| landing.torque_at(f64::from(k), 30.0) < landing.torque_at(f64::from(k + 1), 30.0)));
+        assert!(!Landing::default().has_begun());
+    }
 }

@@ -210,7 +210,6 @@ fn walk_governed(governed: &mut Governed, words: &mut impl Words) {
         bitten_for,
         engaged_for,
         from,
-        pace,
         slope,
         landing,
         takes_over,
@@ -222,7 +221,24 @@ fn walk_governed(governed: &mut Governed, words: &mut impl Words) {
 
     words.flag(held);
     let Load { omega, torque } = load;
-    for x in [omega, torque, hold_back, near_for, closing_for, landing_for, bitten_for, engaged_for, from, pace, slope, &mut landing.slip, &mut landing.torque, takes_over, floor, rate, free_for] {
+    for x in [
+        omega,
+        torque,
+        hold_back,
+        near_for,
+        closing_for,
+        landing_for,
+        bitten_for,
+        engaged_for,
+        from,
+        slope,
+        &mut landing.slip,
+        &mut landing.torque,
+        takes_over,
+        floor,
+        rate,
+        free_for,
+    ] {
         words.real(x);
     }
     let lags = [

@@ -111,7 +111,16 @@ pub fn draw(nominal: &Vehicle, seed: u64, k: usize) -> Car {
     let theta = random.between(20.0, 150.0);
     let theta_believed = theta + random.between(-20.0, 20.0);
     let sampling = if random.below(2) == 0 { 0.01 } else { 0.02 };
-    Car { vehicle, effects: p, theta, theta_believed, sampling, noise: random.between(0.0, 1.0), seed: random.next(), grade_error: 0.01 * random.normal() }
+    Car {
+        vehicle,
+        effects: p,
+        theta,
+        theta_believed,
+        sampling,
+        noise: random.between(0.0, 1.0),
+        seed: random.next(),
+        grade_error: 0.01 * random.normal(),
+    }
 }
 
 fn add_effect(p: &mut Parameters, random: &mut Random) {

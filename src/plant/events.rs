@@ -371,7 +371,8 @@ fn break_away(config: &Config, state: &mut State) {
 fn meet(config: &Config, state: &mut State) {
     let d = &config.constants.driveline;
     let stands = state.rest.engine || state.rest.car && !config.compliant();
-    let common = if stands { 0.0 } else { common_speed([d.J_f, config.disc_inertia()], [state.y[index::OMEGA_F], state.y[index::OMEGA_C]]) };
+    let common =
+        if stands { 0.0 } else { common_speed([d.J_f, config.disc_inertia()], [state.y[index::OMEGA_F], state.y[index::OMEGA_C]]) };
     state.y[index::OMEGA_F] = common;
     state.y[index::OMEGA_C] = common;
     if !config.compliant() {

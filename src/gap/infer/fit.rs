@@ -87,7 +87,8 @@ impl Fit {
         let sizes: &[f64] = if self.shared.iter().any(is_form) { &SIZES } else { &[1.0] };
         let parts = to_powers(&self.parts, powers);
         let misfit = self.misfits.iter().zip(powers).map(|(misfit, power)| misfit * power).sum();
-        let at = |&size: &f64| self.at_size(problem, law, &parts, misfit, powers == WHOLE, size).map(|(evidence, fit)| (size, evidence, fit));
+        let at =
+            |&size: &f64| self.at_size(problem, law, &parts, misfit, powers == WHOLE, size).map(|(evidence, fit)| (size, evidence, fit));
         let all: Vec<(f64, f64, Self)> = sizes.iter().filter_map(at).collect();
         let Some((_, most, best)) = all.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else { return (f64::NEG_INFINITY, self.clone()) };
         let sum: f64 = all.iter().map(|(_, evidence, _)| (evidence - most).exp()).sum();
@@ -222,7 +223,19 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
     };
     let Frame { shared, own } = frame;
     let misfits = problem.misfits(&residuals);
-    Fit { point, cost: now, residuals, misfits, shared, curvature, log_evidence, columns: Arc::new(columns), own, parts: Arc::new(parts), form_size: 1.0 }
+    Fit {
+        point,
+        cost: now,
+        residuals,
+        misfits,
+        shared,
+        curvature,
+        log_evidence,
+        columns: Arc::new(columns),
+        own,
+        parts: Arc::new(parts),
+        form_size: 1.0,
+    }
 }
 
 /// Logarithm of the evidence: density at the mode times the volume that the posterior leaves of the prior.
