@@ -61,8 +61,8 @@ pub(super) const LEAST_DELIVERY: f64 = 0.1;
 const BELIEVED: f64 = 1.0;
 
 /// Acceleration kept for the landing over `reference_slope`, and the share of it that the clutch must carry for the feedback to leave it alone.
-const LANDING: f64 = 2.0;
-const ENOUGH: f64 = 0.2;
+const LANDING: f64 = 3.0;
+const ENOUGH: f64 = 0.13;
 
 /// Slope of the map in N·m/mm under which the touch point is near.
 const TOUCHING: f64 = 15.0;
