@@ -128,7 +128,7 @@ fn no_sequence_of_garbage_makes_an_output_that_is_not_finite() {
     };
     for _ in 0..20_000 {
         let mut value = || garbage[pick() % garbage.len()];
-        let wish = Wish { t_e_max: value(), aggressiveness: value(), creep: value() > 0.0, forget: value() > 0.0 };
+        let wish = Wish { t_e_max: value(), aggressiveness: value(), t_grade: value(), creep: value() > 0.0, forget: value() > 0.0 };
         let inputs = Inputs { omega_f: value(), omega_c: value(), t_e: value(), theta_h: value(), engage: value() > 0.0, wish };
         controller.step(&inputs, [1e-6, 1e-3, 0.02, 0.1][pick() % 4]);
         let c = controller.outputs();

@@ -18,7 +18,8 @@ fn launch(change: impl FnOnce(&mut Parameters), settings: &Settings, noise: f64)
     p[param::actuator_lag::time_constant] = 0.03;
     p[param::actuator_delay::delay] = 0.015;
     change(&mut p);
-    let car = Car { vehicle: Vehicle::paper(), effects: p, theta: 25.0, theta_believed: 25.0, sampling: 0.01, noise, seed: 3 };
+    let car =
+        Car { vehicle: Vehicle::paper(), effects: p, theta: 25.0, theta_believed: 25.0, sampling: 0.01, noise, seed: 3, grade_error: 0.0 };
     drive::drive(&car, &mut kisspoint::control::Controller::new(&Vehicle::paper(), settings), 8.0)
 }
 
@@ -51,7 +52,7 @@ fn shafts_do_not_shake() {
 fn map_errors_spread_the_time_little_and_learning_takes_most_of_that() {
     let spread = monte_carlo::learning(&Vehicle::paper(), Settings::robust().learning_rate);
     println!("{spread:?}");
-    assert!(spread[0] < 0.5, "{spread:?}");
+    assert!(spread[0] < 0.7, "{spread:?}");
     assert!(spread[4] < 0.5 * spread[0], "{spread:?}");
 }
 
@@ -61,6 +62,23 @@ fn grades_are_climbed() {
         let f = launch(|p| p[param::road_load::grade] = grade, &Settings::robust(), 0.0);
         assert_good(&format!("grade {grade}"), &f);
         assert!(f.time < 2.5, "{f:?}");
+    }
+}
+
+/// A bearing of 2.5 mm/s takes two seconds to the touch point: the car stands until the clutch carries it, and lands as if the bearing were quick.
+#[test]
+fn a_slow_bearing_holds_the_car_on_a_grade() {
+    for inverse_speed in [0.1, 0.2, 0.4] {
+        let f = launch(
+            |p| {
+                p[param::actuator_rate_limit::inverse_speed] = inverse_speed;
+                p[param::road_load::grade] = 0.15;
+            },
+            &Settings::robust(),
+            0.0,
+        );
+        assert_good(&format!("{inverse_speed} s/mm"), &f);
+        assert!(f.roll_back < 6.0, "{f:?}");
     }
 }
 
@@ -133,7 +151,7 @@ fn drawn_cars_launch_well() {
     let ([governed, learned, figure_3, _], _) = monte_carlo::run(&Vehicle::paper(), 100, 20);
     println!("{:?}\n{:?}\n{:?}", governed.shares(), learned.shares(), figure_3.shares());
     let [locks, no_stall, one_reversal, peak, soft] = governed.shares();
-    assert!(locks >= 0.97 && no_stall >= 0.97 && one_reversal >= 0.8 && peak >= 0.95 && soft >= 0.95, "{:?}", governed.shares());
+    assert!(locks >= 0.99 && no_stall >= 0.99 && one_reversal >= 0.97 && peak >= 0.95 && soft >= 0.95, "{:?}", governed.shares());
     // It would not tell a good law from another if the paper's passed, too.
     assert!(figure_3.shares()[4] < 0.5, "{:?}", figure_3.shares());
 }

@@ -5,9 +5,9 @@ use crate::catalogue;
 use crate::channels::{Bench, Noise, Pen, Recording, Steps};
 use crate::draw::{Remains, mix};
 use crate::effects::{Deviation, STEP_S};
+use crate::fleet::Population;
 use crate::manoeuvre::{self, Manoeuvre};
 use crate::tcu::{Tcu, Tuning};
-use crate::fleet::Population;
 use crate::vehicle::{Moves, Vehicle};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
@@ -67,7 +67,18 @@ impl Bed {
         }
         let vehicle_json = crate::write::pretty(&self.file.to_json(None));
         let noise_rad_s = self.noise.speed.hypot(Steps::BENCH.speed / 12f64.sqrt());
-        (all, Remains { vehicle_json, real: self.real, moves: self.moves, noise_rad_s, noise: self.noise, shown: self.plan.len(), seen: self.seen })
+        (
+            all,
+            Remains {
+                vehicle_json,
+                real: self.real,
+                moves: self.moves,
+                noise_rad_s,
+                noise: self.noise,
+                shown: self.plan.len(),
+                seen: self.seen,
+            },
+        )
     }
 
     fn one(&mut self, what: Manoeuvre, hot: bool, deviation: &Deviation, k: u64) -> (Recording, Motion) {

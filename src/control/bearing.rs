@@ -13,6 +13,9 @@ const TORQUE_FORGETTING: f64 = 2.0;
 /// Fastest move of the torque feedback, mm/s.
 const FEEDBACK_RATE: f64 = 1.0;
 
+/// Share of the torque asked for that suffices while it falls.
+const SUFFICIENT: f64 = 0.6;
+
 /// Slope of the map in N·m/mm below which the feedback takes it for this.
 const LEAST_SLOPE: f64 = 15.0;
 
@@ -49,6 +52,17 @@ impl Controller {
         let bandwidth = (TORQUE_FORGETTING / g.engaged_for.max(h)).min(BITE_BANDWIDTH).max(s.torque_bandwidth)
             * g.delivery(observed).max(LEAST_DELIVERY);
         let rate = (bandwidth * lacking / g.slope.max(LEAST_SLOPE)).clamp(-FEEDBACK_RATE, FEEDBACK_RATE);
+        let departs = std::mem::take(&mut g.takes_over);
+        if departs != 0.0 {
+            let (f, at) = (&v.friction, |t: f64| t.max(0.0) / learned.friction);
+            let place = |t: f64| map::inverse_above(f, &v.actuator, &v.cushion_spring, self.xi_0, at(t), slip, theta);
+            *integral += place(g.landing.torque - departs) - place(g.landing.torque);
+        }
+        // What is not felt yet says nothing, and while the torque falls one that suffices is not to rise again.
+        let suffices = g.landing.has_begun() && observed > g.floor.max(SUFFICIENT * t_c);
+        let most = if g.bitten_for == 0.0 || suffices { 0.0 } else { FEEDBACK_RATE };
+        let least_rate = if g.bitten_for == 0.0 { 0.0 } else { -FEEDBACK_RATE };
+        let rate = rate.clamp(least_rate, most);
         *integral = (*integral + rate * h).clamp(-s.x_fb_max, s.x_fb_max);
         *integral = integral.max((least - x - learned.touch_point).min(*integral + FEEDBACK_RATE * h));
         state.outputs.x_to_fb = *integral;
@@ -75,7 +89,7 @@ impl Controller {
         self.state.outputs.x_to_fb = fb;
         let g = &mut self.state.governed;
         g.closing_for += h;
-        let gently = s.closing_rate * h / g.slope.max(LEAST_SLOPE);
+        let gently = s.closing_rate * (g.closing_for / GENTLY).min(1.0) * h / g.slope.max(LEAST_SLOPE);
         let rise = if g.closing_for < GENTLY { gently } else { gently.max(CLOSING_SPEED * h) };
         let x = self.state.outputs.x_to + rise;
         self.move_to(x, h);

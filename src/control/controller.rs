@@ -71,6 +71,8 @@ pub struct Outputs {
     pub touch_point_offset: f64,
     /// Friction learned, over the vehicle file's.
     pub friction_factor: f64,
+    /// Torque asked of the brakes, N·m.
+    pub t_brake: f64,
 }
 
 /// What the controller is doing.
@@ -159,6 +161,11 @@ impl Controller {
         self.observer = Observer::new(&self.vehicle.driveline, settings.l_1, settings.l_2);
     }
 
+    /// The vehicle that the controller takes its car for.
+    pub fn vehicle(&self) -> &Vehicle {
+        &self.vehicle
+    }
+
     /// The settings.
     pub fn settings(&self) -> &Settings {
         &self.settings
@@ -199,6 +206,7 @@ impl Controller {
         let slip = inputs.omega_f - inputs.omega_c;
         self.change_mode(&inputs, slip);
         self.estimate(&inputs, slip, h);
+        self.hold_on_hill(&inputs);
         match self.state.mode {
             Mode::Open => self.open(&inputs, h),
             // Bridging: with measurements that stand still, only the position and torques reached so far are safe.
@@ -244,7 +252,14 @@ impl Controller {
 
     /// The clutch torque is no input any more: what it contributed goes on as the engine controller's own.
     fn hand_over(&mut self, to: Mode) {
-        self.state.engine.integral += self.state.outputs.t_c_ref;
+        let (s, state) = (&self.settings, &mut self.state);
+        state.engine.integral = if s.is_figure_3() {
+            state.engine.integral + state.outputs.t_c_ref
+        } else {
+            // The torque goes on where it is, under the gains and the speed that count from now on.
+            let error = reference::references(&state.plan, state.elapsed).omega_f - state.governed.speed_of_both();
+            state.outputs.t_e_ref - FIRMNESS * s.kp_engine * error
+        };
         self.state.mode = to;
     }
 
@@ -346,11 +361,14 @@ impl Controller {
     pub(super) fn move_to(&mut self, target: f64, h: f64) {
         let (s, x) = (&self.settings, self.state.outputs.x_to);
         let target = Limits { low: s.x_open, high: s.x_max }.bound(target);
-        self.state.outputs.x_to = target.max(x - s.rate_open * h).min(x + s.rate_close * h);
+        let g = &self.state.governed;
+        let follows = if self.state.mode == Mode::Open || s.is_figure_3() { f64::INFINITY } else { g.rate };
+        let back = if g.landing.has_begun() { follows } else { f64::INFINITY };
+        self.state.outputs.x_to = target.max(x - s.rate_open.min(back) * h).min(x + s.rate_close.min(follows) * h);
     }
 
     /// Position in mm at which the facings touch, at the estimated temperature.
-    fn contact(&self) -> f64 {
+    pub(super) fn contact(&self) -> f64 {
         self.contact_at(self.state.temperatures.theta_c)
     }
 

@@ -24,6 +24,11 @@ impl<const N: usize> Lags<N> {
         Self([value; N])
     }
 
+    /// Moves all of them by `by`.
+    pub fn shift(&mut self, by: f64) {
+        self.0.iter_mut().for_each(|y| *y += by);
+    }
+
     /// Output after a sample, each lag with its `shares`.
     #[inline]
     pub fn advance(&mut self, input: f64, shares: [f64; N]) -> f64 {

@@ -18,14 +18,17 @@
 //!
 //! - **Reference governor**: where the plan asks for more than T_lim, or the clutch falls behind, the plan's time runs slower.
 //! - **Filtered references**: each reference is compared with its measurement behind the same lags, so a perfect map is left alone.
-//! - **Soft landing**: after the end of the plan the clutch reference goes on with `reference_slope` until the filtered slip is gone;
-//!   then the torque rises at `closing_rate` before the position goes to its maximum.
-//! - **Hill**: the load is observed also while the clutch is open and the car rolls; **creep**: a ramp to `creep_speed` in slip.
+//! - **Approach** ([`super::approach`]): until the facings bite little is asked for; the bite tells how fast the bearing is.
+//! - **Landing** ([`super::landing`]): from half of the slip on the torque goes down with the slip, and what the map is off by is taken over.
+//!   When the filtered slip is gone, the torque rises at `closing_rate` before the position goes to its maximum.
+//! - **Hill** ([`super::hill`]): brakes hold the car until the clutch carries its grade; without a sensor of it the load is observed also while the clutch is open and the car rolls; **creep**: a ramp to `creep_speed` in slip.
 
-use super::controller::{Controller, Mode, engine_limits};
+use super::approach;
+use super::controller::{Controller, Mode, State, engine_limits};
 use super::figure_3::clutch_limits;
 use super::filter::{self, Lags};
 use super::guard::Inputs;
+use super::landing::Landing;
 use super::load::{Inertia, Load};
 use super::pi::Gains;
 use super::settings::Settings;
@@ -44,9 +47,6 @@ const OUT_OF_THE_WAY: f64 = 1e6;
 /// Observed torque at which the facings have bitten, N·m.
 const BITE: f64 = 8.0;
 
-/// Time after which a bite is late, s: the bearing is slow.
-const LATE_BITE: f64 = 0.4;
-
 /// Share of the engine's speed that a slip may have which is taken for an error of a sensor.
 const SENSOR_ERROR: f64 = 0.06;
 
@@ -60,8 +60,12 @@ pub(super) const LEAST_DELIVERY: f64 = 0.1;
 /// Share of what the observed torque departs from the expected one that counts as the clutch's, not as a load.
 const BELIEVED: f64 = 1.0;
 
-/// Share of the slope of the landing that the torque keeps for it.
-const LANDING: f64 = 0.8;
+/// Acceleration kept for the landing over `reference_slope`, and the share of it that the clutch must carry for the feedback to leave it alone.
+const LANDING: f64 = 3.0;
+const ENOUGH: f64 = 0.13;
+
+/// Slope of the map in N·m/mm under which the touch point is near.
+const TOUCHING: f64 = 15.0;
 
 /// Time constants of the slip's filter over `filter_time`: no feedback of any gain hangs on it.
 const SLIP_FILTER: f64 = 0.6;
@@ -71,6 +75,12 @@ const FALL: f64 = 400.0;
 
 /// Fastest rise of the torque asked for, N·m/s.
 const RISE: f64 = 150.0;
+
+/// Share of the torque of a while ago from which the torque asked for has not been taken back.
+const SOUND: f64 = 0.7;
+
+/// Rise of the torque asked for while a held car waits for it, N·m/s.
+const SEEK: f64 = 50.0;
 
 /// Share of what the observed torque departs from the expected one that the engine is told: all of it would make a slow engine swing.
 const CARRIED_SHARE: f64 = 0.3;
@@ -106,12 +116,22 @@ pub struct Governed {
     pub bitten_for: f64,
     /// Time since the clutch was open, s.
     pub engaged_for: f64,
+    /// The hill holder holds the car.
+    pub held: bool,
+    /// Time since the car was let go, or the clutch was open, s.
+    pub free_for: f64,
     /// Side that the slip came from, ±1.
     pub from: f64,
-    /// Share of its speed at which the torque rises, because the bearing is slow.
-    pub pace: f64,
+    /// Speed of the command that the bearing follows, mm/s.
+    pub rate: f64,
     /// Slope of the map where the bearing was sent, N·m/mm.
     pub slope: f64,
+    /// Second half of the launch.
+    pub landing: Landing,
+    /// Torque in N·m beyond the map's that the torque feedback takes up as the landing begins.
+    pub takes_over: f64,
+    /// Torque in N·m that load and landing need at least.
+    pub floor: f64,
 }
 
 impl Governed {
@@ -128,9 +148,12 @@ impl Governed {
         self.expected = Lags::default();
         self.lacking = Lags::default();
         self.inertia = Inertia::default();
+        self.landing = Landing::default();
+        self.held = true;
+        self.rate = OUT_OF_THE_WAY;
         self.hold_back = OUT_OF_THE_WAY;
         (self.bitten_for, self.near_for, self.landing_for, self.closing_for) = (0.0, 0.0, 0.0, 0.0);
-        (self.from, self.pace) = (if slip < 0.0 { -1.0 } else { 1.0 }, 1.0);
+        self.from = if slip < 0.0 { -1.0 } else { 1.0 };
     }
 
     /// Speed of a locked driveline behind F: the mean of both sensors, rad/s.
@@ -175,10 +198,11 @@ impl Controller {
         let departs = if state.mode == Mode::Engaging { BELIEVED * (state.estimate.t_fc - g.expected.out()) } else { 0.0 };
         let t = (t + departs).min(state.estimate.t_fc.max(0.0) + UNDELIVERED + UNDELIVERED_SHARE * t);
         g.engaged_for = if state.mode == Mode::Open { 0.0 } else { g.engaged_for + h };
-        let bandwidth = (LOAD_FORGETTING / g.engaged_for.max(h)).min(OPEN_LOAD_BANDWIDTH).max(s.load_bandwidth);
+        g.free_for = if state.mode == Mode::Open { 0.0 } else { g.free_for + h };
+        let bandwidth = (LOAD_FORGETTING / g.free_for.max(h)).min(OPEN_LOAD_BANDWIDTH).max(s.load_bandwidth);
         let d = &self.vehicle.driveline;
         g.load.advance(d, d.J_c * g.inertia.factor(), t, omega, bandwidth, s.torque_max, h);
-        if state.mode == Mode::Engaging && t > UNDELIVERED {
+        if state.mode == Mode::Engaging && !g.held && t > UNDELIVERED {
             let [before, after] = g.speed.0;
             let accelerating = d.J_c * (before - after) / s.filter_time.max(h);
             g.inertia.take(accelerating, t - driveline::resistance(d, omega, 0.0) - accelerating, h);
@@ -189,6 +213,7 @@ impl Controller {
     pub(super) fn engage_governed(&mut self, inputs: &Inputs, h: f64) {
         let limit = self.torque_limit(inputs, h);
         let (references, slopes) = self.advance_plan(inputs, limit, h);
+        let (touch, lag) = (self.contact(), self.observer.lag());
         let (s, state) = (&self.settings, &mut self.state);
         let d = &self.vehicle.driveline;
         let (a, f) = (filter::share(0.5 * s.actuator_time, h), filter::share(s.filter_time, h));
@@ -197,20 +222,32 @@ impl Controller {
         let error = g.wanted.advance(references.omega_c, [a, a, f, f]) - g.speed.out();
         let (direction, mut limits) = clutch_limits(s, inputs.omega_f, g.slip.out() + s.slip_lock);
         limits.high = limits.high.min(limit);
-        let needed = d.J_c * g.inertia.factor() * slopes.omega_c + driveline::resistance(d, g.load.omega, g.load.torque);
-        // Before the plan's middle the torque does not fall: a car that runs ahead lets the plan run faster instead.
-        let rising = 2.0 * state.elapsed < state.plan.duration && !inputs.wish.creep;
-        // After it the torque does not fall below what the landing needs, so that it need not rise again.
-        let landing = needed - d.J_c * g.inertia.factor() * (slopes.omega_c - LANDING * state.plan.slope).max(0.0);
-        let least = if rising { state.outputs.t_c_ref } else { landing.min(needed) };
+        let j = d.J_c * g.inertia.factor();
+        let resist = driveline::resistance(d, g.load.omega, g.load.torque);
         let last = state.outputs.t_c_ref.max(0.0);
+        let closing = if g.landing.has_begun() { (last - resist) / j } else { slopes.omega_c };
+        let ahead = (s.actuator_time + 2.0 * SLIP_FILTER * s.filter_time) * (slopes.omega_f - closing);
+        let slip_there = (direction * (g.slip.out() + ahead)).max(0.0);
+        if direction > 0.0 && !inputs.wish.creep {
+            limits.high += begin_landing(state, slip_there);
+        }
+        let g = &mut state.governed;
+        let last = state.outputs.t_c_ref.max(0.0);
+        let rising = !g.landing.has_begun() && !inputs.wish.creep;
+        let landing = LANDING * j * state.plan.slope;
+        g.floor = resist + ENOUGH * landing;
+        let wanted = if g.landing.has_begun() {
+            g.landing.torque_at(slip_there, resist + landing)
+        } else {
+            // Before the landing the torque does not fall: a car that runs ahead lets the plan run faster instead. One that is held waits for what the map owes.
+            let last = if g.held { last + SEEK * h } else { last };
+            (j * slopes.omega_c + resist + s.kp_clutch * error).max(if rising { last } else { 0.0 })
+        };
         let delivery = g.delivery(direction * state.estimate.t_fc).max(LEAST_DELIVERY);
-        let t_c = limits.bound(
-            (needed + s.kp_clutch * error)
-                .max(least)
-                .max(last - FALL * h)
-                .min(last + RISE * inputs.wish.aggressiveness.exp2() * g.pace * delivery * h),
-        );
+        let felt = g.bitten_for > 0.0 || direction < 0.0;
+        let most = if felt { f64::INFINITY } else { approach::most(g.engaged_for) };
+        let rise = RISE * inputs.wish.aggressiveness.exp2() * delivery;
+        let t_c = limits.bound(wanted.max(last - FALL * h).min(last + rise * h)).min(most);
         let gains = Gains { p: s.kp_engine, i: s.ki_engine };
         let bites = g.bitten_for == 0.0 && direction * state.estimate.t_fc > BITE;
         g.bitten_for = if bites || g.bitten_for > 0.0 { g.bitten_for + h } else { 0.0 };
@@ -218,17 +255,38 @@ impl Controller {
         let carried = t_c + share * direction * (state.estimate.t_fc.abs() - g.expected.out());
         state.outputs.t_e_ref = state.engine.step(gains, references.omega_f - inputs.omega_f, carried, engine_limits(s), h);
         state.outputs.t_c_ref = t_c;
-        if bites && g.engaged_for > LATE_BITE {
-            // A slow bearing is still on its way to where it was sent: it is sent to where it is, and the torque rises as slowly as it came.
-            g.pace = LATE_BITE / g.engaged_for;
-            state.feedback.integral = 0.0;
-            state.outputs.t_c_ref = t_c.min(state.estimate.t_fc.abs());
+        if bites {
+            let lags = s.actuator_time + lag;
+            let speed = approach::speed(touch - s.x_open, g.engaged_for, lags);
+            g.rate = approach::FOLLOWED * speed;
+            if g.engaged_for > approach::SLOW {
+                // It is still on its way to where it was sent: it is sent to where it is.
+                state.outputs.t_c_ref = t_c.min(BITE + g.slope.max(TOUCHING) * speed * lags);
+            }
         }
         let t_c = state.outputs.t_c_ref;
-        let ahead = (s.actuator_time + 2.0 * SLIP_FILTER * s.filter_time) * (slopes.omega_f - slopes.omega_c);
-        let slip_there = (direction * (g.slip.out() + ahead)).max(0.0);
         // While the torque rises, the bearing does not go back for an early bite alone: the feedback takes effect on what is added.
         let least = if rising && t_c < limits.high { state.outputs.x_to } else { s.x_open };
-        self.place(t_c, direction, slip_there, least, h);
+        self.place(t_c, direction, slip_there.max(2.0 * self.settings.slip_lock), least, h);
     }
+}
+
+/// Begins the landing where half of the slip will be gone; returns by how much the limit of the torque rises with it, N·m.
+fn begin_landing(state: &mut State, slip_there: f64) -> f64 {
+    let (g, last) = (&mut state.governed, state.outputs.t_c_ref.max(0.0));
+    let half = 0.5 * (state.plan.end - state.plan.omega_c_start);
+    // A slip that is small because the engine was dragged down, and the clutch taken back for it, is no landing.
+    let carries = g.bitten_for > 0.0 && last > SOUND * g.expected.out();
+    if g.landing.has_begun() || slip_there >= half || !carries {
+        return 0.0;
+    }
+    // What the clutch carries more or less than was asked of it is the map's error: it is taken over without a step.
+    let departs = state.estimate.t_fc - g.expected.out();
+    g.landing = Landing { slip: slip_there, torque: last + departs };
+    g.expected.shift(departs);
+    g.carried.shift(departs);
+    g.hold_back += departs.max(0.0);
+    g.takes_over = departs;
+    state.outputs.t_c_ref += departs;
+    departs.max(0.0)
 }

@@ -48,7 +48,8 @@ impl Controller {
         let (begins, stops) = FALLING_BEHIND;
         let error = g.wanted.out() - g.speed.out();
         let by_error = ((stops - error) / (stops - begins)).clamp(0.0, 1.0);
-        let rate = by_torque.min(by_error).min(g.delivery(state.estimate.t_fc)) * inputs.wish.aggressiveness.exp2();
+        let held = if g.held { 0.0 } else { 1.0 };
+        let rate = held * by_torque.min(by_error).min(g.delivery(state.estimate.t_fc)) * inputs.wish.aggressiveness.exp2();
         // A car that runs ahead takes its plan along, without more torque.
         state.elapsed += rate * h * (1.0 - error / begins).clamp(1.0, MOST_HASTE);
         if state.elapsed >= state.plan.duration {

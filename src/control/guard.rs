@@ -38,6 +38,8 @@ pub struct Wish {
     pub t_e_max: f64,
     /// The launch takes 2^−aggressiveness of its time; −1 to 1.
     pub aggressiveness: f64,
+    /// Torque of the grade as an inclination sensor has it, N·m, positive where the car would roll back; 0 if there is none.
+    pub t_grade: f64,
     /// Creep instead of launching.
     pub creep: bool,
     /// Set what was learned back.
@@ -48,7 +50,12 @@ impl Wish {
     /// What of it makes sense: a number that is none is no wish.
     fn sane(self) -> Self {
         let sane = |x: f64, low: f64, high: f64| if x.is_nan() { 0.0 } else { x.max(low).min(high) };
-        Self { t_e_max: sane(self.t_e_max, 0.0, ABSURD), aggressiveness: sane(self.aggressiveness, -1.0, 1.0), ..self }
+        Self {
+            t_e_max: sane(self.t_e_max, 0.0, ABSURD),
+            aggressiveness: sane(self.aggressiveness, -1.0, 1.0),
+            t_grade: sane(self.t_grade, -ABSURD, ABSURD),
+            ..self
+        }
     }
 }
 

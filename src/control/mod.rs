@@ -13,10 +13,12 @@
 //! - [`guard`]: which inputs are believed
 //! - [`figure_3`]: the paper's law while engaging
 //! - [`governed`]: the governed law while engaging; [`governor`]: how fast its plan may run; [`bearing`]: where it sends the bearing
+//! - [`approach`]: until the facings bite; [`landing`]: the second half of the launch; [`hill`]: hill holder
 //! - [`filter`], [`load`]: lags that references share with measurements, load observer
 //! - [`learning`]: touch point and friction over launches
 //! - [`controller`]: phases and estimates that both laws share
 
+pub mod approach;
 pub mod bearing;
 pub mod controller;
 pub mod figure_3;
@@ -25,6 +27,8 @@ pub mod governed;
 pub mod governor;
 pub mod guard;
 pub mod held;
+pub mod hill;
+pub mod landing;
 pub mod learning;
 pub mod load;
 pub mod observer;

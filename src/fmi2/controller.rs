@@ -66,6 +66,7 @@ impl Model for ControllerModel {
             wish: Wish {
                 t_e_max: values[at::T_e_max],
                 aggressiveness: values[at::aggressiveness],
+                t_grade: values[at::T_grade],
                 creep: values[at::creep] != 0.0,
                 forget: values[at::forget] != 0.0,
             },
@@ -133,6 +134,7 @@ impl ControllerModel {
         values[at::T_load_hat] = o.t_load_hat;
         values[at::touch_point_offset] = o.touch_point_offset;
         values[at::friction_factor] = o.friction_factor;
+        values[at::T_brake] = o.t_brake;
     }
 }
 
@@ -208,11 +210,35 @@ fn walk_governed(governed: &mut Governed, words: &mut impl Words) {
         bitten_for,
         engaged_for,
         from,
-        pace,
         slope,
+        landing,
+        takes_over,
+        floor,
+        rate,
+        held,
+        free_for,
     } = governed;
+
+    words.flag(held);
     let Load { omega, torque } = load;
-    for x in [omega, torque, hold_back, near_for, closing_for, landing_for, bitten_for, engaged_for, from, pace, slope] {
+    for x in [
+        omega,
+        torque,
+        hold_back,
+        near_for,
+        closing_for,
+        landing_for,
+        bitten_for,
+        engaged_for,
+        from,
+        slope,
+        &mut landing.slip,
+        &mut landing.torque,
+        takes_over,
+        floor,
+        rate,
+        free_for,
+    ] {
         words.real(x);
     }
     let lags = [
@@ -238,8 +264,8 @@ fn walk_learning(learning: &mut Learning, words: &mut impl Words) {
 fn walk_guard(guard: &mut Guard, words: &mut impl Words) {
     let Guard { good, last: [last_f, last_c], started, bad_for, agree_for, unchanged_for, believed, fault } = guard;
     let Inputs { omega_f, omega_c, t_e, theta_h, engage, wish } = good;
-    let Wish { t_e_max, aggressiveness, creep, forget } = wish;
-    for x in [omega_f, omega_c, t_e, theta_h, last_f, last_c, bad_for, agree_for, unchanged_for, t_e_max, aggressiveness] {
+    let Wish { t_e_max, aggressiveness, t_grade, creep, forget } = wish;
+    for x in [omega_f, omega_c, t_e, theta_h, last_f, last_c, bad_for, agree_for, unchanged_for, t_e_max, aggressiveness, t_grade] {
         words.real(x);
     }
     for flag in [engage, started, believed, creep, forget] {
@@ -263,8 +289,9 @@ fn walk_outputs(outputs: &mut Outputs, words: &mut impl Words) {
         t_load_hat,
         touch_point_offset,
         friction_factor,
+        t_brake,
     } = outputs;
-    for x in [x_to, t_fc_hat, theta_c, theta_b, t_e_ref, x_to_fb, t_c_ref, e_d, t_load_hat, touch_point_offset, friction_factor] {
+    for x in [x_to, t_fc_hat, theta_c, theta_b, t_e_ref, x_to_fb, t_c_ref, e_d, t_load_hat, touch_point_offset, friction_factor, t_brake] {
         words.real(x);
     }
     words.choice(phase, |p| p as u64, &PHASES);

@@ -11,6 +11,7 @@ use crate::plant::clutch::Branch;
 use crate::plant::config::Config;
 use crate::plant::history::{CAPACITY, SIGNALS};
 use crate::plant::pace::TooFast;
+use crate::plant::rest::Rest;
 use crate::plant::saved::equal;
 use crate::plant::{Inputs, Outputs, Plant, Start, State};
 use crate::validated::{Place, UNKNOWN_NM, Validated};
@@ -111,6 +112,7 @@ impl Model for PlantModel {
 
     #[inline]
     fn step(&mut self, values: &mut [f64], h: f64) -> Result<(), TooFast> {
+        self.plant.set_brake(values[at::T_brake]);
         if self.faults.is_empty() {
             self.plant.step(&inputs(values), h);
         } else {
@@ -253,12 +255,17 @@ fn walk_parameters(parameters: &mut Parameters, words: &mut impl Words) {
 
 /// Every field by name: a new field does not compile until it is saved too.
 fn walk_state(state: &mut State, words: &mut impl Words) {
-    let State { time, y, stuck, direction, engine, limited, lagged, bearing, memory, inputs } = state;
+    let State { time, y, stuck, direction, rest, engine, limited, lagged, bearing, memory, inputs } = state;
     let Inputs { x_to, t_e_ref, theta_h, t_load } = inputs;
     words.real(time);
     words.reals(y);
     words.flag(stuck);
     words.real(direction);
+    let Rest { brake, car, rolling, engine: engine_stands } = rest;
+    words.real(brake);
+    words.real(rolling);
+    words.flag(car);
+    words.flag(engine_stands);
     for LagState { value, rate } in [engine, lagged] {
         words.real(value);
         words.real(rate);

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | numbers of the vehicle file | normal, with the standard deviations in [`TOLERANCES`] |
 //! | friction, touch point, mass | × 0.8 to 1.2, ± 0.4 mm, × 0.7 to 1.3, uniform |
-//! | grade | 0 to 20 %, uniform |
+//! | grade | 0 to 20 %, uniform; the inclination sensor is off by 1 % (standard deviation), and knows the nominal mass |
 //! | disc and body | 20 to 150 °C at the start; the controller is told a temperature up to 20 K off |
 //! | actuator | lag 20 to 40 ms, delay 10 to 20 ms, uniform |
 //! | sampling | 10 or 20 ms |
@@ -46,8 +46,18 @@ pub struct Car {
     pub sampling: f64,
     /// Standard deviation of both speeds as measured, rad/s.
     pub noise: f64,
+    /// Error of the inclination sensor, as a grade.
+    pub grade_error: f64,
     /// Seed of the noise.
     pub seed: u64,
+}
+
+impl Car {
+    /// Torque of the grade in N·m as the inclination sensor of a car of this kind says.
+    pub fn inclination(&self, nominal: &Vehicle) -> f64 {
+        let seen = self.effects[param::road_load::grade] + self.grade_error;
+        nominal.driveline.mgR_over_i * seen / seen.hypot(1.0)
+    }
 }
 
 /// Numbers that look random: SplitMix64.
@@ -101,7 +111,16 @@ pub fn draw(nominal: &Vehicle, seed: u64, k: usize) -> Car {
     let theta = random.between(20.0, 150.0);
     let theta_believed = theta + random.between(-20.0, 20.0);
     let sampling = if random.below(2) == 0 { 0.01 } else { 0.02 };
-    Car { vehicle, effects: p, theta, theta_believed, sampling, noise: random.between(0.0, 1.0), seed: random.next() }
+    Car {
+        vehicle,
+        effects: p,
+        theta,
+        theta_believed,
+        sampling,
+        noise: random.between(0.0, 1.0),
+        seed: random.next(),
+        grade_error: 0.01 * random.normal(),
+    }
 }
 
 fn add_effect(p: &mut Parameters, random: &mut Random) {

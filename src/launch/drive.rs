@@ -135,6 +135,7 @@ pub fn can_lock(plant: &Plant, controller: &Controller) -> bool {
 /// Drives `car` for `seconds` under `controller`, from a stand at idle speed.
 pub fn drive(car: &Car, controller: &mut Controller, seconds: f64) -> Figures {
     let mut random = Random(car.seed);
+    let grade = car.inclination(controller.vehicle());
     let start = Start { omega_f: IDLE, omega_c: 0.0, theta_c: car.theta, theta_b: car.theta };
     let mut inputs = plant_inputs(controller.outputs());
     let mut plant = Plant::new(&car.vehicle, &car.effects, &start, &inputs);
@@ -155,6 +156,7 @@ pub fn drive(car: &Car, controller: &mut Controller, seconds: f64) -> Figures {
         for i in 0..within {
             let slip_before = slip(&plant);
             let before = (!gone && slip_before.abs() < NEAR).then(|| plant.clone());
+            plant.set_brake(controller.outputs().t_brake);
             plant.step(&inputs, STEP);
             let now = plant.outputs();
             let y = plant.state().y;
@@ -177,6 +179,7 @@ pub fn drive(car: &Car, controller: &mut Controller, seconds: f64) -> Figures {
         let mut told = controller_inputs(&plant.outputs(), true);
         told.omega_f += car.noise * random.normal();
         told.omega_c += car.noise * random.normal();
+        told.wish.t_grade = grade;
         controller.step(&told, car.sampling);
         inputs = plant_inputs(controller.outputs());
     }

@@ -151,7 +151,16 @@ fn series(nominal: &Vehicle, rate: f64, mu: f64, touch: f64) -> [f64; LAUNCHES] 
     p[param::kiss_point_offset::closed_offset] = touch;
     p[param::actuator_lag::time_constant] = 0.03;
     p[param::actuator_delay::delay] = 0.015;
-    let car = Car { vehicle: *nominal, effects: p, theta: AMBIENT, theta_believed: AMBIENT, sampling: 0.01, noise: 0.0, seed: 0 };
+    let car = Car {
+        vehicle: *nominal,
+        effects: p,
+        theta: AMBIENT,
+        theta_believed: AMBIENT,
+        sampling: 0.01,
+        noise: 0.0,
+        seed: 0,
+        grade_error: 0.0,
+    };
     let mut settings = Settings { learning_rate: rate, ..Settings::robust() };
     std::array::from_fn(|_| next(nominal, &mut settings, &car).time)
 }

@@ -212,7 +212,9 @@ pub fn rest(config: &Config, state: &mut State) {
 fn carried_behind_disc(old: &Config, new: &Config, state: &State) -> f64 {
     let (d, y) = (&old.constants.driveline, &state.y);
     let t_fc = super::events::clutch_torque(old, &Found::NOTHING, state);
-    let acceleration = driveline::driveline_acceleration(d.J_c, t_fc, motion::resistance(old, y, state.inputs.t_load));
+    let acceleration =
+        driveline::driveline_acceleration(d.J_c, t_fc, motion::resistance(old, y, state.inputs.t_load, state.rest.braking()));
+    let acceleration = if state.rest.car { 0.0 } else { acceleration };
     t_fc - new.disc_inertia() * acceleration
 }
 

@@ -15,6 +15,7 @@ use super::clutch::{self, Found};
 use super::config::{Config, Coupling};
 use super::history::Signal;
 use super::motion::{self, Motion, Setting, index};
+use super::rest::{self, Rest};
 use super::{Inputs, Phase, Plant, Start, State};
 
 /// Slip in rad/s, or torque in N·m, at which an event counts as met.
@@ -49,6 +50,7 @@ pub fn initial(start: &Start, inputs: &Inputs) -> State {
         y,
         stuck: false,
         direction: 1.0,
+        rest: Rest::default(),
         engine: Default::default(),
         limited: 0.0,
         lagged: Default::default(),
@@ -66,7 +68,7 @@ pub fn settle_phase(config: &Config, state: &mut State) {
 
 /// With both sides at one speed: stick if the clutch can hold, else slip the way that the torque pushes.
 fn decide_at_zero_slip(config: &Config, state: &mut State) {
-    let hold = motion::sticking_torque(config, &state.y, state.engine.value, state.inputs.t_load);
+    let hold = motion::sticking_torque(config, &state.y, state.engine.value, state.inputs.t_load, &state.rest);
     let most = clutch::capacity(config, state.bearing, state.memory, 0.0, &state.y);
     state.stuck = hold.abs() <= most && most > 0.0;
     if !state.stuck {
@@ -77,7 +79,7 @@ fn decide_at_zero_slip(config: &Config, state: &mut State) {
 /// Clutch torque now, N·m.
 pub fn clutch_torque(config: &Config, found: &Found, s: &State) -> f64 {
     if s.stuck {
-        motion::sticking_torque(config, &s.y, s.engine.value, s.inputs.t_load)
+        motion::sticking_torque(config, &s.y, s.engine.value, s.inputs.t_load, &s.rest)
     } else if let Some(Coupling::Torque(torque)) = config.coupling {
         torque
     } else {
@@ -107,6 +109,7 @@ pub fn correct_speeds(state: &mut State, omega_f: f64, omega_c: f64) {
     y[index::OMEGA_F] += omega_f;
     y[index::OMEGA_C] += omega_c;
     y[index::OMEGA_V] += omega_c;
+    (state.rest.car, state.rest.engine) = (false, false);
     let slip = y[index::OMEGA_F] - y[index::OMEGA_C];
     if !state.stuck && slip != 0.0 {
         state.direction = slip.signum();
@@ -123,12 +126,22 @@ pub fn step(plant: &mut Plant, inputs: &Inputs, h: f64) {
     }
     plant.state.inputs = *inputs;
     plant.iterations = 0;
+    settle_rest(plant);
     let count = substeps(plant, h);
     for k in 1..=count as u64 {
         let until = if k as f64 == count { end } else { start + h * (k as f64 / count) };
         substep(plant, until, delayed);
         plant.found = look(&plant.config, &plant.state);
         record_sensed(plant);
+    }
+}
+
+/// What stands, or begins to move, with the inputs of the step that begins.
+fn settle_rest(plant: &mut Plant) {
+    let (config, state) = (&plant.config, &mut plant.state);
+    if state.rest.brake > 0.0 || state.rest.car || state.y[index::OMEGA_F] == 0.0 || state.rest.engine {
+        let chain = actuation::advance(config, state, state.inputs.x_to, 0.0);
+        rest::settle(config, state, &chain);
     }
 }
 
@@ -227,6 +240,7 @@ fn setting(config: &Config, state: &State, found: &Found, way: &Way) -> Setting 
         engaged: config.coupling.is_some() || found.engaged(config),
         found,
         memory: state.memory,
+        rest: state.rest,
         theta_h: state.inputs.theta_h,
         t_load: state.inputs.t_load,
     }
@@ -273,10 +287,16 @@ fn smooth_piece(
     }
     let setting = setting(config, state, found, way);
     // Positive once the event has happened.
-    let passed = |y: &Motion, chain: &Chain| match setting.stuck {
+    let meets = |y: &Motion, chain: &Chain| match setting.stuck {
         true if settled => 0.0,
         true => overload(config, state, y, chain),
         false => -setting.direction * (y[index::OMEGA_F] - y[index::OMEGA_C]),
+    };
+    // What settles in the mean does not ask what stands any more: the next step does.
+    let stands = |y: &Motion, chain: &Chain| if settled { [f64::NEG_INFINITY; 2] } else { rest::passed(config, state, y, chain) };
+    let passed = |y: &Motion, chain: &Chain| {
+        let [car, engine] = stands(y, chain);
+        meets(y, chain).max(car).max(engine)
     };
     let y = integrate(config, state, &setting, x_cmd, h, way);
     let after = passed(&y, &way.end);
@@ -300,13 +320,23 @@ fn smooth_piece(
             break;
         }
     }
+    let clutch = meets(&found.0, &found.1) > 0.0;
+    let [car, engine] = stands(&found.0, &found.1).map(|p| p > 0.0);
     let high = bracket.high;
     accept(config, state, found.0, &found.1, high);
-    if setting.stuck {
-        break_away(config, state)
-    } else {
-        meet(config, state);
-        state.stuck |= settled;
+    if car {
+        rest::switch_car(config, state, &found.1);
+    }
+    if engine {
+        rest::switch_engine(config, state, &found.1);
+    }
+    match (clutch, setting.stuck) {
+        (true, true) => break_away(config, state),
+        (true, false) => {
+            meet(config, state);
+            state.stuck |= settled;
+        }
+        (false, _) => (),
     }
     true
 }
@@ -348,13 +378,13 @@ impl Bracket {
 /// even where nothing is asked.
 fn overload(config: &Config, state: &State, y: &Motion, chain: &Chain) -> f64 {
     let drive = chain.drive();
-    let hold = motion::sticking_torque(config, y, drive.t_e, state.inputs.t_load);
+    let hold = motion::sticking_torque(config, y, drive.t_e, state.inputs.t_load, &state.rest);
     let most = clutch::capacity(config, drive.x, state.memory, 0.0, y);
     if most > 0.0 { hold.abs() - most } else { hold.abs().max(f64::MIN_POSITIVE) }
 }
 
 fn break_away(config: &Config, state: &mut State) {
-    let hold = motion::sticking_torque(config, &state.y, state.engine.value, state.inputs.t_load);
+    let hold = motion::sticking_torque(config, &state.y, state.engine.value, state.inputs.t_load, &state.rest);
     state.stuck = false;
     state.direction = if hold < 0.0 { -1.0 } else { 1.0 };
 }
@@ -368,7 +398,9 @@ fn meet(config: &Config, state: &mut State) {
 /// Both sides take the speed that keeps their momentum.
 pub fn join(config: &Config, state: &mut State) {
     let d = &config.constants.driveline;
-    let common = common_speed([d.J_f, config.disc_inertia()], [state.y[index::OMEGA_F], state.y[index::OMEGA_C]]);
+    let stands = state.rest.engine || state.rest.car && !config.compliant();
+    let common =
+        if stands { 0.0 } else { common_speed([d.J_f, config.disc_inertia()], [state.y[index::OMEGA_F], state.y[index::OMEGA_C]]) };
     state.y[index::OMEGA_F] = common;
     state.y[index::OMEGA_C] = common;
     if !config.compliant() {

@@ -9,6 +9,7 @@
 //! - [`actuation`]: from commands to engine torque and bearing position, solved exactly
 //! - [`motion`]: the balances as rates of the state, and the Runge–Kutta step
 //! - [`events`]: the stick-slip state machine
+//! - [`rest`]: brakes, and an engine that has stalled
 //! - [`pace`]: how long a substep may be
 //! - [`history`]: delay lines
 
@@ -19,6 +20,7 @@ pub mod events;
 pub mod history;
 pub mod motion;
 pub mod pace;
+pub mod rest;
 pub mod saved;
 
 use crate::effects::{Parameters, SignalDelay};
@@ -30,6 +32,7 @@ use config::{Config, Coupling};
 use history::{History, SIGNALS, Signal};
 use motion::{Motion, index};
 use pace::TooFast;
+use rest::Rest;
 
 /// Substep of the plant unless set otherwise, s.
 pub const MAX_SUBSTEP: f64 = 1e-3;
@@ -107,6 +110,8 @@ pub struct State {
     pub stuck: bool,
     /// Direction of slip, ±1, while not stuck.
     pub direction: f64,
+    /// What stands still.
+    pub rest: Rest,
     /// Engine torque behind its lag, N·m.
     pub engine: LagState,
     /// Position behind the rate limit, mm.
@@ -206,6 +211,11 @@ impl Plant {
                 self.history.push(signal, s.time, value);
             }
         }
+    }
+
+    /// Sets the greatest torque of the brakes in N·m at the clutch, from the next step on; 0 is no brake.
+    pub fn set_brake(&mut self, torque: f64) {
+        self.state.rest.brake = torque.max(0.0);
     }
 
     /// Advances by `h` seconds with the inputs held.

@@ -7,6 +7,7 @@
 use super::actuation::Drive;
 use super::clutch::{self, Branch, Found, Slipping};
 use super::config::{Config, Coupling};
+use super::rest::Rest;
 use crate::effects::empirical;
 use crate::physics::{driveline, thermal};
 
@@ -54,6 +55,8 @@ pub struct Setting {
     pub found: Found,
     /// Memory of the force hysteresis.
     pub memory: Branch,
+    /// What stands still.
+    pub rest: Rest,
     /// Housing air, °C.
     pub theta_h: f64,
     /// Load torque added, N·m.
@@ -71,10 +74,16 @@ fn crankshaft_torque(config: &Config, t_e: f64, omega_f: f64) -> f64 {
     if config.empirical.engine { given + empirical::engine(&config.parameters, omega_f, t_e) } else { given }
 }
 
-/// Torque in N·m that the driveline behind the disc puts up against it.
+/// Torque in N·m at the crankshaft where the report asks for `t_e`, less damping.
+#[inline]
+pub fn engine_torque(config: &Config, y: &Motion, t_e: f64) -> f64 {
+    crankshaft_torque(config, t_e, y[OMEGA_F]) - config.constants.driveline.b_f * y[OMEGA_F]
+}
+
+/// Torque in N·m that the driveline behind the disc puts up against it, `braking` N·m of it from brakes.
 #[inline(always)]
-pub fn resistance(config: &Config, y: &Motion, t_load: f64) -> f64 {
-    if config.compliant() { shaft_torque(config, y) } else { vehicle_resistance(config, y[OMEGA_C], t_load) }
+pub fn resistance(config: &Config, y: &Motion, t_load: f64, braking: f64) -> f64 {
+    if config.compliant() { shaft_torque(config, y) } else { vehicle_resistance(config, y[OMEGA_C], t_load + braking) }
 }
 
 #[inline(always)]
@@ -113,10 +122,21 @@ pub fn slipping(config: &Config, found: &Found, y: &Motion, direction: f64, memo
 
 /// Clutch torque in N·m that keeps a stuck clutch together, eq. (7).
 #[inline]
-pub fn sticking_torque(config: &Config, y: &Motion, t_e: f64, t_load: f64) -> f64 {
-    let resist = resistance(config, y, t_load);
-    let t_e = crankshaft_torque(config, t_e, y[OMEGA_F]);
-    driveline::holding_torque(&config.constants.driveline, config.disc_inertia(), y[OMEGA_F], t_e, resist)
+pub fn sticking_torque(config: &Config, y: &Motion, t_e: f64, t_load: f64, rest: &Rest) -> f64 {
+    let resist = resistance(config, y, t_load, rest.braking());
+    holding_torque(config, y, crankshaft_torque(config, t_e, y[OMEGA_F]), resist, rest)
+}
+
+/// As [`sticking_torque`], with `t_e` N·m at the crankshaft and `resist` N·m behind the disc. What is held outside passes its torque on.
+#[inline(always)]
+fn holding_torque(config: &Config, y: &Motion, t_e: f64, resist: f64, rest: &Rest) -> f64 {
+    if rest.car && !config.compliant() {
+        t_e
+    } else if rest.engine {
+        resist
+    } else {
+        driveline::holding_torque(&config.constants.driveline, config.disc_inertia(), y[OMEGA_F], t_e, resist)
+    }
 }
 
 /// Clutch torque in N·m that takes a slipping flywheel to `omega_f` rad/s within `h` seconds; `t_e` is the engine's mean torque over them, N·m.
@@ -130,12 +150,14 @@ pub fn torque_to(config: &Config, y: &Motion, t_e: f64, omega_f: f64, h: f64) ->
 fn rates(config: &Config, set: &Setting, found: &Found, y: &Motion, drive: Drive) -> Motion {
     let c = &config.constants;
     let d = &c.driveline;
-    let resist = resistance(config, y, set.t_load);
+    let rest = &set.rest;
+    let resist = resistance(config, y, set.t_load, rest.braking());
     let t_e = crankshaft_torque(config, drive.t_e, y[OMEGA_F]);
     let mut dy = [0.0; N];
     let (t_fc, slip, heating) = if set.stuck {
-        let t_fc = driveline::holding_torque(d, config.disc_inertia(), y[OMEGA_F], t_e, resist);
-        let common = driveline::flywheel_acceleration(d, y[OMEGA_F], t_e, t_fc);
+        let t_fc = holding_torque(config, y, t_e, resist, rest);
+        let stands = rest.engine || rest.car && !config.compliant();
+        let common = if stands { 0.0 } else { driveline::flywheel_acceleration(d, y[OMEGA_F], t_e, t_fc) };
         dy[OMEGA_F] = common;
         dy[OMEGA_C] = common;
         (t_fc, 0.0, 0.0)
@@ -147,16 +169,17 @@ fn rates(config: &Config, set: &Setting, found: &Found, y: &Motion, drive: Drive
             let slipping = slipping(config, found, y, set.direction, set.memory, drive.x);
             (slipping.total(), slipping.friction * slip)
         };
-        dy[OMEGA_F] = driveline::flywheel_acceleration(d, y[OMEGA_F], t_e, t_fc);
-        dy[OMEGA_C] = driveline::driveline_acceleration(config.disc_inertia(), t_fc, resist);
+        dy[OMEGA_F] = if rest.engine { 0.0 } else { driveline::flywheel_acceleration(d, y[OMEGA_F], t_e, t_fc) };
+        let held = rest.car && !config.compliant();
+        dy[OMEGA_C] = if held { 0.0 } else { driveline::driveline_acceleration(config.disc_inertia(), t_fc, resist) };
         (t_fc, slip, heating)
     };
     dy[LOSSES] = d.b_f * y[OMEGA_F] * y[OMEGA_F];
     if config.compliant() {
         let twist_rate = y[OMEGA_C] - y[OMEGA_V];
-        let load = vehicle_resistance(config, y[OMEGA_V], set.t_load);
+        let load = vehicle_resistance(config, y[OMEGA_V], set.t_load + rest.braking());
         dy[TWIST] = twist_rate;
-        dy[OMEGA_V] = driveline::driveline_acceleration(d.J_c - config.disc_inertia(), resist, load);
+        dy[OMEGA_V] = if rest.car { 0.0 } else { driveline::driveline_acceleration(d.J_c - config.disc_inertia(), resist, load) };
         dy[LOSSES] += load * y[OMEGA_V] + c.shaft_damping * twist_rate * twist_rate;
     } else {
         dy[OMEGA_V] = dy[OMEGA_C];

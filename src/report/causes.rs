@@ -169,7 +169,9 @@ fn ruler() -> String {
         .iter()
         .map(|(m, shown)| format!("<text class=\"tick\" x=\"{:.1}\" y=\"12\" text-anchor=\"middle\">{shown}</text>", forest_at(*m)))
         .collect();
-    format!("<svg class=\"forest\" viewBox=\"-10 0 220 16\" role=\"img\" aria-label=\"nats, behind to the left and ahead to the right\">{marks}</svg>")
+    format!(
+        "<svg class=\"forest\" viewBox=\"-10 0 220 16\" role=\"img\" aria-label=\"nats, behind to the left and ahead to the right\">{marks}</svg>"
+    )
 }
 
 /// Rejected candidates by reason: names with their nats.

@@ -1,7 +1,7 @@
 //! What recordings show and what to measure next: the picture that `kisspoint plan` writes, and two tables of the report.
 
-use super::names;
 use super::chart::Scale;
+use super::names;
 use super::text::{capitalised, escape, plain, words};
 use serde_json::Value;
 use std::fmt::Write as _;

@@ -21,11 +21,7 @@ const EQUATIONS: [(&str, &str, &str); 5] = [
     ("bearing position", "actuator", "position of the throwout bearing"),
     ("clutch torque", "clutch force, friction", "torque by the transducer"),
     ("disc temperature", "heat balance", "temperature by the thermocouple"),
-    (
-        "driveline balance",
-        "driveline, clutch force, friction",
-        "disc speed: torque missing on the disc in J_c ω̇_c = T_fc − T_L − b_c ω_c",
-    ),
+    ("driveline balance", "driveline, clutch force, friction", "disc speed: torque missing on the disc in J_c ω̇_c = T_fc − T_L − b_c ω_c"),
 ];
 
 /// Phases in the order in which the clutch closes.

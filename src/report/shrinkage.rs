@@ -39,10 +39,8 @@ fn summary(far: &Value, retuned: bool) -> String {
             if most > 0.0 { (100.0 * value / most).clamp(0.0, 100.0) } else { 0.0 }
         )
     };
-    let noise = floor.map_or_else(
-        || absent("How far off even a perfect model may be was not stated."),
-        |f| row("Even a perfect model", "floor", f),
-    );
+    let noise = floor
+        .map_or_else(|| absent("How far off even a perfect model may be was not stated."), |f| row("Even a perfect model", "floor", f));
     let (row_noise, said) = if floor.is_some() { (noise, String::new()) } else { (String::new(), noise) };
     let held = texts(far, "held_out");
     let held = if held.is_empty() { "No recording was held out.".to_owned() } else { format!("Held out: {}.", escape(&held.join(", "))) };

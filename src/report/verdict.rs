@@ -107,7 +107,9 @@ pub fn replayed(diagnosis: &Value) -> Option<String> {
                 "{on} is off by {a} (rms) with the numbers that fit the other recordings best, and by {b} with those of the vehicle file."
             )
         }
-        Some("no_gap") => format!("{on} is off by {a} (rms) once its numbers are adjusted within their tolerances, and by {b} as the vehicle file has them."),
+        Some("no_gap") => format!(
+            "{on} is off by {a} (rms) once its numbers are adjusted within their tolerances, and by {b} as the vehicle file has them."
+        ),
         _ if after > before => format!("{on} got worse: it is off by {a} (rms), up from {b}."),
         _ => format!("{on} is off by {a} (rms), down from {b}."),
     };
@@ -241,7 +243,8 @@ fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
             } else {
                 format!("{} more", percent(a / b - 1.0))
             };
-            let floor = real(far, "noise_floor").map_or_else(String::new, |f| format!("; even a perfect model may be off by {}", number(f, 3)));
+            let floor =
+                real(far, "noise_floor").map_or_else(String::new, |f| format!("; even a perfect model may be off by {}", number(f, 3)));
             (format!("{} → {} {unit}", number(b, 3), number(a, 3)), format!("{change}{floor}"))
         }
         _ => ("not stated".to_owned(), String::new()),

@@ -1,0 +1,97 @@
+//! Brakes and a stalled engine against closed forms.
+
+use kisspoint::effects::{self, Parameters, param};
+use kisspoint::plant::{Inputs, Plant, Start, motion::index};
+use kisspoint::vehicle::Vehicle;
+
+const OPEN: f64 = 0.0;
+
+fn plant(omega_f: f64, omega_c: f64, x_to: f64, change: impl FnOnce(&mut Parameters)) -> (Plant, Inputs) {
+    let mut p = effects::null();
+    change(&mut p);
+    let inputs = Inputs { x_to, t_e_ref: 0.0, theta_h: 25.0, t_load: 0.0 };
+    (Plant::new(&Vehicle::paper(), &p, &Start { omega_f, omega_c, theta_c: 25.0, theta_b: 25.0 }, &inputs), inputs)
+}
+
+fn grade_torque(grade: f64) -> f64 {
+    Vehicle::paper().driveline.mgR_over_i * grade / grade.hypot(1.0)
+}
+
+#[test]
+fn brakes_hold_a_car_on_a_grade_bit_for_bit_up_to_their_torque() {
+    for compliance in [0.0, 0.006] {
+        let hold = |brake: f64| {
+            let (mut plant, inputs) = plant(100.0, 0.0, OPEN, |p| {
+                p[param::road_load::grade] = 0.1;
+                p[param::driveline_compliance::compliance] = compliance;
+            });
+            plant.set_brake(brake);
+            (0..500).for_each(|_| plant.step(&inputs, 1e-3));
+            plant.state().y[index::OMEGA_V]
+        };
+        assert_eq!(hold(1.01 * grade_torque(0.1)), 0.0, "compliance {compliance}");
+        assert!(hold(0.99 * grade_torque(0.1)) < 0.0, "compliance {compliance}");
+        assert!(hold(0.0) < -5.0, "compliance {compliance}");
+    }
+}
+
+/// J_c ω̇ = −T_B − b_c ω − T_L(ω): the time to the stand by quadrature.
+#[test]
+fn brakes_stop_a_rolling_car_and_keep_it() {
+    let (brake, from) = (80.0, 20.0);
+    let (mut plant, inputs) = plant(100.0, from, OPEN, |_| ());
+    plant.set_brake(brake);
+    let d = Vehicle::paper().driveline;
+    let slowing = |w: f64| (brake + kisspoint::physics::driveline::resistance(&d, w, 0.0)) / d.J_c;
+    let n = 20_000;
+    let expected: f64 = (0..n).map(|k| from / f64::from(n) / slowing(from * (f64::from(k) + 0.5) / f64::from(n))).sum();
+    let mut time = None;
+    for k in 0..10_000 {
+        plant.step(&inputs, 1e-4);
+        if plant.state().y[index::OMEGA_C] == 0.0 {
+            time = time.or(Some(f64::from(k + 1) * 1e-4));
+        } else {
+            assert!(time.is_none(), "moves again");
+        }
+    }
+    let time = time.expect("stops");
+    assert!((time - expected).abs() < 1.5e-4, "{time} against {expected}");
+    let e = plant.energy();
+    assert!((e.work_in - e.dissipated - e.losses - (e.stored - 0.5 * (d.J_f * 1e4 + d.J_c * from * from))).abs() < 1e-6, "{e:?}");
+}
+
+/// A locked car that a grade pulls back stalls its engine, which then stands in the clutch and does not run backwards.
+#[test]
+fn an_engine_stalls_and_does_not_run_backwards() {
+    for compliance in [0.0, 0.006] {
+        let (mut plant, mut inputs) = plant(30.0, 30.0, 9.0, |p| {
+            p[param::road_load::grade] = 0.1;
+            p[param::driveline_compliance::compliance] = compliance;
+        });
+        let mut least = f64::INFINITY;
+        for _ in 0..5000 {
+            plant.step(&inputs, 1e-3);
+            least = least.min(plant.state().y[index::OMEGA_F]);
+        }
+        assert_eq!((least, plant.state().y[index::OMEGA_F]), (0.0, 0.0), "compliance {compliance}");
+        assert!((plant.outputs().t_fc - grade_torque(0.1)).abs() < 1e-3, "{} N·m", plant.outputs().t_fc);
+        // With more torque than the grade it runs again.
+        inputs.t_e_ref = grade_torque(0.1) + 20.0;
+        (0..500).for_each(|_| plant.step(&inputs, 1e-3));
+        assert!(plant.state().y[index::OMEGA_F] > 1.0, "compliance {compliance}");
+    }
+}
+
+#[test]
+fn the_communication_step_does_not_matter() {
+    let run = |step: f64| {
+        let (mut plant, inputs) = plant(60.0, 8.0, 7.0, |p| p[param::road_load::grade] = 0.15);
+        plant.set_brake(30.0);
+        (0..(0.6 / step).round() as usize).for_each(|_| plant.step(&inputs, step));
+        plant.state().y
+    };
+    let (coarse, fine) = (run(1e-2), run(1e-4));
+    for (k, (a, b)) in coarse.iter().zip(&fine).enumerate() {
+        assert!((a - b).abs() <= 1e-6 * (1.0 + b.abs()), "state {k}: {a} against {b}");
+    }
+}
