@@ -83,10 +83,10 @@ SCENARIOS = {
     "negative_slip": dict(
         start=(80.0, 130.0, 60.0, 40.0), effects={**CHAIN, **FACES, **DRAG, "road_load.grade": -0.02, "vehicle_mass.factor": 0.9},
         inputs=[(0.0, 5.0, 5.0, 30.0, 0.0), (0.2, 5.9, 5.0, 30.0, 0.0), (1.2, 5.9, -20.0, 30.0, 5.0)], look=[0.2, 0.5, 0.9, 1.2, 1.6]),
-    # Held at standstill by a stopped engine, rolling back down a grade, then dragged to a slip.
+    # From standstill with the clutch closed, up a grade, then dragged to a slip. An engine that would be turned backwards is val_rest.rs's.
     "standstill": dict(
         start=(0.0, 0.0, 40.0, 40.0), effects={**FACES, **DRIVE, "engine_torque_gain.gain": 1.2, "cushion_hysteresis.width": 0.3},
-        inputs=[(0.0, 7.5, 0.0, 25.0, 0.0), (0.5, 6.1, 15.0, 25.0, 0.0), (0.8, 6.1, 90.0, 25.0, 0.0)], look=[0.2, 0.5, 0.7, 0.9, 1.1]),
+        inputs=[(0.0, 7.5, 12.0, 25.0, 0.0), (0.5, 6.1, 15.0, 25.0, 0.0), (0.8, 6.1, 90.0, 25.0, 0.0)], look=[0.2, 0.5, 0.7, 0.9, 1.1]),
 }
 
 # States. The lags of engine and bearing have a value and a rate each; z is the memory of the hysteresis.
