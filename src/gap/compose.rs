@@ -314,7 +314,7 @@ fn effect(f: &Findings, e: usize) -> Effect {
     }
 }
 
-/// Interval of an effect parameter: the posterior's, with the effects' unknown form.
+/// Interval of an effect parameter: the posterior's, with the effects' unknown form and the mean over how exact their laws may be.
 ///
 /// The functions of a form have mean zero where the effect acts in these recordings. What the car's own number is elsewhere they do not say: the form's mean is
 /// one more unknown, as large as the form, that the data take for a part of the size.
@@ -323,9 +323,8 @@ fn interval(f: &Findings, k: usize) -> Interval {
     let fit = explanation.fit.as_ref().expect("the best was fitted");
     let value = fit.point.effects[k];
     let at = fit.shared.iter().position(|c| *c == Coordinate::Effect(k));
-    let covariance = fit.covariance();
-    // Without a covariance the recordings bound nothing, and the parameter's own limits are the interval.
-    let variance = at.zip(covariance).map_or(f64::INFINITY, |(i, c)| c[(i, i)]);
+    // Without variances the recordings bound nothing, and the parameter's own limits are the interval.
+    let variance = at.zip(fit.variances.as_ref()).map_or(f64::INFINITY, |(i, v)| v[i]);
     let p = &PARAMETERS[k];
     let mean_of_form = FORM * fit.form_size * (value - p.null);
     let half = INTERVAL * variance.sqrt().hypot(mean_of_form);

@@ -3,7 +3,7 @@
 //! Levenberg–Marquardt with derivatives along nuisances that are kept while the linear model keeps its word.
 
 use super::coordinate::{Coordinate, coordinates};
-use super::density::{Basis, ByPhase, Point, Problem, Residuals, WHOLE, cost, prior};
+use super::density::{Basis, ByAccuracy, ByPhase, Point, Problem, Residuals, WHOLE, cost, prior};
 use super::linear::{Columns, Frame, Normal, Products, all_products, assemble, by_phase, derivatives, to_powers};
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
@@ -33,6 +33,17 @@ pub struct Fit {
     pub parts: Arc<Vec<ByPhase<Products>>>,
     /// Size of the effects' forms relative to that with which they were fitted: root mean square over [`SIZES`], by their evidence; 1 before they are weighed.
     pub form_size: f64,
+    /// Variances of the shared coordinates but for functions, the mean over the accuracies that an explanation may have; none before they are weighed, or where the
+    /// recordings bound nothing.
+    pub variances: Option<Vec<f64>>,
+}
+
+/// The variances of fits of one explanation, one for each accuracy that it may have.
+pub fn mean_variances(fits: ByAccuracy<Fit>) -> Option<Vec<f64>> {
+    let of = |fit: Fit| fit.marginal().covariance().map(|c| c.diagonal());
+    let all: Option<Vec<DVector<f64>>> = fits.into_iter().map(of).collect();
+    let all = all?;
+    Some((all.iter().sum::<DVector<f64>>() / all.len() as f64).iter().copied().collect())
 }
 
 impl Fit {
@@ -235,6 +246,7 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
         own,
         parts: Arc::new(parts),
         form_size: 1.0,
+        variances: None,
     }
 }
 

@@ -26,7 +26,7 @@ pub struct Explanation {
     pub fit: Option<Fit>,
 }
 
-/// The posterior, the most probable explanation first.
+/// The posterior, the explanation that stands first, then by probability.
 #[derive(Clone, Debug)]
 pub struct Posterior {
     /// All explanations that were weighed.
@@ -36,7 +36,7 @@ pub struct Posterior {
 }
 
 impl Posterior {
-    /// The most probable one that was fitted.
+    /// The explanation that stands: the first that was fitted.
     pub fn best(&self) -> &Explanation {
         self.explanations.iter().find(|e| e.fit.is_some()).expect("the car within its tolerances is always fitted")
     }
@@ -124,7 +124,7 @@ pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Poste
         fit: u.fit,
     }));
     average(&mut all);
-    all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+    order(&mut all, |e| e.fit.is_some());
     Posterior { explanations: all, base_misfit: misfit(&search.base().fit.residuals) }
 }
 
@@ -148,6 +148,17 @@ fn average_of(all: &mut [Explanation], is_fitted: impl Fn(&Explanation) -> bool)
     for (e, shares) in all.iter_mut().zip(shares) {
         e.log_posterior = log_sum(&shares) - (ACCURACIES.len() as f64).ln();
         e.probability = e.log_posterior.exp();
+    }
+}
+
+/// The most probable explanation first; but not that nothing is wrong where it is likelier that something is: effects that look alike share what one of them would
+/// have alone.
+fn order(all: &mut [Explanation], is_fitted: impl Fn(&Explanation) -> bool) {
+    all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+    let nothing = |e: &Explanation| e.effects.is_empty() && e.place.is_none();
+    let sound: f64 = all.iter().filter(|e| nothing(e)).map(|e| e.probability).sum();
+    if let Some(first) = all.iter().position(|e| !nothing(e) && is_fitted(e)).filter(|_| sound < 0.5) {
+        all[..=first].rotate_right(1);
     }
 }
 
@@ -222,6 +233,16 @@ mod tests {
         let expected = ahead.into_iter().map(odds).sum::<f64>() / 3.0;
         assert!((all[0].probability - expected).abs() < 1e-12, "{} {expected}", all[0].probability);
         assert!((all[0].probability + all[1].probability - 1.0).abs() < 1e-12);
+        // Nothing is wrong with 0.4, one of two effects that look alike with 0.6: one of these stands, and then comes what is more probable by itself.
+        let [none, one, other] = [0.4_f64, 0.32, 0.28].map(f64::ln);
+        let mut alike = [explanation(&[], [none; 3]), explanation(&[2], [other; 3]), explanation(&[1], [one; 3])];
+        average_of(&mut alike, |_| true);
+        order(&mut alike, |_| true);
+        assert_eq!(alike.each_ref().map(|e| e.effects.clone()), [vec![1], vec![], vec![2]]);
+        alike[1].by_accuracy = [0.7_f64.ln(); 3];
+        average_of(&mut alike, |_| true);
+        order(&mut alike, |_| true);
+        assert!(alike[0].effects.is_empty());
         // A promise weighs at most half as much as the best that was fitted.
         average_of(&mut all, |e| e.effects == [2]);
         assert!(all[0].probability < 1.0 / 3.0 + 1e-12, "{}", all[0].probability);

@@ -7,7 +7,7 @@
 
 use super::coordinate::Coordinate;
 use super::density::{Basis, ByAccuracy, Point, Problem, STRAINS, WHOLE, cost, size};
-use super::fit::{Fit, Free, LOOK, fit};
+use super::fit::{Fit, Free, LOOK, fit, mean_variances};
 use super::form::{self, forms};
 use super::linear::Columns;
 use super::pulsation;
@@ -44,8 +44,10 @@ impl Hypothesis {
         };
         let (lead, sharp) = at(WHOLE);
         let (log_posterior, coarse) = at(problem.steering());
-        let by_accuracy = problem.powers.map(|powers| at(powers).0);
-        let fit = Fit { point: sharp.point, ..coarse }.marginal();
+        let all = problem.powers.map(at);
+        let by_accuracy = all.each_ref().map(|(believed, _)| *believed);
+        let variances = mean_variances(all.map(|(_, fit)| fit));
+        let fit = Fit { point: sharp.point, variances, ..coarse }.marginal();
         Self { effects, fit, formed, basis, lead, log_posterior, by_accuracy }
     }
 

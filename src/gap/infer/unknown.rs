@@ -6,7 +6,7 @@
 
 use super::coordinate::Coordinate;
 use super::density::{Baseline, Basis, ByAccuracy, ByPhase, Point, Problem, Residuals, WHOLE, overall, weight};
-use super::fit::{Fit, Free, LOOK, fit};
+use super::fit::{Fit, Free, LOOK, fit, mean_variances};
 use super::form::{forms, of_law};
 use super::linear::{Columns, Frame, Normal, assemble, to_powers};
 use super::search::{DRAGGED, Hypothesis, log_prior, moments};
@@ -154,14 +154,16 @@ pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, kn
         (evidence + prior + moments(&fit, effects), fit)
     };
     let lead = at(WHOLE).0;
-    let by_accuracy = problem.powers.map(|powers| at(powers).0);
+    let all = problem.powers.map(at);
+    let by_accuracy = all.each_ref().map(|(believed, _)| *believed);
+    let variances = mean_variances(all.map(|(_, fit)| fit));
     let (log_posterior, fitted) = at(problem.steering());
     // Functions are eliminated, and their derivatives are let go: there may be hundreds.
     let kept = fitted.shared.iter().filter(|c| !matches!(c, Coordinate::Missing(_))).count();
     let functions = fitted.shared.len() - kept;
     let without = |c: &Columns| Columns { matrix: c.matrix.clone().remove_columns(kept, functions) };
     let columns = Arc::new(fitted.columns.iter().map(without).collect());
-    let fit = Fit { columns, parts: Arc::default(), ..fitted.marginal() };
+    let fit = Fit { columns, parts: Arc::default(), variances, ..fitted.marginal() };
     Unknown { effects: effects.to_vec(), law: law.clone(), lead, log_posterior, by_accuracy, fit: Some(fit) }
 }
 
