@@ -258,7 +258,8 @@ impl Controller {
         if bites {
             let lags = s.actuator_time + lag;
             let speed = approach::speed(touch - s.x_open, g.engaged_for, lags);
-            g.rate = approach::FOLLOWED * speed;
+            // A state holds finite numbers alone.
+            g.rate = (approach::FOLLOWED * speed).min(OUT_OF_THE_WAY);
             if g.engaged_for > approach::SLOW {
                 // It is still on its way to where it was sent: it is sent to where it is.
                 state.outputs.t_c_ref = t_c.min(BITE + g.slope.max(TOUCHING) * speed * lags);

@@ -228,7 +228,7 @@ def test_an_interruption_says_how_to_go_on(cars, tmp_path):
         time.sleep(0.05)
     child.send_signal(signal.SIGINT)
     _, said = child.communicate(timeout=300)
-    assert child.returncode == 130 and "the same command goes on from there" in said
+    assert child.returncode == 130 and "the same command continues from there" in said
 
 
 def test_processes_of_concurrent_futures_do_as_well(cars, first):
