@@ -18,7 +18,7 @@
 
 use super::noise::Noise;
 use super::replay::HIDDEN;
-use super::tolerance::Wander;
+use super::tolerance::{LATE_SIGMAS, Wander};
 use super::track::{Channel, Track, misses};
 use crate::plant::Phase;
 use crate::vehicle::Vehicle;
@@ -67,7 +67,7 @@ pub struct Disturbances {
     pub sensors: [Wander; 2],
     /// How late each speed is known to be sensed, s: what is measured now was so then.
     pub late: [f64; 2],
-    /// How much later one speed may be sensed than the other all the same, s.
+    /// How much later the flywheel's speed is sensed than the disc's all the same, as far as latencies are declared, s; see [`skew`].
     pub skew: f64,
 }
 
@@ -81,6 +81,8 @@ const LOCK_UP_TIMING_S: f64 = 0.012;
 /// Slip in units of its noise that counts as locked: of one sample, and of the mean of three.
 const LOCKED: f64 = 6.0;
 const LOCKED_MEAN: f64 = 3.0;
+/// Least time in which two speeds that go together are those of a locked clutch, s.
+const TOGETHER_S: f64 = 0.3;
 /// Observations to both sides over which the pace of a speed is taken.
 const PACE_OBSERVATIONS: usize = 3;
 
@@ -350,30 +352,58 @@ fn closed(track: &Track, vehicle: &Vehicle, k: usize) -> bool {
     track.ticks[track.tick_of_row[track.rows_of(k).start]].x_to > vehicle.actuator.x_cnt_0
 }
 
+/// Slope of the mean of both speeds around an observation, rad/s²; zero where it is not known.
+fn pace(speeds: &[Vec<(f64, usize)>; 2], time: impl Fn(usize) -> f64, k: usize) -> f64 {
+    let (a, b) = (k.saturating_sub(PACE_OBSERVATIONS), (k + PACE_OBSERVATIONS).min(speeds[0].len() - 1));
+    let change: f64 = speeds.iter().map(|s| s[b].0 - s[a].0).sum();
+    let slope = 0.5 * change / (time(b) - time(a)).max(1e-3);
+    if slope.is_finite() { slope } else { 0.0 }
+}
+
+/// How much later the flywheel's speed is sensed than the disc's, s, at most `most`: by least squares over stretches of the recordings in which two speeds that
+/// change go together, free of brakes. Two sensors that are not equally late show slip of a locked clutch, the more the faster it changes.
+pub fn skew(tracks: &[Track], with: &Disturbances, most: f64) -> f64 {
+    let sigma = slip_noise(with);
+    let (mut products, mut squares) = (0.0, (LATE_SIGMAS * sigma / most).powi(2));
+    for track in tracks {
+        let n = track.observations();
+        let speeds = [Channel::OmegaF, Channel::OmegaC].map(|c| (0..n).map(|k| track.mean(c, k)).collect::<Vec<_>>());
+        let time = |k: usize| track.time[track.rows_of(k).start];
+        let slip = |k: usize| speeds[0][k].0 - speeds[1][k].0;
+        let paces: Vec<f64> = (0..n).map(|k| pace(&speeds, time, k)).collect();
+        let together = |k: usize| slip(k).abs() < LOCKED * sigma + most * paces[k].abs() && !track.rows_of(k).any(|row| track.brake[row]);
+        let mut begin = 0;
+        for k in 0..=n {
+            if k < n && together(k) {
+                continue;
+            }
+            if k > begin && time(k - 1) - time(begin) > TOGETHER_S {
+                let inside = begin + PACE_OBSERVATIONS..(k - PACE_OBSERVATIONS).max(begin + PACE_OBSERVATIONS);
+                products -= inside.clone().map(|j| slip(j) * paces[j]).sum::<f64>();
+                squares += inside.map(|j| paces[j].powi(2)).sum::<f64>();
+            }
+            begin = k + 1;
+        }
+    }
+    if most > 0.0 { (products / squares).clamp(-most, most) } else { 0.0 }
+}
+
 /// Observations in which the measured speeds do not differ. They begin while the clutch is closed, for speeds that only cross are not locked, and last until a
-/// sample, or the mean of three, shows slip beyond what two sensors that are not equally late make of a speed that changes: how long a clutch takes to open is not
-/// known. What is not known stays as it was.
+/// sample, or the mean of three, shows slip beyond that of two sensors that are not equally late: how long a clutch takes to open is not known. What is not known
+/// stays as it was.
 fn locked(speeds: &[Vec<(f64, usize)>; 2], with: &Disturbances, time: impl Fn(usize) -> f64, closed: impl Fn(usize) -> bool) -> Vec<bool> {
     let sigma = slip_noise(with);
-    let n = speeds[0].len();
-    // How fast both speeds change around a sample.
-    let pace = |k: usize| {
-        let (a, b) = (k.saturating_sub(PACE_OBSERVATIONS), (k + PACE_OBSERVATIONS).min(n - 1));
-        let of = |c: usize| ((speeds[c][b].0 - speeds[c][a].0) / (time(b) - time(a)).max(1e-3)).abs();
-        let least = of(0).min(of(1));
-        if least.is_finite() { least } else { 0.0 }
-    };
-    let slip: Vec<f64> = speeds[0].iter().zip(&speeds[1]).map(|((f, _), (c, _))| f - c).collect();
+    let slip: Vec<f64> = (0..speeds[0].len()).map(|k| speeds[0][k].0 - speeds[1][k].0 + with.skew * pace(speeds, &time, k)).collect();
     let mean = |k: usize| {
         let near = &slip[k.saturating_sub(1)..(k + 2).min(slip.len())];
         near.iter().sum::<f64>() / near.len() as f64
     };
-    let slips = |k: usize, skew: f64| slip[k].abs() > LOCKED * sigma + skew || mean(k).abs() > LOCKED_MEAN * sigma + skew;
+    let slips = |k: usize| slip[k].abs() > LOCKED * sigma || mean(k).abs() > LOCKED_MEAN * sigma;
     let mut now = false;
     (0..slip.len())
         .map(|k| {
             if slip[k].is_finite() {
-                now = if now { !slips(k, with.skew * pace(k)) } else { closed(k) && !slips(k, 0.0) };
+                now = !slips(k) && (now || closed(k));
             }
             now
         })

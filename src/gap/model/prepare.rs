@@ -1,6 +1,6 @@
 //! From a campaign to what is fitted: tracks, noise, tolerances, filters.
 
-use super::filter::{Disturbances, Filter, filter};
+use super::filter::{self, Disturbances, Filter, filter};
 use super::missing;
 use super::noise::{self, Noise};
 use super::replay;
@@ -23,7 +23,8 @@ const NONE: Wander = Wander { sigma: 0.0, time_s: 1.0 };
 
 /// Disturbances of a healthy car: sensors as the recordings show them, the rest as declared or by default.
 pub fn disturbances(tracks: &[Track], tolerances: &Tolerances) -> Disturbances {
-    healthy(noise::channels(tracks), noise::of_report(tracks), noise::report_quantum(tracks), tolerances)
+    let with = healthy(noise::channels(tracks), noise::of_report(tracks), noise::report_quantum(tracks), tolerances);
+    Disturbances { skew: filter::skew(tracks, &with, tolerances.skew()), ..with }
 }
 
 /// The same with sensors of this noise, and a torque report of this noise and in these steps, N·m.
@@ -39,7 +40,7 @@ pub fn healthy(noise: [Noise; 5], report_noise: f64, quantum: f64, tolerances: &
         bearing: NONE,
         sensors: [NONE; 2],
         late: [0.0; 2],
-        skew: tolerances.skew(),
+        skew: 0.0,
     }
 }
 

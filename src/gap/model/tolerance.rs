@@ -73,7 +73,7 @@ pub struct Tolerances {
 pub const LATE_SIGMAS: f64 = 3.0;
 
 impl Tolerances {
-    /// How much later one speed may be sensed than the other, s.
+    /// How much later or earlier one speed may be sensed than the other, s.
     pub fn skew(&self) -> f64 {
         let latencies = self.shared.iter().filter(|n| n.name.ends_with("_latency"));
         LATE_SIGMAS * latencies.map(|n| n.sigma.powi(2)).sum::<f64>().sqrt()
