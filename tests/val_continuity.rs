@@ -1,7 +1,7 @@
 //! The communication step does not matter with effects either, and effects are continuous at their null values.
 
 use kisspoint::effects::empirical::CURVES;
-use kisspoint::effects::{self, Parameters, REGISTRY, param};
+use kisspoint::effects::{self, Parameters, param};
 use kisspoint::plant::{Inputs, Outputs, Plant, Start};
 use kisspoint::vehicle::Vehicle;
 
@@ -32,7 +32,7 @@ fn distance(a: &Outputs, b: &Outputs) -> (f64, f64) {
 // Delayed speeds are kept every 0.2 ms: steps shorter than that leave out some of them.
 #[test]
 fn the_step_does_not_matter_with_any_effect() {
-    for entry in &REGISTRY {
+    for entry in effects::all() {
         for start in entry.effect.starts {
             let mut p = effects::null();
             start.iter().for_each(|&(k, value)| p[k] = value);
@@ -77,7 +77,7 @@ fn fast_lags_a_rate_limit_with_lag_and_fast_judder_are_followed() {
 #[test]
 fn effects_are_continuous_at_null() {
     let nominal = run(&effects::null(), 1e-3);
-    for entry in &REGISTRY {
+    for entry in effects::all() {
         for start in entry.effect.starts {
             let mut p = effects::null();
             for &(k, value) in *start {

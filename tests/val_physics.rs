@@ -1,6 +1,6 @@
 //! Single equations against numbers worked out by hand, where no scenario of the plant singles them out.
 
-use kisspoint::effects::{self, PARAMETERS, REGISTRY, SignalDelay, Subsystem, param};
+use kisspoint::effects::{self, PARAMETERS, REGISTRY, SIMULATED, SignalDelay, Subsystem, param};
 use kisspoint::physics::cushion::{self, CushionSpring};
 use kisspoint::physics::friction::{self, Friction};
 use kisspoint::physics::{driveline, map, thermal};
@@ -141,6 +141,10 @@ fn effects_of_a_vehicle_file_are_read_within_their_bounds_and_written_back() {
 fn the_registry_finds_its_effects_and_says_how_large_they_are() {
     for (place, entry) in REGISTRY.iter().enumerate() {
         assert_eq!(effects::find(entry.id), Some(place));
+    }
+    // What is simulated only is not found where a diagnosis looks.
+    assert!(SIMULATED.iter().all(|entry| effects::find(entry.id).is_none()));
+    for entry in effects::all() {
         assert!(entry.is_null(&effects::null()), "{}", entry.id);
         for &k in entry.effect.amplitudes {
             let mut set = effects::null();

@@ -221,9 +221,15 @@ fn carried_behind_disc(old: &Config, new: &Config, state: &State) -> f64 {
 /// When effects are set while running, a state that was not in use starts where its signal is; shafts that become elastic are twisted by the
 /// torque that they carry.
 pub fn carry_over(old: &Config, new: &Config, state: &mut State) {
+    let tyres = |config: &Config| config.constants.tyre.softness > 0.0;
     if new.compliant() && !old.compliant() {
         state.y[index::OMEGA_V] = state.y[index::OMEGA_C];
         state.y[index::TWIST] = motion::twist_under(new, carried_behind_disc(old, new, state));
+    } else if new.compliant() && tyres(new) != tyres(old) {
+        state.y[index::TWIST] = motion::twist_under(new, motion::spring_torque(old, &state.y));
+    }
+    if new.constants.surface.resistance == 0.0 {
+        state.y[index::SURFACE] = 0.0;
     }
     if !old.remembers() && new.remembers() {
         state.memory = Branch { x: state.bearing, z: 0.0 };

@@ -91,7 +91,7 @@ pub fn clutch_torque(config: &Config, found: &Found, s: &State) -> f64 {
 pub fn phase(config: &Config, found: &Found, s: &State) -> Phase {
     if s.stuck {
         Phase::Locked
-    } else if config.coupling.is_some() || found.with_position(config, s.bearing, s.y[index::THETA_C]).engaged(config) {
+    } else if config.coupling.is_some() || found.with_position(config, s.bearing, &s.y).engaged(config) {
         Phase::Slipping
     } else {
         Phase::Open
@@ -147,8 +147,8 @@ fn settle_rest(plant: &mut Plant) {
 
 /// Substeps that a step of `h` seconds takes.
 pub fn substeps(plant: &Plant, h: f64) -> f64 {
-    let slip = plant.state.y[index::OMEGA_F] - plant.state.y[index::OMEGA_C];
-    let longest = plant.config.pace.longest_substep(plant.max_substep).min(plant.config.pace.pulse(slip, plant.max_substep));
+    let speeds = [plant.state.y[index::OMEGA_F], plant.state.y[index::OMEGA_C]];
+    let longest = plant.config.pace.longest_substep(plant.max_substep).min(plant.config.pace.pulse(speeds, plant.max_substep));
     (h / longest * (1.0 - SLIVER)).ceil().max(1.0)
 }
 
@@ -167,7 +167,7 @@ fn look(config: &Config, s: &State) -> Found {
     if s.stuck {
         return Found::NOTHING;
     }
-    let found = Found::NOTHING.with_position(config, s.bearing, s.y[index::THETA_C]);
+    let found = Found::NOTHING.with_position(config, s.bearing, &s.y);
     let along = s.direction * (s.y[index::OMEGA_F] - s.y[index::OMEGA_C]);
     if found.engaged(config) { found.with_radius(config, along.max(0.0)) } else { found }
 }
@@ -213,12 +213,12 @@ fn until_contact(config: &Config, state: &State, x_cmd: f64, h: f64, way: &Way, 
     if actuation::immediate(config) || config.coupling.is_some() {
         return h;
     }
-    let theta = state.y[index::THETA_C];
+    let (theta, work) = (state.y[index::THETA_C], clutch::wear(config, &state.y));
     let (begin, end) = (way.begin.drive().x, way.end.drive().x);
     if begin == end {
         return h;
     }
-    let touches = |x: f64| clutch::engaged(config, x, theta);
+    let touches = |x: f64| clutch::engaged_after(config, x, theta, work);
     let before = touches(begin);
     if before == touches(end) {
         return h;
@@ -233,7 +233,7 @@ fn until_contact(config: &Config, state: &State, x_cmd: f64, h: f64, way: &Way, 
 }
 
 fn setting(config: &Config, state: &State, found: &Found, way: &Way) -> Setting {
-    let found = found.with_position(config, way.middle.drive().x, state.y[index::THETA_C]);
+    let found = found.with_position(config, way.middle.drive().x, &state.y);
     Setting {
         stuck: state.stuck,
         direction: state.direction,

@@ -324,7 +324,8 @@ impl Plant {
     /// How far the bearing has closed the clutch now: 0 at the true contact, 1 at the closed point.
     #[inline]
     pub fn closing(&self) -> f64 {
-        clutch::closing(&self.config, self.state.bearing, self.state.y[index::THETA_C])
+        let y = &self.state.y;
+        clutch::closing_after(&self.config, self.state.bearing, y[index::THETA_C], clutch::wear(&self.config, y))
     }
 
     /// Energy books since the start.
