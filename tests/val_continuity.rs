@@ -59,7 +59,9 @@ fn the_step_hardly_matters_with_a_learned_law() {
 
 #[test]
 fn fast_lags_a_rate_limit_with_lag_and_fast_judder_are_followed() {
-    let cases: [(&str, &[(usize, f64)]); 4] = [
+    let cases: [(&str, &[(usize, f64)]); 6] = [
+        ("filtered speeds", &[(param::engine_speed_delay::smoothing, 0.02), (param::clutch_speed_delay::smoothing, 0.01)]),
+        ("speeds behind a short filter", &[(param::engine_speed_delay::smoothing, 1e-4), (param::clutch_speed_delay::smoothing, 1e-7)]),
         ("lag of 0.1 ms", &[(param::actuator_lag::time_constant, 1e-4)]),
         ("engine lag of 0.1 ms", &[(param::engine_torque_lag::time_constant, 1e-4)]),
         ("rate limit with lag", &[(param::actuator_rate_limit::inverse_speed, 0.06), (param::actuator_lag::time_constant, 0.03)]),
@@ -90,4 +92,9 @@ fn effects_are_continuous_at_null() {
             assert!(speed < 1e-4, "{}: {speed:.1e} rad/s at 1e-6 of its size", entry.id);
         }
     }
+    // The sensors' filters, from which no search starts.
+    let mut p = effects::null();
+    (p[param::engine_speed_delay::smoothing], p[param::clutch_speed_delay::smoothing]) = (2e-8, 2e-8);
+    let (speed, _) = distance(&run(&p, 1e-3), &nominal);
+    assert!(speed < 1e-4, "filters: {speed:.1e} rad/s at 1e-6 of their size");
 }

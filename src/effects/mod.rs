@@ -233,14 +233,6 @@ impl SignalDelay {
     pub fn is_none(self) -> bool {
         self.dead_time <= 0.0 && self.smoothing <= 0.0
     }
-
-    /// Ages in s of the values that are sensed together, each with its weight: the nodes of Gauss and Laguerre, which keep the first three
-    /// moments of the filter's memory.
-    pub fn nodes(self) -> [(f64, f64); 2] {
-        use std::f64::consts::SQRT_2;
-        [(2.0 - SQRT_2, 0.25 * (2.0 + SQRT_2)), (2.0 + SQRT_2, 0.25 * (2.0 - SQRT_2))]
-            .map(|(x, w)| (self.dead_time + x * self.smoothing, w))
-    }
 }
 
 /// Constants of the plant that effects may change; the nominal ones come from the vehicle.

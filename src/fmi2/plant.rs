@@ -255,10 +255,11 @@ fn walk_parameters(parameters: &mut Parameters, words: &mut impl Words) {
 
 /// Every field by name: a new field does not compile until it is saved too.
 fn walk_state(state: &mut State, words: &mut impl Words) {
-    let State { time, y, stuck, direction, rest, engine, limited, lagged, bearing, memory, inputs } = state;
+    let State { time, y, stuck, direction, rest, engine, limited, lagged, bearing, memory, filtered, inputs } = state;
     let Inputs { x_to, t_e_ref, theta_h, t_load } = inputs;
     words.real(time);
     words.reals(y);
+    words.reals(filtered);
     words.flag(stuck);
     words.real(direction);
     let Rest { brake, car, rolling, engine: engine_stands } = rest;

@@ -6,6 +6,7 @@
 use super::clutch::{Branch, Found};
 use super::config::Config;
 use super::motion::{self, index};
+use super::sensed;
 use super::{MAX_SUBSTEP, State};
 use crate::physics::driveline;
 use crate::physics::lag::{self, LagState};
@@ -227,6 +228,11 @@ pub fn carry_over(old: &Config, new: &Config, state: &mut State) {
         state.y[index::TWIST] = motion::twist_under(new, carried_behind_disc(old, new, state));
     } else if new.compliant() && tyres(new) != tyres(old) {
         state.y[index::TWIST] = motion::twist_under(new, motion::spring_torque(old, &state.y));
+    }
+    for (k, ((_, place, before), (_, _, after))) in sensed::channels(old).into_iter().zip(sensed::channels(new)).enumerate() {
+        if before.smoothing <= 0.0 && after.smoothing > 0.0 {
+            state.filtered[k] = state.y[place];
+        }
     }
     if new.constants.surface.resistance == 0.0 {
         state.y[index::SURFACE] = 0.0;

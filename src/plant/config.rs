@@ -146,6 +146,12 @@ impl Config {
         self.constants.hysteresis_width != 0.0 || self.empirical.direction
     }
 
+    /// Whether a speed is sensed behind a filter.
+    #[inline]
+    pub fn filters(&self) -> bool {
+        self.constants.engine_speed_delay.smoothing > 0.0 || self.constants.clutch_speed_delay.smoothing > 0.0
+    }
+
     /// Whether something twists between disc and car: shafts, or tyres.
     #[inline]
     pub fn compliant(&self) -> bool {

@@ -16,6 +16,7 @@ use super::config::{Config, Coupling};
 use super::history::Signal;
 use super::motion::{self, Motion, Setting, index};
 use super::rest::{self, Rest};
+use super::sensed;
 use super::{Inputs, Phase, Plant, Start, State};
 
 /// Slip in rad/s, or torque in N·m, at which an event counts as met.
@@ -47,6 +48,7 @@ pub fn initial(start: &Start, inputs: &Inputs) -> State {
     y[index::THETA_B] = start.theta_b;
     State {
         time: 0.0,
+        filtered: [start.omega_f, start.omega_c],
         y,
         stuck: false,
         direction: 1.0,
@@ -132,7 +134,7 @@ pub fn step(plant: &mut Plant, inputs: &Inputs, h: f64) {
         let until = if k as f64 == count { end } else { start + h * (k as f64 / count) };
         substep(plant, until, delayed);
         plant.found = look(&plant.config, &plant.state);
-        record_sensed(plant);
+        sensed::record(&plant.config, &plant.state, &mut plant.history);
     }
 }
 
@@ -150,16 +152,6 @@ pub fn substeps(plant: &Plant, h: f64) -> f64 {
     let speeds = [plant.state.y[index::OMEGA_F], plant.state.y[index::OMEGA_C]];
     let longest = plant.config.pace.longest_substep(plant.max_substep).min(plant.config.pace.pulse(speeds, plant.max_substep));
     (h / longest * (1.0 - SLIVER)).ceil().max(1.0)
-}
-
-fn record_sensed(plant: &mut Plant) {
-    let (c, s) = (&plant.config.constants, &plant.state);
-    if !c.engine_speed_delay.is_none() {
-        plant.history.push(Signal::Flywheel, s.time, s.y[index::OMEGA_F]);
-    }
-    if !c.clutch_speed_delay.is_none() {
-        plant.history.push(Signal::Disc, s.time, s.y[index::OMEGA_C]);
-    }
 }
 
 /// What outputs and the next substep ask of the faces; a stuck clutch is asked for neither.
@@ -252,7 +244,12 @@ fn integrate(config: &Config, state: &State, setting: &Setting, x_cmd: f64, h: f
     motion::runge_kutta(config, setting, &state.y, drive, h)
 }
 
-fn accept(config: &Config, state: &mut State, y: Motion, chain: &Chain, h: f64) {
+fn accept(config: &Config, state: &mut State, setting: &Setting, y: Motion, [begin, chain]: [&Chain; 2], h: f64) {
+    if config.filters() {
+        let at = |y: &Motion, chain: &Chain| motion::accelerations(config, setting, y, chain.drive());
+        let accelerations = [at(&state.y, begin), at(&y, chain)];
+        sensed::advance(config, state, &y, accelerations, h);
+    }
     state.y = y;
     state.time += h;
     chain.store(state);
@@ -276,8 +273,9 @@ fn smooth_piece(
     *iterations += 1;
     // What couples both sides in place of the clutch decides by itself when they are one.
     if config.coupling.is_some() {
-        let y = integrate(config, state, &setting(config, state, found, way), x_cmd, h, way);
-        accept(config, state, y, &way.end, h);
+        let setting = setting(config, state, found, way);
+        let y = integrate(config, state, &setting, x_cmd, h, way);
+        accept(config, state, &setting, y, [&way.begin, &way.end], h);
         return false;
     }
     if state.stuck && !settled && overload(config, state, &state.y, &way.begin) > 0.0 {
@@ -301,7 +299,7 @@ fn smooth_piece(
     let y = integrate(config, state, &setting, x_cmd, h, way);
     let after = passed(&y, &way.end);
     if after <= 0.0 {
-        accept(config, state, y, &way.end, h);
+        accept(config, state, &setting, y, [&way.begin, &way.end], h);
         return false;
     }
     let before = passed(&state.y, &way.begin);
@@ -323,7 +321,7 @@ fn smooth_piece(
     let clutch = meets(&found.0, &found.1) > 0.0;
     let [car, engine] = stands(&found.0, &found.1).map(|p| p > 0.0);
     let high = bracket.high;
-    accept(config, state, found.0, &found.1, high);
+    accept(config, state, &setting, found.0, [&way.begin, &found.1], high);
     if car {
         rest::switch_car(config, state, &found.1);
     }
