@@ -233,7 +233,7 @@ static double inverse(const State *s, double torque, double slip, double *slope)
 /* The second half of the launch begins; by how much the torque's limit rises. */
 static double begin_landing(State *s, double slip_there) {
   double last = fmax(s->t_c_ref, 0);
-  if (s->land_slip > 0 || slip_there >= 0.5 * (s->end - s->c0) || s->bitten_for == 0 || last <= 0.7 * s->expected[2]) return 0;
+  if (s->land_slip > 0 || slip_there >= 0.5 * (s->end - s->c0) || s->bitten_for <= 0.1 || last <= 0.7 * s->expected[2]) return 0;
   double departs = s->t_hat - s->expected[2];
   s->land_slip = slip_there, s->land_torque = last + departs;
   for (int i = 0; i < 3; i++) s->expected[i] += departs;
@@ -269,6 +269,7 @@ static void engage(State *s, const Inputs *u, double h) {
   double last = fmax(s->t_c_ref, 0), closing = s->land_slip > 0 ? (last - resist) / j : dc;
   double there = fmax(direction * (s->slip[1] + (actuator_time + 1.2 * filter_time) * (df - closing)), 0);
   if (direction > 0) high += begin_landing(s, there);
+  if (s->land_slip > 0 && there > s->land_slip + 10) s->land_slip = s->land_torque = 0;
   last = fmax(s->t_c_ref, 0);
   int rising = !(s->land_slip > 0);
   double landing = 3 * j * s->slope, enough = resist + 0.13 * landing;
@@ -282,8 +283,11 @@ static void engage(State *s, const Inputs *u, double h) {
   double rise = 150 * fmax(delivery(s, direction * s->t_hat), 0.1);
   double t_c = fmin(bound(fmin(fmax(wanted, last - 400 * h), last + rise * h), low, high), most);
   int bites = s->bitten_for == 0 && direction * s->t_hat > 8;
-  s->bitten_for = bites || s->bitten_for > 0 ? s->bitten_for + h : 0;
-  double feed = t_c + (s->bitten_for > 0 ? 0.3 : 1.0) * direction * (fabs(s->t_hat) - s->expected[2]);
+  if (s->bitten_for > 0 && !(s->land_slip > 0) && direction * s->t_hat < 2 && s->expected[2] > 16) {
+    s->bitten_for = fmax(s->bitten_for - 4 * h, 0);
+    if (s->bitten_for == 0) s->follows = 1e6;
+  } else if (bites || s->bitten_for > 0) s->bitten_for += h;
+  double feed = t_c + direction * (0.3 * fabs(s->t_hat) - (s->bitten_for > 0 ? 0.3 : 1.0) * s->expected[2]);
   s->t_e_ref = pi(&s->i_engine, kpf, kif, wf - u->omega_f, feed, te_min, te_max, h);
   if (bites) {
     double lags = actuator_time + lag, speed = s->engaged_for > lags ? (touch - x_open) / (s->engaged_for - lags) : INFINITY;

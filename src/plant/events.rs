@@ -244,12 +244,17 @@ fn integrate(config: &Config, state: &State, setting: &Setting, x_cmd: f64, h: f
     motion::runge_kutta(config, setting, &state.y, drive, h)
 }
 
-fn accept(config: &Config, state: &mut State, setting: &Setting, y: Motion, [begin, chain]: [&Chain; 2], h: f64) {
-    if config.filters() {
-        let at = |y: &Motion, chain: &Chain| motion::accelerations(config, setting, y, chain.drive());
-        let accelerations = [at(&state.y, begin), at(&y, chain)];
-        sensed::advance(config, state, &y, accelerations, h);
-    }
+/// The sensors' filters over a piece that goes `way` up to `y` and `end`; apart, for most plants have none.
+#[cold]
+#[inline(never)]
+fn filter_speeds(config: &Config, state: &mut State, found: &Found, way: &Way, (y, end): (&Motion, &Chain), h: f64) {
+    let setting = setting(config, state, found, way);
+    let at = |y: &Motion, chain: &Chain| motion::accelerations(config, &setting, y, chain.drive());
+    let accelerations = [at(&state.y, &way.begin), at(y, end)];
+    sensed::advance(config, state, y, accelerations, h);
+}
+
+fn accept(config: &Config, state: &mut State, y: Motion, chain: &Chain, h: f64) {
     state.y = y;
     state.time += h;
     chain.store(state);
@@ -273,9 +278,11 @@ fn smooth_piece(
     *iterations += 1;
     // What couples both sides in place of the clutch decides by itself when they are one.
     if config.coupling.is_some() {
-        let setting = setting(config, state, found, way);
-        let y = integrate(config, state, &setting, x_cmd, h, way);
-        accept(config, state, &setting, y, [&way.begin, &way.end], h);
+        let y = integrate(config, state, &setting(config, state, found, way), x_cmd, h, way);
+        if config.filters() {
+            filter_speeds(config, state, found, way, (&y, &way.end), h);
+        }
+        accept(config, state, y, &way.end, h);
         return false;
     }
     if state.stuck && !settled && overload(config, state, &state.y, &way.begin) > 0.0 {
@@ -299,11 +306,15 @@ fn smooth_piece(
     let y = integrate(config, state, &setting, x_cmd, h, way);
     let after = passed(&y, &way.end);
     if after <= 0.0 {
-        accept(config, state, &setting, y, [&way.begin, &way.end], h);
+        if config.filters() {
+            filter_speeds(config, state, found, way, (&y, &way.end), h);
+        }
+        accept(config, state, y, &way.end, h);
         return false;
     }
     let before = passed(&state.y, &way.begin);
     let mut bracket = Bracket { low: 0.0, high: h, at_low: before.min(0.0), at_high: after };
+    let faces = found;
     let mut found = (y, way.end);
     for _ in 0..LOCATE_ITERATIONS {
         let Some(middle) = bracket.next() else { break };
@@ -321,7 +332,10 @@ fn smooth_piece(
     let clutch = meets(&found.0, &found.1) > 0.0;
     let [car, engine] = stands(&found.0, &found.1).map(|p| p > 0.0);
     let high = bracket.high;
-    accept(config, state, &setting, found.0, [&way.begin, &found.1], high);
+    if config.filters() {
+        filter_speeds(config, state, faces, way, (&found.0, &found.1), high);
+    }
+    accept(config, state, found.0, &found.1, high);
     if car {
         rest::switch_car(config, state, &found.1);
     }

@@ -124,10 +124,10 @@ pub struct State {
     pub bearing: f64,
     /// Memory of the force hysteresis.
     pub memory: clutch::Branch,
-    /// Speeds of flywheel and disc behind their sensors' filters, where there are any, rad/s.
-    pub filtered: [f64; 2],
     /// Inputs of the last step.
     pub inputs: Inputs,
+    /// Speeds of flywheel and disc behind their sensors' filters, where there are any, rad/s.
+    pub filtered: [f64; 2],
 }
 
 /// A driveline with a dry clutch.

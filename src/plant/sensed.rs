@@ -34,7 +34,16 @@ pub fn speeds(config: &Config, state: &State, history: &History) -> [f64; 2] {
 }
 
 /// Keeps what the delay lines need of the present.
+#[inline]
 pub fn record(config: &Config, state: &State, history: &mut History) {
+    let c = &config.constants;
+    if c.engine_speed_delay.dead_time > 0.0 || c.clutch_speed_delay.dead_time > 0.0 {
+        push(config, state, history);
+    }
+}
+
+#[inline(never)]
+fn push(config: &Config, state: &State, history: &mut History) {
     for (k, (signal, place, delay)) in channels(config).into_iter().enumerate() {
         if delay.dead_time > 0.0 {
             history.push(signal, state.time, filtered(state, k, place, delay));
