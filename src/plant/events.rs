@@ -244,13 +244,27 @@ fn integrate(config: &Config, state: &State, setting: &Setting, x_cmd: f64, h: f
     motion::runge_kutta(config, setting, &state.y, drive, h)
 }
 
-/// The sensors' filters over a piece that goes `way` up to `y` and `end`; apart, for most plants have none.
+/// Time over which the accelerations at the ends of a piece are taken, s.
+const MOMENT: f64 = 1e-6;
+
+/// The sensors' filters over a piece that goes `way` up to `y` and `end`; apart, for most plants have none. Accelerations come from a step of a moment: another copy of the balances
+/// would cost every plant.
 #[cold]
 #[inline(never)]
 fn filter_speeds(config: &Config, state: &mut State, found: &Found, way: &Way, (y, end): (&Motion, &Chain), h: f64) {
     let setting = setting(config, state, found, way);
-    let at = |y: &Motion, chain: &Chain| motion::accelerations(config, &setting, y, chain.drive());
-    let accelerations = [at(&state.y, &way.begin), at(y, end)];
+    let at = |y: &Motion, chain: Chain| {
+        let later = integrate(
+            config,
+            &State { y: *y, ..*state },
+            &setting,
+            state.inputs.x_to,
+            MOMENT,
+            &Way { begin: chain, middle: chain, end: chain },
+        );
+        [index::OMEGA_F, index::OMEGA_C].map(|i| (later[i] - y[i]) / MOMENT)
+    };
+    let accelerations = [at(&state.y, way.begin), at(y, *end)];
     sensed::advance(config, state, y, accelerations, h);
 }
 

@@ -261,12 +261,6 @@ fn rates(config: &Config, set: &Setting, found: &Found, y: &Motion, drive: Drive
     dy
 }
 
-/// Accelerations of flywheel and disc, rad/s².
-pub fn accelerations(config: &Config, set: &Setting, y: &Motion, drive: Drive) -> [f64; 2] {
-    let dy = rates(config, set, &Found::NOTHING, y, drive);
-    [dy[OMEGA_F], dy[OMEGA_C]]
-}
-
 /// One Runge–Kutta step of `h` seconds; `drive` at its start, middle and end.
 #[inline]
 pub fn runge_kutta(config: &Config, set: &Setting, y: &Motion, drive: [Drive; 3], h: f64) -> Motion {
