@@ -162,6 +162,34 @@ fn a_delay_that_is_switched_on_begins_with_what_is_there() {
     close("the speed of 50 ms ago", plant.outputs().omega_c, 80.0 - 40.0 * 0.05, 1e-6);
 }
 
+/// Tyres, or shafts before them, that become soft while the car coasts under a load carry what the rigid driveline carried.
+#[test]
+fn tyres_that_are_switched_on_carry_what_there_is() {
+    use param::{driveline_compliance as shafts, tyre_slip as tyre};
+    let mut bench = Bench::held(0.0, 100.0, 25.0, 0.0);
+    bench.vehicle.driveline.J_c = 0.5;
+    bench.rest.t_load = 20.0;
+    let tyres =
+        [(tyre::slip_per_torque, 3e-4), (tyre::relaxation, 15.0), (tyre::grip, 300.0), (tyre::wheel_share, 0.2), (tyre::damping, 0.0)];
+    let both = [&tyres[..], &[(shafts::compliance, 2e-3), (shafts::disc_share, 0.2), (shafts::damping, 0.0)]].concat();
+    for set in [&tyres[..], &both] {
+        let mut plant = bench.run(&effects::null(), 0.1);
+        plant.set_effects(&bench.vehicle, &with(set)).unwrap();
+        let before = plant.outputs().omega_c;
+        plant.step(&bench.rest, 1e-5);
+        close("deceleration", (before - plant.outputs().omega_c) / 1e-5, 20.0 / 0.5, 0.05);
+        if set.len() > tyres.len() {
+            continue;
+        }
+        // Shafts that become soft as well.
+        plant.set_effects(&bench.vehicle, &with(&both)).unwrap();
+        plant.set_effects(&bench.vehicle, &with(&both[5..])).unwrap();
+        let before = plant.outputs().omega_c;
+        plant.step(&bench.rest, 1e-5);
+        close("deceleration without tyres", (before - plant.outputs().omega_c) / 1e-5, 20.0 / 0.5, 0.5);
+    }
+}
+
 #[test]
 fn corrections_move_both_sides_apart_or_together() {
     let mut bench = Bench::held(100.0, 50.0, 25.0, 5.0);

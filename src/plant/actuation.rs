@@ -222,11 +222,11 @@ fn carried_behind_disc(old: &Config, new: &Config, state: &State) -> f64 {
 /// When effects are set while running, a state that was not in use starts where its signal is; shafts that become elastic are twisted by the
 /// torque that they carry.
 pub fn carry_over(old: &Config, new: &Config, state: &mut State) {
-    let tyres = |config: &Config| config.constants.tyre.softness > 0.0;
+    let springs = |config: &Config| (config.constants.compliance > 0.0, config.constants.tyre.softness > 0.0);
     if new.compliant() && !old.compliant() {
         state.y[index::OMEGA_V] = state.y[index::OMEGA_C];
         state.y[index::TWIST] = motion::twist_under(new, carried_behind_disc(old, new, state));
-    } else if new.compliant() && tyres(new) != tyres(old) {
+    } else if new.compliant() && springs(new) != springs(old) {
         state.y[index::TWIST] = motion::twist_under(new, motion::spring_torque(old, &state.y));
     }
     for (k, ((_, place, before), (_, _, after))) in sensed::channels(old).into_iter().zip(sensed::channels(new)).enumerate() {
