@@ -208,6 +208,17 @@ impl Tyre {
     }
 }
 
+/// Friction that holds the release bearing. See `release_friction`.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Release {
+    /// Difference of its positions, opening and closing, mm; 0 is none.
+    pub width: f64,
+    /// Travel from one to the other, mm.
+    pub travel: f64,
+    /// How much more it sticks at first.
+    pub stiction: f64,
+}
+
 /// The faces' own temperature above the disc's. See `surface_temperature`.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Surface {
@@ -288,6 +299,8 @@ pub struct Constants {
     pub tyre: Tyre,
     /// The faces' own temperature.
     pub surface: Surface,
+    /// Friction of the release bearing.
+    pub release: Release,
 }
 
 impl Constants {
@@ -319,6 +332,7 @@ impl Constants {
             clutch_speed_gain: 1.0,
             tyre: Tyre::default(),
             surface: Surface::default(),
+            release: Release::default(),
         }
     }
 }

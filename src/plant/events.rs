@@ -58,6 +58,7 @@ pub fn initial(start: &Start, inputs: &Inputs) -> State {
         lagged: Default::default(),
         bearing: 0.0,
         memory: Default::default(),
+        presliding: Default::default(),
         inputs: *inputs,
     }
 }
@@ -272,6 +273,7 @@ fn accept(config: &Config, state: &mut State, y: Motion, chain: &Chain, h: f64) 
     state.y = y;
     state.time += h;
     chain.store(state);
+    actuation::remember(config, state);
     if config.remembers() {
         state.memory = clutch::advance_branch(config, state.memory, state.bearing);
     }

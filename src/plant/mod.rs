@@ -124,6 +124,8 @@ pub struct State {
     pub bearing: f64,
     /// Memory of the force hysteresis.
     pub memory: clutch::Branch,
+    /// Memory of the release bearing's friction.
+    pub presliding: actuation::Presliding,
     /// Inputs of the last step.
     pub inputs: Inputs,
     /// Speeds of flywheel and disc behind their sensors' filters, where there are any, rad/s.

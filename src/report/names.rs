@@ -31,10 +31,11 @@ pub const EFFECTS: [(&str, &str); 24] = [
 ];
 
 /// What each effect that is simulated only is called in a sentence.
-pub const SIMULATED: [(&str, &str); 7] = [
+pub const SIMULATED: [(&str, &str); 8] = [
     ("combustion_pulsation", "pulsation of the engine torque"),
     ("engine_torque_limit", "limit of the engine torque"),
     ("friction_pressure", "friction that changes with pressure"),
+    ("release_friction", "friction of the release bearing"),
     ("shaft_judder", "judder locked to a shaft"),
     ("surface_temperature", "faces hotter than the disc"),
     ("touch_point_wear", "wear of the facings"),
