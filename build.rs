@@ -39,14 +39,23 @@ fn main() {
 /// What the plant is made of, by which a module for browsers is known to be of this version: a hash of all its sources.
 fn sources(root: &Path) -> u128 {
     let mut all = Vec::new();
-    for part in
-        ["modelDescription", "src/effects", "src/faults.rs", "src/fmi2", "src/physics", "src/plant", "src/validated.rs", "src/vehicle.rs"]
-    {
+    for part in [
+        "modelDescription",
+        "src/effects",
+        "src/effects/simulated",
+        "src/faults.rs",
+        "src/fmi2",
+        "src/physics",
+        "src/plant",
+        "src/validated.rs",
+        "src/vehicle.rs",
+    ] {
         let path = root.join(part);
         println!("cargo::rerun-if-changed={}", path.display());
         let entries = fs::read_dir(&path).map(|entries| entries.map(|e| e.expect("a folder of sources can be read").path()).collect());
         all.extend(entries.unwrap_or_else(|_| vec![path]));
     }
+    all.retain(|path| path.is_file());
     all.sort();
     let texts = all.iter().flat_map(|path| fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display())));
     // Line ends are left out, for a checkout may change them.
@@ -234,7 +243,8 @@ fn effect_registry(variables: &[Variable], root: &str) -> String {
     ids.dedup();
     let mut text = String::new();
     for id in &ids {
-        writeln!(text, "#[path = \"{root}/src/effects/{id}.rs\"]\npub mod {id};").unwrap();
+        let folder = if simulated(root, id) { "effects/simulated" } else { "effects" };
+        writeln!(text, "#[path = \"{root}/src/{folder}/{id}.rs\"]\npub mod {id};").unwrap();
     }
     writeln!(text, "/// Number of parameters of all effects together.\npub const N_PARAMETERS: usize = {};", parameters.len()).unwrap();
     text.push_str(
@@ -256,19 +266,25 @@ fn effect_registry(variables: &[Variable], root: &str) -> String {
         )
         .unwrap();
     }
-    let library: Vec<&&str> = ids.iter().filter(|id| **id != EMPIRICAL).collect();
-    writeln!(
-        text,
-        "];\n/// The library: every effect, in the order of the model description.\npub static REGISTRY: [Entry; {}] = [",
-        library.len()
-    )
-    .unwrap();
-    for id in library {
-        let first = parameters.iter().position(|p| p.0 == *id).expect("an id comes from its parameters");
-        let count = parameters.iter().filter(|p| p.0 == *id).count();
-        assert!(parameters[first..first + count].iter().all(|p| p.0 == *id), "the parameters of effect {id} must stand together");
-        writeln!(text, "    Entry {{ id: {id:?}, effect: &{id}::EFFECT, parameters: {first}..{} }},", first + count).unwrap();
-    }
     text.push_str("];\n");
+    let (beyond, library): (Vec<&str>, Vec<&str>) = ids.iter().filter(|id| **id != EMPIRICAL).partition(|id| simulated(root, id));
+    for (name, meaning, ids) in [
+        ("REGISTRY", "The library that a diagnosis searches: every effect, in the order of the model description.", library),
+        ("SIMULATED", "Effects that are there to be simulated: the plant has them, and no diagnosis searches for them.", beyond),
+    ] {
+        writeln!(text, "/// {meaning}\npub static {name}: [Entry; {}] = [", ids.len()).unwrap();
+        for id in ids {
+            let first = parameters.iter().position(|p| p.0 == id).expect("an id comes from its parameters");
+            let count = parameters.iter().filter(|p| p.0 == id).count();
+            assert!(parameters[first..first + count].iter().all(|p| p.0 == id), "the parameters of effect {id} must stand together");
+            writeln!(text, "    Entry {{ id: {id:?}, effect: &{id}::EFFECT, parameters: {first}..{} }},", first + count).unwrap();
+        }
+        text.push_str("];\n");
+    }
     text
+}
+
+/// Whether an effect is there to be simulated only: its file says so by where it stands.
+fn simulated(root: &str, id: &str) -> bool {
+    Path::new(root).join("src/effects/simulated").join(id).with_extension("rs").exists()
 }

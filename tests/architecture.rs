@@ -141,9 +141,13 @@ fn every_file_of_an_effect_is_registered() {
         .filter(|stem| stem != "mod")
         .collect();
     // A law that was learned is no effect of the library.
-    let all = kisspoint::effects::REGISTRY.iter().map(|e| e.id).chain(["empirical"]);
+    let all = kisspoint::effects::all().map(|e| e.id).chain(["empirical"]);
     let registered: BTreeSet<String> = all.map(str::to_owned).collect();
     assert_eq!(found, registered);
+    for entry in &kisspoint::effects::SIMULATED {
+        let file = root().join("src/effects/simulated").join(entry.id).with_extension("rs");
+        assert!(file.exists(), "{} is simulated only, and its file stands elsewhere", entry.id);
+    }
 }
 
 #[test]

@@ -77,7 +77,7 @@ fn shaped(entry: &Entry, seed: u64, p: &mut Parameters) {
 #[test]
 fn every_effect_is_bit_identical_at_its_null_value() {
     let nominal = nominal();
-    for entry in &REGISTRY {
+    for entry in effects::all() {
         for seed in 0..3 {
             let mut p = effects::null();
             shaped(entry, seed, &mut p);
@@ -90,7 +90,7 @@ fn every_effect_is_bit_identical_at_its_null_value() {
 fn all_effects_together_are_bit_identical_at_null_also_when_set_while_running() {
     let all = |seed: u64| {
         let mut p = effects::null();
-        REGISTRY.iter().for_each(|entry| shaped(entry, seed, &mut p));
+        effects::all().for_each(|entry| shaped(entry, seed, &mut p));
         p
     };
     let changing = run(&all(7), |k| (k % 13 == 5).then(|| all(k as u64))).0;
@@ -100,7 +100,7 @@ fn all_effects_together_are_bit_identical_at_null_also_when_set_while_running() 
 #[test]
 fn every_start_of_every_effect_changes_the_plant() {
     let nominal = nominal();
-    for entry in &REGISTRY {
+    for entry in effects::all() {
         assert!(!entry.effect.starts.is_empty(), "{} has no start", entry.id);
         for start in entry.effect.starts {
             let mut p = effects::null();
@@ -159,7 +159,7 @@ fn every_number_of_an_effect_is_within_its_bounds() {
         assert_eq!(effects::owner(k).map_or("empirical", |entry| entry.id), p.effect);
         assert_eq!(p.variable, format!("effect.{}.{}", p.effect, p.name));
     }
-    for entry in &REGISTRY {
+    for entry in effects::all() {
         assert!(!entry.effect.amplitudes.is_empty(), "{} cannot be switched off", entry.id);
         assert!(entry.effect.amplitudes.iter().all(|k| entry.parameters.contains(k)), "{} switches another effect", entry.id);
         for &(k, value) in entry.effect.starts.iter().copied().flatten() {
@@ -175,8 +175,7 @@ fn every_number_of_an_effect_is_within_its_bounds() {
 fn every_subsystem_and_every_kind_of_act_is_used() {
     let subsystems: BTreeSet<Subsystem> = REGISTRY.iter().map(|e| e.effect.subsystem).collect();
     assert_eq!(subsystems.len(), Subsystem::ALL.len());
-    let kinds: BTreeSet<&str> = REGISTRY
-        .iter()
+    let kinds: BTreeSet<&str> = effects::all()
         .map(|e| match e.effect.act {
             Act::Constants(_) => "constants",
             Act::Contact(_) => "contact",
@@ -186,7 +185,11 @@ fn every_subsystem_and_every_kind_of_act_is_used() {
             Act::Pulsation(_) => "pulsation",
             Act::Drag(_) => "drag",
             Act::Load(_) => "load",
+            Act::Engine(_) => "engine",
+            Act::Pressure(_) => "pressure",
+            Act::Shafts(_) => "shafts",
+            Act::Worn(_) => "worn",
         })
         .collect();
-    assert_eq!(kinds.len(), 8, "{kinds:?}");
+    assert_eq!(kinds.len(), 12, "{kinds:?}");
 }

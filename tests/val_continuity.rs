@@ -1,7 +1,7 @@
 //! The communication step does not matter with effects either, and effects are continuous at their null values.
 
 use kisspoint::effects::empirical::CURVES;
-use kisspoint::effects::{self, Parameters, REGISTRY, param};
+use kisspoint::effects::{self, Parameters, param};
 use kisspoint::plant::{Inputs, Outputs, Plant, Start};
 use kisspoint::vehicle::Vehicle;
 
@@ -32,7 +32,7 @@ fn distance(a: &Outputs, b: &Outputs) -> (f64, f64) {
 // Delayed speeds are kept every 0.2 ms: steps shorter than that leave out some of them.
 #[test]
 fn the_step_does_not_matter_with_any_effect() {
-    for entry in &REGISTRY {
+    for entry in effects::all() {
         for start in entry.effect.starts {
             let mut p = effects::null();
             start.iter().for_each(|&(k, value)| p[k] = value);
@@ -59,7 +59,9 @@ fn the_step_hardly_matters_with_a_learned_law() {
 
 #[test]
 fn fast_lags_a_rate_limit_with_lag_and_fast_judder_are_followed() {
-    let cases: [(&str, &[(usize, f64)]); 4] = [
+    let cases: [(&str, &[(usize, f64)]); 6] = [
+        ("filtered speeds", &[(param::engine_speed_delay::smoothing, 0.02), (param::clutch_speed_delay::smoothing, 0.01)]),
+        ("speeds behind a short filter", &[(param::engine_speed_delay::smoothing, 1e-4), (param::clutch_speed_delay::smoothing, 1e-7)]),
         ("lag of 0.1 ms", &[(param::actuator_lag::time_constant, 1e-4)]),
         ("engine lag of 0.1 ms", &[(param::engine_torque_lag::time_constant, 1e-4)]),
         ("rate limit with lag", &[(param::actuator_rate_limit::inverse_speed, 0.06), (param::actuator_lag::time_constant, 0.03)]),
@@ -77,7 +79,7 @@ fn fast_lags_a_rate_limit_with_lag_and_fast_judder_are_followed() {
 #[test]
 fn effects_are_continuous_at_null() {
     let nominal = run(&effects::null(), 1e-3);
-    for entry in &REGISTRY {
+    for entry in effects::all() {
         for start in entry.effect.starts {
             let mut p = effects::null();
             for &(k, value) in *start {
@@ -90,4 +92,9 @@ fn effects_are_continuous_at_null() {
             assert!(speed < 1e-4, "{}: {speed:.1e} rad/s at 1e-6 of its size", entry.id);
         }
     }
+    // The sensors' filters, from which no search starts.
+    let mut p = effects::null();
+    (p[param::engine_speed_delay::smoothing], p[param::clutch_speed_delay::smoothing]) = (2e-8, 2e-8);
+    let (speed, _) = distance(&run(&p, 1e-3), &nominal);
+    assert!(speed < 1e-4, "filters: {speed:.1e} rad/s at 1e-6 of their size");
 }

@@ -156,6 +156,19 @@ fn drawn_cars_launch_well() {
     assert!(figure_3.shares()[4] < 0.5, "{:?}", figure_3.shares());
 }
 
+/// Drawn cars whose engine is late behind a slow bearing: its dip was taken for a bite, and a landing began on a torque that the clutch did not carry.
+#[test]
+fn a_late_engine_behind_a_slow_bearing_locks() {
+    let nominal = Vehicle::paper();
+    for (seed, k) in [(1, 603), (1, 1053), (1, 1100), (2, 241), (2, 1064), (3, 28), (3, 799), (3, 1206), (3, 1762), (4, 1704)] {
+        let car = kisspoint::launch::cars::draw(&nominal, seed, k);
+        let settings = Settings { theta_c_start: car.theta_believed, theta_b_start: car.theta_believed, ..Settings::robust() };
+        let f = drive::drive(&car, &mut kisspoint::control::Controller::new(&nominal, &settings), 8.0);
+        println!("car {k} of seed {seed}: {f:?}");
+        assert!(f.locked, "car {k} of seed {seed}: {f:?}");
+    }
+}
+
 #[test]
 fn soak_cools_the_estimate_while_the_car_stands() {
     let temperature = |soak: f64| {

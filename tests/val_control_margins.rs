@@ -50,6 +50,19 @@ fn margins(open_loop: impl Fn(f64) -> C) -> (f64, f64) {
     (phase_margin, gain_margin)
 }
 
+/// Least distance of a loop from −1, and by how many radians 1 + L has turned from low to high frequencies: a loop without unstable poles that does not turn around −1 is stable,
+/// also where shafts make it swing above 1.
+fn distance(open_loop: impl Fn(f64) -> C) -> (f64, f64) {
+    let at = |k: usize| C::from(1.0) + open_loop(10.0_f64.powf(-2.0 + 5.0 * k as f64 / 20_000.0));
+    let (mut nearest, mut turned, mut last) = (f64::INFINITY, 0.0, at(0));
+    for k in 1..=20_000 {
+        let now = at(k);
+        turned += (now / last).arg();
+        (nearest, last) = (nearest.min(now.norm()), now);
+    }
+    (nearest, turned)
+}
+
 /// dT/dx of the nominal map in N·m/mm where it carries `torque`.
 fn slope(torque: f64, theta: f64) -> f64 {
     let v = Vehicle::paper();
@@ -110,6 +123,15 @@ fn margins_of_a_loop_that_is_known() {
     assert!((gain / (5.0 * std::f64::consts::PI) - 1.0).abs() < 1e-3, "{gain}");
 }
 
+#[test]
+fn a_loop_that_turns_around_minus_one_is_found() {
+    // Three lags of 1 s stand a gain of 8.
+    let lags = |gain: f64| move |w: f64| C::from(gain) / (C::new(1.0, w) * C::new(1.0, w) * C::new(1.0, w));
+    let ((near, stable), (_, unstable)) = (distance(lags(6.0)), distance(lags(10.0)));
+    assert!(stable.abs() < 0.1 && (unstable.abs() - 2.0 * std::f64::consts::PI).abs() < 0.1, "{stable}, {unstable}");
+    assert!(near < 0.25, "{near}");
+}
+
 /// The governed loop, cut at the torque asked for: speed feedback k_P, load observer with Q = p²/(s + p)², filter F of the speed, actuator as
 /// it is (30 ms lag, 15 ms delay, 1.5 samples) and as the controller has it (A),
 ///
@@ -136,6 +158,63 @@ fn driveline(compliance: f64, share: f64, damping: f64) -> impl Fn(C) -> C {
         let shaft = s * damping + 1.0 / compliance;
         let far = s * s * beyond + s * d.b_c;
         s * (far + shaft) / (s * s * disc * (far + shaft) + far * shaft)
+    }
+}
+
+/// A point of the landing: slope of the torque over the slip (N·m·s/rad), and share of it that is still to go, u (2 − u).
+#[derive(Clone, Copy)]
+struct Landing {
+    gain: f64,
+    share: f64,
+}
+
+/// The loop of the landing, cut at the torque asked for, T = k (F_s s + a (ω̇_f,ref − (T − T_l)/J_c)) + (1 − g) T_l + …, with the load T_l = Q (A F T + T̂ − O A T − J_c ω̇_c F) that
+/// the observer finds, and an engine whose controller is told T + 0.3 (T̂ − O A T):
+///
+/// L = k a z⁻¹/J_c − k F_s s/T − (1 − g + k a/J_c) T_l/T.
+fn landing_loop(g: &Settings, at: Landing, p: impl Fn(C) -> C, sampling: f64, steep: f64, w: f64) -> C {
+    let d = Vehicle::paper().driveline;
+    let s = C::new(0.0, w);
+    let one = C::from(1.0);
+    let lag = |time: f64| one / (one + s * time);
+    let hold = (-s * (1.5 * sampling)).exp();
+    let truly = hold * (-s * 0.015).exp() * lag(0.03) * steep;
+    let a = lag(0.5 * g.actuator_time) * lag(0.5 * g.actuator_time);
+    let f = lag(g.filter_time) * lag(g.filter_time);
+    let quick = lag(0.6 * g.filter_time) * lag(0.6 * g.filter_time);
+    let o = C::from(-g.l_2 / d.J_f) / (s * s + s * ((d.b_f + g.l_1) / d.J_f) - C::from(g.l_2 / d.J_f));
+    let q = C::from(g.load_bandwidth * g.load_bandwidth) / ((s + g.load_bandwidth) * (s + g.load_bandwidth));
+    let departs = o * truly - lag((d.b_f + g.l_1) / -g.l_2) * a;
+    let disc = p(s) * truly;
+    // The engine's controller is sampled, too; its torque is there at once.
+    let engine = (hold * (one + departs * 0.3) - truly) / (s * d.J_f + d.b_f + hold * pi(g.kp_engine, g.ki_engine, s));
+    let load = q * (a * f + departs - s * d.J_c * f * disc);
+    let ahead = (g.actuator_time + 1.2 * g.filter_time) / d.J_c;
+    C::from(at.gain * ahead) * (-s * 1e-3).exp() - quick * (engine - disc) * at.gain - load * (1.0 - at.share + at.gain * ahead)
+}
+
+#[test]
+fn the_landing_keeps_its_margins_on_rigid_and_elastic_drivelines() {
+    let g = Settings::robust();
+    for (compliance, share, damping) in
+        [(0.0, 1.0, 0.0), (0.003, 0.1, 1.0), (0.006, 0.1, 0.3), (0.006, 0.1, 1.0), (0.01, 0.1, 1.0), (0.015, 0.1, 0.5)]
+    {
+        for sampling in [1e-3, 1e-2, 2e-2] {
+            for steep in [0.7, 1.0, 1.5] {
+                // A launch of 40 N·m above what the landing needs, from half of the slip down to none.
+                for u in [0.75, 0.5, 0.25, 0.0_f64] {
+                    let at = Landing { gain: 2.0 * (1.0 - u) * 40.0 / 55.0, share: u * (2.0 - u) };
+                    let p = driveline(compliance, share, damping);
+                    let (nearest, turned) = distance(|w| landing_loop(&g, at, &p, sampling, steep, w));
+                    let what =
+                        format!("{compliance} rad/(N·m), damping {damping}, samples of {sampling} s, {steep} × map, {u} of the slip");
+                    println!("{what}: {nearest:.2} from -1");
+                    // 0.5 leaves at least 29° and a factor of 2. The softest shafts under the steepest clutch have less in the last moment of slip.
+                    let least = if compliance > 0.012 && steep > 1.2 { 0.2 } else { 0.5 };
+                    assert!(nearest > least && turned.abs() < 1.0, "{what}: {nearest:.2} from -1, turned by {turned:.1}");
+                }
+            }
+        }
     }
 }
 

@@ -32,7 +32,15 @@ fn energy_balances_over_a_launch() {
     compliant[effects::param::driveline_compliance::compliance] = 1e-3;
     let mut soft = compliant;
     soft[effects::param::driveline_compliance::soft_angle] = 0.02;
-    for parameters in [effects::null(), compliant, soft] {
+    let mut slipping = effects::null();
+    slipping[effects::param::tyre_slip::slip_per_torque] = 3e-4;
+    slipping[effects::param::tyre_slip::grip] = 60.0;
+    let mut both = soft;
+    both[effects::param::tyre_slip::slip_per_torque] = 3e-4;
+    both[effects::param::combustion_pulsation::share] = 0.3;
+    both[effects::param::engine_torque_limit::inverse_torque] = 0.02;
+    both[effects::param::surface_temperature::resistance] = 0.01;
+    for parameters in [effects::null(), compliant, soft, slipping, both] {
         let begin = Plant::new(&Vehicle::paper(), &parameters, &START, &inputs(0.0)).energy();
         let plant = launch(&parameters, |_| 0.01);
         let end = plant.energy();

@@ -1,6 +1,6 @@
 //! Single equations against numbers worked out by hand, where no scenario of the plant singles them out.
 
-use kisspoint::effects::{self, PARAMETERS, REGISTRY, SignalDelay, Subsystem, param};
+use kisspoint::effects::{self, PARAMETERS, REGISTRY, SIMULATED, SignalDelay, Subsystem, param};
 use kisspoint::physics::cushion::{self, CushionSpring};
 use kisspoint::physics::friction::{self, Friction};
 use kisspoint::physics::{driveline, map, thermal};
@@ -108,13 +108,7 @@ fn two_discs_and_a_body_exchange_what_they_lose() {
 }
 
 #[test]
-fn a_filter_keeps_its_first_three_moments() {
-    let nodes = SignalDelay { dead_time: 0.0, smoothing: 1.0 }.nodes();
-    for (k, factorial) in [1.0, 1.0, 2.0, 6.0].into_iter().enumerate() {
-        close("moment", nodes.iter().map(|(age, weight)| weight * age.powi(k as i32)).sum(), factorial);
-    }
-    let late = SignalDelay { dead_time: 0.05, smoothing: 0.02 }.nodes();
-    close("mean age", late.iter().map(|(age, weight)| weight * age).sum(), 0.07);
+fn a_signal_without_dead_time_and_filter_is_not_late() {
     assert!(SignalDelay::default().is_none() && !SignalDelay { dead_time: 0.01, smoothing: 0.0 }.is_none());
     assert!(!SignalDelay { dead_time: 0.0, smoothing: 0.01 }.is_none());
 }
@@ -141,6 +135,16 @@ fn effects_of_a_vehicle_file_are_read_within_their_bounds_and_written_back() {
 fn the_registry_finds_its_effects_and_says_how_large_they_are() {
     for (place, entry) in REGISTRY.iter().enumerate() {
         assert_eq!(effects::find(entry.id), Some(place));
+    }
+    // What is simulated only is not found where a diagnosis looks.
+    assert!(SIMULATED.iter().all(|entry| effects::find(entry.id).is_none()));
+    // Nor does an answer name it.
+    let answered = kisspoint::gap::answer::plant_parameters(&Vehicle::paper(), &effects::null());
+    for p in &PARAMETERS {
+        let simulated = SIMULATED.iter().any(|entry| entry.id == p.effect);
+        assert_eq!(answered.contains_key(p.variable), !simulated, "{}", p.variable);
+    }
+    for entry in effects::all() {
         assert!(entry.is_null(&effects::null()), "{}", entry.id);
         for &k in entry.effect.amplitudes {
             let mut set = effects::null();

@@ -162,6 +162,34 @@ fn a_delay_that_is_switched_on_begins_with_what_is_there() {
     close("the speed of 50 ms ago", plant.outputs().omega_c, 80.0 - 40.0 * 0.05, 1e-6);
 }
 
+/// Tyres, or shafts before them, that become soft while the car coasts under a load carry what the rigid driveline carried.
+#[test]
+fn tyres_that_are_switched_on_carry_what_there_is() {
+    use param::{driveline_compliance as shafts, tyre_slip as tyre};
+    let mut bench = Bench::held(0.0, 100.0, 25.0, 0.0);
+    bench.vehicle.driveline.J_c = 0.5;
+    bench.rest.t_load = 20.0;
+    let tyres =
+        [(tyre::slip_per_torque, 3e-4), (tyre::relaxation, 15.0), (tyre::grip, 300.0), (tyre::wheel_share, 0.2), (tyre::damping, 0.0)];
+    let both = [&tyres[..], &[(shafts::compliance, 2e-3), (shafts::disc_share, 0.2), (shafts::damping, 0.0)]].concat();
+    for set in [&tyres[..], &both] {
+        let mut plant = bench.run(&effects::null(), 0.1);
+        plant.set_effects(&bench.vehicle, &with(set)).unwrap();
+        let before = plant.outputs().omega_c;
+        plant.step(&bench.rest, 1e-5);
+        close("deceleration", (before - plant.outputs().omega_c) / 1e-5, 20.0 / 0.5, 0.05);
+        if set.len() > tyres.len() {
+            continue;
+        }
+        // Shafts that become soft as well.
+        plant.set_effects(&bench.vehicle, &with(&both)).unwrap();
+        plant.set_effects(&bench.vehicle, &with(&both[5..])).unwrap();
+        let before = plant.outputs().omega_c;
+        plant.step(&bench.rest, 1e-5);
+        close("deceleration without tyres", (before - plant.outputs().omega_c) / 1e-5, 20.0 / 0.5, 0.5);
+    }
+}
+
 #[test]
 fn corrections_move_both_sides_apart_or_together() {
     let mut bench = Bench::held(100.0, 50.0, 25.0, 5.0);
@@ -253,3 +281,39 @@ fn a_torque_in_the_place_of_the_clutch_loses_no_momentum() {
     plant.step(&inputs, h);
     assert_eq!(plant.slip(), 0.0);
 }
+
+/// Speeds that swing with τω = 2: a filter of first order leaves 1/√5 of them, 63° late.
+#[test]
+fn a_filtered_speed_has_the_gain_and_the_phase_of_a_first_order_filter() {
+    use kisspoint::effects::param::{clutch_speed_delay, engine_speed_delay};
+    const TURN: f64 = 100.0;
+    const TAU: f64 = 0.02;
+    let mut p = effects::null();
+    (p[engine_speed_delay::smoothing], p[clutch_speed_delay::smoothing]) = (TAU, TAU);
+    let start = Start { omega_f: 150.0, omega_c: 60.0, theta_c: 25.0, theta_b: 25.0 };
+    let mut plant = Plant::new(&Vehicle::paper(), &p, &start, &Inputs::default());
+    // Cosine and sine parts of both speeds and of what is sensed of them, over whole turns after the filter has settled.
+    let h = TAU_OF_A_TURN / TURN / 400.0;
+    let mut parts = [[0.0; 2]; 4];
+    for k in 0..400 * 30 {
+        let t = h * (k as f64 + 0.5);
+        let push = 40.0 * (TURN * t).cos();
+        plant.step(&Inputs { t_e_ref: 4.5 + push, t_load: -3.9 - push, theta_h: 25.0, ..Inputs::default() }, h);
+        if k >= 400 * 10 {
+            let (o, y) = (plant.outputs(), &plant.state().y);
+            let (sin, cos) = (TURN * (t + 0.5 * h)).sin_cos();
+            for (part, value) in parts.iter_mut().zip([y[index::OMEGA_F], o.omega_f, y[index::OMEGA_C], o.omega_c]) {
+                (part[0], part[1]) = (part[0] + value * cos, part[1] + value * sin);
+            }
+        }
+    }
+    for [(x, y), (u, v)] in [[0, 1], [2, 3]].map(|pair: [usize; 2]| pair.map(|i| (parts[i][0], parts[i][1]))) {
+        let gain = u.hypot(v) / x.hypot(y);
+        let late = (v.atan2(u) - y.atan2(x)).rem_euclid(TAU_OF_A_TURN).to_degrees();
+        println!("gain {gain:.4}, {late:.2} degrees late");
+        assert!((gain - 1.0 / 5.0_f64.sqrt()).abs() < 1e-3, "{gain}");
+        assert!((late - 2.0_f64.atan().to_degrees()).abs() < 0.1, "{late}");
+    }
+}
+
+const TAU_OF_A_TURN: f64 = std::f64::consts::TAU;

@@ -1,5 +1,6 @@
 /* The controller by hand in C: the yardstick of benches/step.rs. Same scheme as the Rust controller with its default settings: guard of
- * the inputs, exact observer and thermal model, and the governed law with its lags, load observer, inertia and learning.
+ * the inputs, exact observer and thermal model, and the governed law with its lags, load observer, inertia, approach, landing and learning;
+ * without the hill holder, which a level road leaves alone.
  * Prints nanoseconds per step (median of batches) and final outputs. */
 #include <math.h>
 #include <stdio.h>
@@ -26,7 +27,8 @@ typedef struct {
   double last[2], bad_for, agree_for, unchanged_for;
   double x_to, t_e_ref, t_c_ref, x_fb, e_d, last_c;
   double load_w, load_t, inertia[5], speed[2], slip[2], wanted[4], carried[4], expected[3], lacking;
-  double hold_back, near_for, closing_for, landing_for, bitten_for, engaged_for, from, pace, k_map;
+  double hold_back, near_for, closing_for, landing_for, bitten_for, engaged_for, from, follows, k_map;
+  double land_slip, land_torque, takes_over;
   double touch, friction, learn_t[3], learn_k[3], sums[5];
 } State;
 
@@ -216,12 +218,33 @@ static void observe_load(State *s, const Inputs *u, double slip, double h) {
 
 static void move_to(State *s, double target, double h) {
   target = bound(target, x_open, x_max);
-  s->x_to = fmin(fmax(target, s->x_to - rate_open * h), s->x_to + rate_close * h);
+  double follows = s->mode == 0 ? INFINITY : s->follows, back = s->land_slip > 0 ? follows : INFINITY;
+  s->x_to = fmin(fmax(target, s->x_to - fmin(rate_open, back) * h), s->x_to + fmin(rate_close, follows) * h);
+}
+
+/* Where the clutch carries a torque at a slip, and the slope there. */
+static double inverse(const State *s, double torque, double slip, double *slope) {
+  double per_force = 2 * radius(slip, s->theta_c), xi = spring_inverse(torque / per_force);
+  double first = at_xi(0, s->theta_c), travel = at_xi(1, s->theta_c) - first;
+  *slope = per_force * (beta[0] + xi * (2 * beta[1] + 3 * xi * beta[2])) / travel;
+  return first + xi * travel;
+}
+
+/* The second half of the launch begins; by how much the torque's limit rises. */
+static double begin_landing(State *s, double slip_there) {
+  double last = fmax(s->t_c_ref, 0);
+  if (s->land_slip > 0 || slip_there >= 0.5 * (s->end - s->c0) || s->bitten_for <= 0.1 || last <= 0.7 * s->expected[2]) return 0;
+  double departs = s->t_hat - s->expected[2];
+  s->land_slip = slip_there, s->land_torque = last + departs;
+  for (int i = 0; i < 3; i++) s->expected[i] += departs;
+  for (int i = 0; i < 4; i++) s->carried[i] += departs;
+  s->hold_back += fmax(departs, 0), s->takes_over = departs, s->t_c_ref += departs;
+  return fmax(departs, 0);
 }
 
 static void engage(State *s, const Inputs *u, double h) {
-  double wf, wc, df, dc, a = share(0.5 * actuator_time, h), f = share(filter_time, h), o = share((b_f + l_1) / -l_2, h);
-  double by[4] = {a, a, f, f}, seen[3] = {a, a, o};
+  double wf, wc, df, dc, a = share(0.5 * actuator_time, h), f = share(filter_time, h), lag = (b_f + l_1) / -l_2, o = share(lag, h);
+  double by[4] = {a, a, f, f}, seen[3] = {a, a, o}, touch = at_xi(xi_0, s->theta_c) + s->touch;
   /* What the engine can spare. */
   references(s, &wf, &wc, &df, &dc);
   double available = te_max - b_f * u->omega_f - J_f * df - reserve, spare = u->omega_f - (fmin(wf, s->f0) - droop);
@@ -243,29 +266,51 @@ static void engage(State *s, const Inputs *u, double h) {
   if (seen_slip < 0) low = -t_max, direction = -1;
   else high = bound((u->omega_f - stall) / stall_margin, 0, 1) * t_max;
   high = fmin(high, limit);
-  int rising = 2 * s->elapsed < s->duration;
-  double last = fmax(s->t_c_ref, 0), delivered = fmax(delivery(s, direction * s->t_hat), 0.1);
-  double needed = j * dc + resist, landing = fmin(needed - j * fmax(dc - 0.8 * s->slope, 0), needed);
-  double t_c = fmax(fmax(needed + kpc * error, rising ? s->t_c_ref : landing), last - 400 * h);
-  t_c = bound(fmin(t_c, last + 150 * s->pace * delivered * h), low, high);
+  double last = fmax(s->t_c_ref, 0), closing = s->land_slip > 0 ? (last - resist) / j : dc;
+  double there = fmax(direction * (s->slip[1] + (actuator_time + 1.2 * filter_time) * (df - closing)), 0);
+  if (direction > 0) high += begin_landing(s, there);
+  if (s->land_slip > 0 && there > s->land_slip + 10) s->land_slip = s->land_torque = 0;
+  last = fmax(s->t_c_ref, 0);
+  int rising = !(s->land_slip > 0);
+  double landing = 3 * j * s->slope, enough = resist + 0.13 * landing;
+  if (rising) wanted = fmax(j * dc + resist + kpc * error, last);
+  else {
+    double ends = resist + landing, part = bound(there / s->land_slip, 0, 1);
+    wanted = ends + (s->land_torque - ends) * part * (2 - part);
+  }
+  double late = fmax(s->engaged_for - 0.22, 0);
+  double most = s->bitten_for > 0 || direction < 0 ? INFINITY : 20 + fmin(100 * late, 25) + 5 * late;
+  double rise = 150 * fmax(delivery(s, direction * s->t_hat), 0.1);
+  double t_c = fmin(bound(fmin(fmax(wanted, last - 400 * h), last + rise * h), low, high), most);
   int bites = s->bitten_for == 0 && direction * s->t_hat > 8;
-  s->bitten_for = bites || s->bitten_for > 0 ? s->bitten_for + h : 0;
-  double feed = t_c + (s->bitten_for > 0 ? 0.3 : 1.0) * direction * (fabs(s->t_hat) - s->expected[2]);
+  if (s->bitten_for > 0 && !(s->land_slip > 0) && direction * s->t_hat < 2 && s->expected[2] > 16) {
+    s->bitten_for = fmax(s->bitten_for - 4 * h, 0);
+    if (s->bitten_for == 0) s->follows = 1e6;
+  } else if (bites || s->bitten_for > 0) s->bitten_for += h;
+  double feed = t_c + direction * (0.3 * fabs(s->t_hat) - (s->bitten_for > 0 ? 0.3 : 1.0) * s->expected[2]);
   s->t_e_ref = pi(&s->i_engine, kpf, kif, wf - u->omega_f, feed, te_min, te_max, h);
-  if (bites && s->engaged_for > 0.4) s->pace = 0.4 / s->engaged_for, s->i_torque = 0, t_c = fmin(t_c, fabs(s->t_hat));
+  if (bites) {
+    double lags = actuator_time + lag, speed = s->engaged_for > lags ? (touch - x_open) / (s->engaged_for - lags) : INFINITY;
+    s->follows = fmin(0.7 * speed, 1e6);
+    if (s->engaged_for > 0.9) t_c = fmin(t_c, 8 + fmax(s->k_map, 15) * speed * lags);
+  }
   s->t_c_ref = t_c;
-  double slip = fmax(direction * (s->slip[1] + (actuator_time + 1.2 * filter_time) * (df - dc)), 0);
-  double least = rising && t_c < high ? s->x_to : x_open;
+  double slip = fmax(there, 2 * slip_lock), least = rising && t_c < high ? s->x_to : x_open;
   /* The position. */
-  double per_force = 2 * radius(slip, s->theta_c), xi = spring_inverse(fabs(t_c) / s->friction / per_force), x = at_xi(xi, s->theta_c) + s->touch;
-  double travel = at_xi(1, s->theta_c) - at_xi(0, s->theta_c);
-  s->k_map = s->friction * fmax(per_force * (beta[0] + xi * (2 * beta[1] + 3 * xi * beta[2])) / travel, 0);
+  double slope, x = inverse(s, fabs(t_c) / s->friction, slip, &slope) + s->touch;
+  s->k_map = s->friction * fmax(slope, 0);
   double observed = direction * s->t_hat, lacks = lags(s->expected, 3, fabs(t_c), seen) - observed;
   s->lacking += (lacks - s->lacking) * share(0.1, h);
   double will = lacks + 0.3 * (lacks - s->lacking) / 0.1;
   will = will * lacks > 0 ? copysign(fmin(fabs(will), fabs(lacks)), lacks) : 0;
   double band = fmax(fmin(2.0 / fmax(s->engaged_for, h), 5.0), torque_band) * fmax(delivery(s, observed), 0.1);
-  s->i_torque = bound(s->i_torque + bound(band * will / fmax(s->k_map, 15), -1, 1) * h, -fb_max, fb_max);
+  if (s->takes_over != 0) {
+    double ignored, here = inverse(s, fmax(s->land_torque - s->takes_over, 0) / s->friction, slip, &ignored);
+    s->i_torque += here - inverse(s, fmax(s->land_torque, 0) / s->friction, slip, &ignored), s->takes_over = 0;
+  }
+  int unfelt = s->bitten_for == 0, suffices = s->land_slip > 0 && observed > fmax(enough, 0.6 * t_c);
+  double by_feedback = bound(band * will / fmax(s->k_map, 15), unfelt ? 0 : -1, unfelt || suffices ? 0 : 1);
+  s->i_torque = bound(s->i_torque + by_feedback * h, -fb_max, fb_max);
   s->i_torque = fmax(s->i_torque, fmin(least - x, s->i_torque + h));
   s->x_fb = s->i_torque;
   if (slip > slip_lock) {
@@ -303,14 +348,18 @@ static void step(State *s, const Inputs *raw, double h) {
       for (int i = 0; i < 4; i++) s->wanted[i] = u.omega_c;
       for (int i = 0; i < 3; i++) s->expected[i] = s->learn_t[i] = s->learn_k[i] = 0;
       for (int i = 0; i < 5; i++) s->inertia[i] = s->sums[i] = 0;
-      s->lacking = 0, s->hold_back = 1e6;
+      s->lacking = 0, s->hold_back = s->follows = 1e6, s->land_slip = s->takes_over = 0;
       s->bitten_for = s->near_for = s->landing_for = s->closing_for = 0;
-      s->from = slip < 0 ? -1 : 1, s->pace = 1;
+      s->from = slip < 0 ? -1 : 1;
     }
   } else if (s->mode == 1) {
     if (!u.engage || !trusted || stalling) s->mode = 0;
     else if (s->near_for > lock_time || (s->landing_for > landing_time && fabs(s->slip[1]) <= slip_lock + 0.06 * fabs(u.omega_f)))
-      s->i_engine += s->t_c_ref, s->mode = 3, conclude(s);
+{
+      double wf, wc, df, dc;
+      references(s, &wf, &wc, &df, &dc);
+      s->i_engine = s->t_e_ref - 2 * kpf * (wf - s->speed[1] - 0.5 * s->slip[1]), s->mode = 3, conclude(s);
+    }
   } else if (!u.engage || stalling) s->i_engine -= s->t_hat, s->mode = 0;
   if (s->started) {
     if (!s->observing) {
@@ -329,7 +378,7 @@ static void step(State *s, const Inputs *raw, double h) {
   }
   if (s->mode == 0) {
     double feed = s->x_to > at_xi(xi_0, s->theta_c) + s->touch ? s->t_hat : 0;
-    s->t_e_ref = s->believed ? pi(&s->i_engine, kpf, kif, idle - u.omega_f, feed, te_min, te_max, h) : bound(b_f * idle, te_min, te_max);
+    s->t_e_ref = s->believed && u.omega_f > 0.5 * stall ? pi(&s->i_engine, kpf, kif, idle - u.omega_f, feed, te_min, te_max, h) : bound(b_f * idle, te_min, te_max);
     s->t_c_ref = s->x_fb = 0;
     move_to(s, x_open, h);
   } else if (s->mode == 1 && s->believed) {
@@ -346,8 +395,8 @@ static void step(State *s, const Inputs *raw, double h) {
       s->x_fb = 0;
       move_to(s, x_max, h);
     } else {
-      double gently = closing_rate * h / fmax(s->k_map, 15);
       s->closing_for += h;
+      double gently = closing_rate * fmin(s->closing_for / 0.25, 1) * h / fmax(s->k_map, 15);
       move_to(s, s->x_to + (s->closing_for < 0.25 ? gently : fmax(gently, 20 * h)), h);
       if (s->x_to >= x_max) s->mode = 2;
     }

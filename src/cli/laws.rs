@@ -13,7 +13,7 @@ use crate::physics::driveline::{clutch_torque, load_torque};
 use crate::physics::map::torque_of;
 use crate::plant::clutch::{self, Branch, Found};
 use crate::plant::config::Config;
-use crate::plant::motion::{Motion, index};
+use crate::plant::motion::{self, Motion, index};
 use crate::report::laws::{Law, Line};
 use crate::report::names;
 use crate::report::series::{Signal, Trace};
@@ -148,7 +148,7 @@ pub fn laws(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law
     // The friction that the data show needs the temperature for the force; without a thermocouple it is the retuned model's.
     let warm = |s: &Sample| if thetas.is_empty() { s.modelled } else { s.theta };
     let friction = |s: &Sample| {
-        let force = clutch::force(&cars[1], &Found::NOTHING, s.x, Branch { x: s.x, z: 0.0 }, warm(s)?);
+        let force = clutch::force(&cars[1], &Found::NOTHING, s.x, Branch { x: s.x, z: 0.0 }, &motion::warm(warm(s)?));
         let per_mu = torque_of(&cars[1].vehicle.friction, force, 1.0);
         (per_mu > PRESSED).then(|| s.torque / per_mu)
     };
@@ -277,7 +277,7 @@ fn law_shown(car: &Config, law: Subsystem, o: &Overlay, t: &Trace, theta_0: f64)
             Subsystem::Friction | Subsystem::ClutchForce if slipping => {
                 let x = of("x_to_mm").map_or(x_cmd[i], |v| v[i]);
                 let modelled = capacity(car, x, slip, theta);
-                let force = clutch::force(car, &Found::NOTHING, x, Branch { x, z: 0.0 }, theta);
+                let force = clutch::force(car, &Found::NOTHING, x, Branch { x, z: 0.0 }, &motion::warm(theta));
                 let closed = cushion::force(&car.vehicle.cushion_spring, car.xi_0, 1.0);
                 let xi = clutch::normalised_position(car, x, theta);
                 let at = if law == Subsystem::Friction { vec![slip, theta, force / closed, 1e-3 * work] } else { vec![xi, xi, theta] };

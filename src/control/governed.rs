@@ -18,7 +18,8 @@
 //!
 //! - **Reference governor**: where the plan asks for more than T_lim, or the clutch falls behind, the plan's time runs slower.
 //! - **Filtered references**: each reference is compared with its measurement behind the same lags, so a perfect map is left alone.
-//! - **Approach** ([`super::approach`]): until the facings bite little is asked for; the bite tells how fast the bearing is.
+//! - **Approach** ([`super::approach`]): until the facings bite little is asked for; the bite tells how fast the bearing is. An engine that is late imitates a bite; that one is not felt for long,
+//!   and is taken back.
 //! - **Landing** ([`super::landing`]): from half of the slip on the torque goes down with the slip, and what the map is off by is taken over.
 //!   When the filtered slip is gone, the torque rises at `closing_rate` before the position goes to its maximum.
 //! - **Hill** ([`super::hill`]): brakes hold the car until the clutch carries its grade; without a sensor of it the load is observed also while the clutch is open and the car rolls; **creep**: a ramp to `creep_speed` in slip.
@@ -46,6 +47,16 @@ const OUT_OF_THE_WAY: f64 = 1e6;
 
 /// Observed torque at which the facings have bitten, N·m.
 const BITE: f64 = 8.0;
+
+/// Observed torque in N·m under which a bite is taken back, and how many times as fast as it was felt.
+const RELEASED: f64 = 2.0;
+const FORGOTTEN: f64 = 4.0;
+
+/// Time in s for which the bite must have been felt before a landing begins.
+const FELT_FOR: f64 = 0.1;
+
+/// Slip in rad/s by which one that grows again ends a landing: it began on a torque that the clutch never carried.
+const MISSED: f64 = 10.0;
 
 /// Share of the engine's speed that a slip may have which is taken for an error of a sensor.
 const SENSOR_ERROR: f64 = 0.06;
@@ -232,6 +243,9 @@ impl Controller {
             limits.high += begin_landing(state, slip_there);
         }
         let g = &mut state.governed;
+        if g.landing.has_begun() && slip_there > g.landing.slip + MISSED {
+            g.landing = Landing::default();
+        }
         let last = state.outputs.t_c_ref.max(0.0);
         let rising = !g.landing.has_begun() && !inputs.wish.creep;
         let landing = LANDING * j * state.plan.slope;
@@ -250,9 +264,17 @@ impl Controller {
         let t_c = limits.bound(wanted.max(last - FALL * h).min(last + rise * h)).min(most);
         let gains = Gains { p: s.kp_engine, i: s.ki_engine };
         let bites = g.bitten_for == 0.0 && direction * state.estimate.t_fc > BITE;
-        g.bitten_for = if bites || g.bitten_for > 0.0 { g.bitten_for + h } else { 0.0 };
-        let share = if g.bitten_for > 0.0 { CARRIED_SHARE } else { 1.0 };
-        let carried = t_c + share * direction * (state.estimate.t_fc.abs() - g.expected.out());
+        // A bite that is not felt any more was none: an engine that is late takes as much away.
+        let lost = !g.landing.has_begun() && direction * state.estimate.t_fc < RELEASED && g.expected.out() > 2.0 * BITE;
+        if g.bitten_for > 0.0 && lost {
+            g.bitten_for = (g.bitten_for - FORGOTTEN * h).max(0.0);
+            g.rate = if g.bitten_for > 0.0 { g.rate } else { OUT_OF_THE_WAY };
+        } else if bites || g.bitten_for > 0.0 {
+            g.bitten_for += h;
+        }
+        // What is not felt yet is not there, and what is seen of it may be an engine that is late.
+        let there = if g.bitten_for > 0.0 { CARRIED_SHARE } else { 1.0 };
+        let carried = t_c + direction * (CARRIED_SHARE * state.estimate.t_fc.abs() - there * g.expected.out());
         state.outputs.t_e_ref = state.engine.step(gains, references.omega_f - inputs.omega_f, carried, engine_limits(s), h);
         state.outputs.t_c_ref = t_c;
         if bites {
@@ -277,7 +299,7 @@ fn begin_landing(state: &mut State, slip_there: f64) -> f64 {
     let (g, last) = (&mut state.governed, state.outputs.t_c_ref.max(0.0));
     let half = 0.5 * (state.plan.end - state.plan.omega_c_start);
     // A slip that is small because the engine was dragged down, and the clutch taken back for it, is no landing.
-    let carries = g.bitten_for > 0.0 && last > SOUND * g.expected.out();
+    let carries = g.bitten_for > FELT_FOR && last > SOUND * g.expected.out();
     if g.landing.has_begun() || slip_there >= half || !carries {
         return 0.0;
     }

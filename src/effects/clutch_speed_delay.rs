@@ -1,5 +1,4 @@
-//! The disc speed arrives late: it passes a dead time and a filter of first order. What is sensed is ω_c(t − delay − τ) in the mean over
-//! the filter's memory, τ ~ Exp(smoothing), at the two nodes of Gauss and Laguerre, which keep its first three moments.
+//! The disc speed arrives late: it passes a filter of first order, smoothing · ṡ + s = ω_c, and a dead time; what is sensed is s(t − delay).
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|

@@ -4,7 +4,8 @@
 //! every `effect.<id>.<parameter>` there belongs to `src/effects/<id>.rs`, and `build.rs` derives [`REGISTRY`] from it. A new
 //! effect is therefore one new file and its line there.
 //!
-//! [`empirical`] alone is in that list and not in the registry: a law that was learned is no cause, and is never searched for.
+//! An effect whose file stands in `src/effects/simulated/` is in [`SIMULATED`] instead: the plant has it, and no diagnosis searches for it.
+//! [`empirical`] alone is in neither: a law that was learned is no cause.
 //!
 //! An effect does one of a few things to the plant ([`Act`]). While all its amplitudes are at their null values it takes no part at all,
 //! which leaves the plant bit-identical.
@@ -132,9 +133,14 @@ impl Entry {
     }
 }
 
-/// Registry entry that owns parameter `k`; none of a learned law's.
+/// Every effect that the plant has: the library's, then those that are simulated only.
+pub fn all() -> impl Iterator<Item = &'static Entry> {
+    REGISTRY.iter().chain(&SIMULATED)
+}
+
+/// Entry that owns parameter `k`; none of a learned law's.
 pub fn owner(k: usize) -> Option<&'static Entry> {
-    REGISTRY.iter().find(|entry| entry.parameters.contains(&k))
+    all().find(|entry| entry.parameters.contains(&k))
 }
 
 /// Index in [`REGISTRY`] of the effect `id`.
@@ -174,6 +180,54 @@ pub enum Act {
     Drag(fn(&Parameters, f64, f64) -> f64),
     /// Load torque in N·m added at a speed in rad/s.
     Load(fn(&Parameters, &Vehicle, f64) -> f64),
+    /// Torque in N·m that the engine gives where it is asked for one in N·m, at a speed in rad/s and a crank angle in rad.
+    Engine(fn(&Parameters, f64, f64, f64) -> f64),
+    /// Factor on friction under a force on the faces in N.
+    Pressure(fn(&Parameters, f64) -> f64),
+    /// Factor on the torque capacity at the angles of engine and input shaft in rad.
+    Shafts(fn(&Parameters, [f64; 2]) -> f64),
+    /// Moves contact points by the friction work in J that the clutch has done since the start.
+    Worn(fn(&Parameters, f64, &mut Contact)),
+}
+
+/// A tyre: what slips between the car and the road. See `tyre_slip`.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Tyre {
+    /// Twist per torque while it holds, rad/(N·m); 0 is no tyre.
+    pub softness: f64,
+    /// Angle over which it builds up its force, rad.
+    pub relaxation: f64,
+    /// Greatest torque that it carries, N·m.
+    pub grip: f64,
+}
+
+impl Tyre {
+    /// Deflection in rad under `torque` N·m. It has no bound as the torque comes to the grip; what is asked for beyond 99 % of it counts as that.
+    pub fn deflection(&self, torque: f64) -> f64 {
+        self.softness * torque / (1.0 - (torque.abs() / self.grip).min(0.99))
+    }
+}
+
+/// Friction that holds the release bearing. See `release_friction`.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Release {
+    /// Difference of its positions, opening and closing, mm; 0 is none.
+    pub width: f64,
+    /// Travel from one to the other, mm.
+    pub travel: f64,
+    /// How much more it sticks at first.
+    pub stiction: f64,
+}
+
+/// The faces' own temperature above the disc's. See `surface_temperature`.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Surface {
+    /// Rise per friction power at rest, K/W; 0 is none.
+    pub resistance: f64,
+    /// Slip at which it is 1/√2 of that, rad/s.
+    pub speed: f64,
+    /// Time in which it builds up, s.
+    pub time_constant: f64,
 }
 
 /// How late a signal arrives: a dead time, and a filter of first order, s.
@@ -194,14 +248,6 @@ impl SignalDelay {
     /// Mean age of what is sensed, s.
     pub fn mean(self) -> f64 {
         self.dead_time + self.smoothing
-    }
-
-    /// Ages in s of the values that are sensed together, each with its weight: the nodes of Gauss and Laguerre, which keep the first three
-    /// moments of the filter's memory.
-    pub fn nodes(self) -> [(f64, f64); 2] {
-        use std::f64::consts::SQRT_2;
-        [(2.0 - SQRT_2, 0.25 * (2.0 + SQRT_2)), (2.0 + SQRT_2, 0.25 * (2.0 - SQRT_2))]
-            .map(|(x, w)| (self.dead_time + x * self.smoothing, w))
     }
 }
 
@@ -254,6 +300,12 @@ pub struct Constants {
     pub engine_speed_delay: SignalDelay,
     /// Disc speed sensed over disc speed.
     pub clutch_speed_gain: f64,
+    /// Tyres.
+    pub tyre: Tyre,
+    /// The faces' own temperature.
+    pub surface: Surface,
+    /// Friction of the release bearing.
+    pub release: Release,
 }
 
 impl Constants {
@@ -283,6 +335,9 @@ impl Constants {
             clutch_speed_delay: SignalDelay::default(),
             engine_speed_delay: SignalDelay::default(),
             clutch_speed_gain: 1.0,
+            tyre: Tyre::default(),
+            surface: Surface::default(),
+            release: Release::default(),
         }
     }
 }

@@ -7,6 +7,7 @@ use crate::effects::{self, PARAMETERS, Parameters};
 use crate::faults::Faults;
 use crate::physics::lag::LagState;
 use crate::physics::phase::Phase;
+use crate::plant::actuation::Presliding;
 use crate::plant::clutch::Branch;
 use crate::plant::config::Config;
 use crate::plant::history::{CAPACITY, SIGNALS};
@@ -255,10 +256,15 @@ fn walk_parameters(parameters: &mut Parameters, words: &mut impl Words) {
 
 /// Every field by name: a new field does not compile until it is saved too.
 fn walk_state(state: &mut State, words: &mut impl Words) {
-    let State { time, y, stuck, direction, rest, engine, limited, lagged, bearing, memory, inputs } = state;
+    let State { time, y, stuck, direction, rest, engine, limited, lagged, bearing, memory, presliding, filtered, inputs } = state;
     let Inputs { x_to, t_e_ref, theta_h, t_load } = inputs;
     words.real(time);
     words.reals(y);
+    words.reals(filtered);
+    let Presliding { x, slow, quick } = presliding;
+    for z in [x, slow, quick] {
+        words.real(z);
+    }
     words.flag(stuck);
     words.real(direction);
     let Rest { brake, car, rolling, engine: engine_stands } = rest;

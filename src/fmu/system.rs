@@ -16,7 +16,7 @@ use std::fmt::Write;
 pub const TO_CONTROLLER: [&str; 3] = ["omega_f", "omega_c", "T_e"];
 
 /// What flows from the controller to the plant.
-pub const TO_PLANT: [&str; 2] = ["x_to", "T_e_ref"];
+pub const TO_PLANT: [&str; 3] = ["x_to", "T_e_ref", "T_brake"];
 
 /// Communication step of the launch, s.
 const STEP: f64 = 1e-3;

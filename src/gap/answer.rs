@@ -3,7 +3,7 @@
 //! Numbers are rounded to six significant digits (plant parameters are exact), so that the same campaign gives the same bytes.
 
 use super::verdict::Verdict;
-use crate::effects::{PARAMETERS, Parameters};
+use crate::effects::{PARAMETERS, Parameters, SIMULATED};
 use crate::validated::{CLOSING, SLIPS, THETA, Validated};
 use crate::vehicle::{NUMBERS, Vehicle};
 use serde::{Serialize, Serializer};
@@ -458,8 +458,9 @@ pub struct Plant {
     pub nominal_parameters: BTreeMap<&'static str, f64>,
 }
 
-/// Variable names and values of DrivelinePlant.fmu that make it this car.
+/// Variable names and values of DrivelinePlant.fmu that make it this car. Effects that no diagnosis searches for stay at their null values and are left out.
 pub fn plant_parameters(vehicle: &Vehicle, effects: &Parameters) -> BTreeMap<&'static str, f64> {
     let numbers = NUMBERS.iter().map(|n| (n.name, (n.get)(vehicle)));
-    numbers.chain(PARAMETERS.iter().zip(effects).map(|(p, v)| (p.variable, *v))).collect()
+    let searched = PARAMETERS.iter().zip(effects).filter(|(p, _)| SIMULATED.iter().all(|entry| entry.id != p.effect));
+    numbers.chain(searched.map(|(p, v)| (p.variable, *v))).collect()
 }

@@ -6,6 +6,7 @@
 use super::clutch::{Branch, Found};
 use super::config::Config;
 use super::motion::{self, index};
+use super::sensed;
 use super::{MAX_SUBSTEP, State};
 use crate::physics::driveline;
 use crate::physics::lag::{self, LagState};
@@ -98,8 +99,46 @@ pub fn advance(config: &Config, state: &State, x_cmd: f64, h: f64) -> Chain {
     } else {
         LagState { value: limited, rate: 0.0 }
     };
-    let bearing = if c.play > 0.0 { drag_along(state.bearing, lagged.value, 0.5 * c.play) } else { lagged.value };
+    let pushed =
+        if c.release.width > 0.0 { lagged.value - held_back(config, follow(config, state.presliding, lagged.value)) } else { lagged.value };
+    let bearing = if c.play > 0.0 { drag_along(state.bearing, pushed, 0.5 * c.play) } else { pushed };
     Chain { engine, limited, lagged, bearing }
+}
+
+/// Memory of the release bearing's friction: where the actuator had it, and how far both parts of the friction have gone, −1 to 1.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Presliding {
+    /// Position behind the lag, mm.
+    pub x: f64,
+    /// z, the part that stays.
+    pub slow: f64,
+    /// w, the part that is ahead of it.
+    pub quick: f64,
+}
+
+/// Memory after the actuator came to `x` mm.
+fn follow(config: &Config, memory: Presliding, x: f64) -> Presliding {
+    let travel = x - memory.x;
+    if travel == 0.0 {
+        return memory;
+    }
+    let target = travel.signum();
+    let gone = travel.abs() / config.constants.release.travel;
+    let part = |z: f64, rate: f64| target + (z - target) * (-rate * gone).exp();
+    Presliding { x, slow: part(memory.slow, 2.0), quick: part(memory.quick, 8.0) }
+}
+
+/// How far friction holds the bearing back, mm.
+fn held_back(config: &Config, memory: Presliding) -> f64 {
+    let release = &config.constants.release;
+    0.5 * release.width * (memory.slow + release.stiction * (memory.quick - memory.slow))
+}
+
+/// The friction's memory takes in where the actuator has come to.
+pub fn remember(config: &Config, state: &mut State) {
+    if config.constants.release.width > 0.0 {
+        state.presliding = follow(config, state.presliding, state.lagged.value);
+    }
 }
 
 /// Share of a step under which a lag's time constant is too short for the step's stages, and the time constants after which it has all but arrived.
@@ -206,6 +245,7 @@ pub fn rest(config: &Config, state: &mut State) {
     state.lagged = at(x);
     state.bearing = x;
     state.memory = Branch { x, z: 0.0 };
+    state.presliding = Presliding { x, ..Presliding::default() };
 }
 
 /// Torque in N·m that a rigid driveline passes on behind the disc's share of its inertia.
@@ -221,9 +261,23 @@ fn carried_behind_disc(old: &Config, new: &Config, state: &State) -> f64 {
 /// When effects are set while running, a state that was not in use starts where its signal is; shafts that become elastic are twisted by the
 /// torque that they carry.
 pub fn carry_over(old: &Config, new: &Config, state: &mut State) {
+    let springs = |config: &Config| (config.constants.compliance > 0.0, config.constants.tyre.softness > 0.0);
     if new.compliant() && !old.compliant() {
         state.y[index::OMEGA_V] = state.y[index::OMEGA_C];
         state.y[index::TWIST] = motion::twist_under(new, carried_behind_disc(old, new, state));
+    } else if new.compliant() && springs(new) != springs(old) {
+        state.y[index::TWIST] = motion::twist_under(new, motion::spring_torque(old, &state.y));
+    }
+    for (k, ((_, place, before), (_, _, after))) in sensed::channels(old).into_iter().zip(sensed::channels(new)).enumerate() {
+        if before.smoothing <= 0.0 && after.smoothing > 0.0 {
+            state.filtered[k] = state.y[place];
+        }
+    }
+    if old.constants.release.width <= 0.0 {
+        state.presliding = Presliding { x: state.lagged.value, ..Presliding::default() };
+    }
+    if new.constants.surface.resistance == 0.0 {
+        state.y[index::SURFACE] = 0.0;
     }
     if !old.remembers() && new.remembers() {
         state.memory = Branch { x: state.bearing, z: 0.0 };

@@ -5,40 +5,67 @@ use super::motion::{Motion, index};
 use crate::effects::empirical;
 use crate::physics::{cushion, friction, map};
 
-/// Kiss point and closed point at the disc temperature `theta` in °C.
+/// Kiss point and closed point at the disc temperature `theta` in °C, after `work` J of wear.
 #[inline]
-fn contact(config: &Config, theta: f64) -> map::Contact {
+fn contact(config: &Config, theta: f64, work: f64) -> map::Contact {
     let mut contact = map::contact(&config.vehicle.actuator, theta);
     contact.x_cnt += config.constants.contact_shift.x_cnt;
     contact.x_cls += config.constants.contact_shift.x_cls;
     for effect in config.contact.iter() {
         effect(&config.parameters, theta, &mut contact);
     }
+    for effect in config.worn.iter() {
+        effect(&config.parameters, work, &mut contact);
+    }
     contact
 }
 
-/// Normalised position at the bearing position `x` in mm and the disc temperature `theta` in °C; eq. (2).
+/// Friction work in J since the start, where it wears the faces.
 #[inline]
-pub fn normalised_position(config: &Config, x: f64, theta: f64) -> f64 {
-    map::normalised_position(contact(config, theta), x)
+pub fn wear(config: &Config, y: &Motion) -> f64 {
+    if config.worn.is_empty() { 0.0 } else { y[index::E_D] }
 }
 
-/// How far the bearing at `x` mm has closed the clutch: 0 at the true contact ξ_0, 1 at the closed point.
+/// Normalised position at the bearing position `x` in mm and the disc temperature `theta` in °C; eq. (2), at the start of a run.
+#[inline]
+pub fn normalised_position(config: &Config, x: f64, theta: f64) -> f64 {
+    worn_position(config, x, theta, 0.0)
+}
+
+/// As [`normalised_position`], after `work` J of wear.
+#[inline]
+fn worn_position(config: &Config, x: f64, theta: f64, work: f64) -> f64 {
+    map::normalised_position(contact(config, theta, work), x)
+}
+
+/// How far the bearing at `x` mm has closed the clutch: 0 at the true contact ξ_0, 1 at the closed point; at the start of a run.
 #[inline]
 pub fn closing(config: &Config, x: f64, theta: f64) -> f64 {
-    (normalised_position(config, x, theta) - config.xi_0) / (1.0 - config.xi_0)
+    closing_after(config, x, theta, 0.0)
+}
+
+/// As [`closing`], after `work` J of wear.
+#[inline]
+pub fn closing_after(config: &Config, x: f64, theta: f64, work: f64) -> f64 {
+    (worn_position(config, x, theta, work) - config.xi_0) / (1.0 - config.xi_0)
 }
 
 /// Bearing position in mm of this [`closing`].
 pub fn position_of(config: &Config, closing: f64, theta: f64) -> f64 {
-    let contact = contact(config, theta);
+    let contact = contact(config, theta, 0.0);
     contact.x_cnt + (config.xi_0 + closing * (1.0 - config.xi_0)) * (contact.x_cls - contact.x_cnt)
 }
 
-/// As [`Found::engaged`], at bearing position `x` mm and disc temperature `theta` °C.
+/// As [`Found::engaged`], at bearing position `x` mm and disc temperature `theta` °C; at the start of a run.
 #[inline]
 pub fn engaged(config: &Config, x: f64, theta: f64) -> bool {
-    normalised_position(config, x, theta) > config.xi_0
+    engaged_after(config, x, theta, 0.0)
+}
+
+/// As [`engaged`], after `work` J of wear.
+#[inline]
+pub fn engaged_after(config: &Config, x: f64, theta: f64, work: f64) -> bool {
+    worn_position(config, x, theta, work) > config.xi_0
 }
 
 /// What was found of the faces at one instant, each beside what it was found at: where a step ends its outputs look too, and the next step begins.
@@ -48,6 +75,8 @@ pub struct Found {
     x: f64,
     /// Disc temperature, °C.
     theta: f64,
+    /// Wear, J.
+    work: f64,
     /// Normalised position there.
     xi: f64,
     /// Slip in its direction, rad/s.
@@ -65,13 +94,14 @@ impl PartialEq for Found {
 
 impl Found {
     /// Nothing yet: no number equals what it was found at.
-    pub const NOTHING: Self = Self { x: f64::NAN, theta: f64::NAN, xi: f64::NAN, slip: f64::NAN, radius: f64::NAN };
+    pub const NOTHING: Self = Self { x: f64::NAN, theta: f64::NAN, work: f64::NAN, xi: f64::NAN, slip: f64::NAN, radius: f64::NAN };
 
-    /// This, and the normalised position at `x` mm and `theta` °C.
+    /// This, and the normalised position at `x` mm under the temperature and wear of `y`.
     #[inline]
-    pub fn with_position(self, config: &Config, x: f64, theta: f64) -> Self {
+    pub fn with_position(self, config: &Config, x: f64, y: &Motion) -> Self {
+        let (theta, work) = (y[index::THETA_C], wear(config, y));
         let slip = if theta == self.theta { self.slip } else { f64::NAN };
-        Self { x, theta, xi: self.position(config, x, theta), slip, ..self }
+        Self { x, theta, work, xi: self.position(config, x, theta, work), slip, ..self }
     }
 
     /// This, and the equivalent radius at a slip of `slip` ≥ 0 rad/s under the temperature found.
@@ -87,8 +117,8 @@ impl Found {
     }
 
     #[inline]
-    fn position(&self, config: &Config, x: f64, theta: f64) -> f64 {
-        if x == self.x && theta == self.theta { self.xi } else { normalised_position(config, x, theta) }
+    fn position(&self, config: &Config, x: f64, theta: f64, work: f64) -> f64 {
+        if x == self.x && theta == self.theta && work == self.work { self.xi } else { worn_position(config, x, theta, work) }
     }
 
     #[inline]
@@ -122,10 +152,11 @@ pub fn advance_branch(config: &Config, memory: Branch, x: f64) -> Branch {
     Branch { x, z: target + (memory.z - target) * kept }
 }
 
-/// Force on the faces in N at bearing position `x` mm, hysteresis memory `memory` and disc temperature `theta` °C.
+/// Force on the faces in N at bearing position `x` mm, hysteresis memory `memory` and the disc temperature of `y`.
 #[inline]
-pub fn force(config: &Config, found: &Found, x: f64, memory: Branch, theta: f64) -> f64 {
-    let xi = found.position(config, x, theta);
+pub fn force(config: &Config, found: &Found, x: f64, memory: Branch, y: &Motion) -> f64 {
+    let theta = y[index::THETA_C];
+    let xi = found.position(config, x, theta, wear(config, y));
     let mut force = cushion::force(&config.vehicle.cushion_spring, config.xi_0, xi);
     if config.constants.hysteresis_width != 0.0 {
         force *= 1.0 + 0.5 * config.constants.hysteresis_width * advance_branch(config, memory, x).z;
@@ -140,13 +171,19 @@ pub fn force(config: &Config, found: &Found, x: f64, memory: Branch, theta: f64)
     force
 }
 
+/// Temperature in °C that friction sees: the disc's, or that of faces which are hotter.
+#[inline]
+fn face_temperature(config: &Config, y: &Motion) -> f64 {
+    if config.constants.surface.resistance == 0.0 { y[index::THETA_C] } else { y[index::THETA_C] + y[index::SURFACE] }
+}
+
 /// Torque capacity in N·m under a force in N at slip speed `slip` ≥ 0 rad/s, eq. (1).
 #[inline]
 pub fn capacity_under(config: &Config, found: &Found, force: f64, slip: f64, y: &Motion) -> f64 {
     if force == 0.0 {
         return 0.0;
     }
-    let theta = y[index::THETA_C];
+    let theta = face_temperature(config, y);
     let mut torque = config.constants.friction_factor * map::torque_at_radius(found.radius(config, slip, theta), force);
     for effect in config.friction_added.iter() {
         let per_mu = map::torque_of(&config.vehicle.friction, force, 1.0);
@@ -155,8 +192,14 @@ pub fn capacity_under(config: &Config, found: &Found, force: f64, slip: f64, y: 
     for effect in config.friction.iter() {
         torque *= effect(&config.parameters, slip, theta);
     }
+    for effect in config.pressure.iter() {
+        torque *= effect(&config.parameters, force);
+    }
     for effect in config.pulsation.iter() {
         torque *= effect(&config.parameters, y[index::ANGLE], slip);
+    }
+    for effect in config.shafts.iter() {
+        torque *= effect(&config.parameters, [y[index::CRANK], y[index::CRANK] - y[index::ANGLE]]);
     }
     if config.empirical.friction {
         let closed = cushion::force(&config.vehicle.cushion_spring, config.xi_0, 1.0);
@@ -169,7 +212,7 @@ pub fn capacity_under(config: &Config, found: &Found, force: f64, slip: f64, y: 
 #[inline]
 pub fn capacity(config: &Config, x: f64, memory: Branch, slip: f64, y: &Motion) -> f64 {
     let found = &Found::NOTHING;
-    capacity_under(config, found, force(config, found, x, memory, y[index::THETA_C]), slip, y)
+    capacity_under(config, found, force(config, found, x, memory, y), slip, y)
 }
 
 /// Torques in N·m of a slipping clutch.
@@ -192,7 +235,7 @@ impl Slipping {
 /// Torques of a clutch that slips in `direction` ±1; `slip` is signed, rad/s.
 #[inline]
 pub fn slipping(config: &Config, found: &Found, x: f64, memory: Branch, direction: f64, slip: f64, y: &Motion) -> Slipping {
-    let force = force(config, found, x, memory, y[index::THETA_C]);
+    let force = force(config, found, x, memory, y);
     let drag: f64 = config.drag.iter().map(|effect| effect(&config.parameters, slip, force)).sum();
     Slipping { friction: direction * capacity_under(config, found, force, (direction * slip).max(0.0), y), drag }
 }

@@ -2,26 +2,34 @@
 
 use super::pace::Pace;
 use crate::effects::empirical::{self, Active};
-use crate::effects::{Act, Constants, Parameters, REGISTRY};
+use crate::effects::{self, Act, Constants, Parameters, REGISTRY, SIMULATED};
 use crate::physics::cushion;
 use crate::vehicle::Vehicle;
+
+/// Effects that there are.
+const EFFECTS: usize = REGISTRY.len() + SIMULATED.len();
 
 /// Functions of one kind that are active, in the order of the registry.
 #[derive(Clone, Copy, Debug)]
 pub struct List<F: Copy> {
     /// The first `count` are active; the rest are never called.
-    functions: [F; REGISTRY.len()],
+    functions: [F; EFFECTS],
     count: usize,
 }
 
 impl<F: Copy> List<F> {
     /// An empty list; `filler` takes the places that are not used.
     fn new(filler: F) -> Self {
-        Self { functions: [filler; REGISTRY.len()], count: 0 }
+        Self { functions: [filler; EFFECTS], count: 0 }
     }
     fn push(&mut self, function: F) {
         self.functions[self.count] = function;
         self.count += 1;
+    }
+    /// Whether none is active.
+    #[inline]
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
     }
     /// The active functions.
     #[inline]
@@ -66,6 +74,14 @@ pub struct Config {
     pub drag: List<fn(&Parameters, f64, f64) -> f64>,
     /// See [`Act::Load`].
     pub load: List<fn(&Parameters, &Vehicle, f64) -> f64>,
+    /// See [`Act::Engine`].
+    pub engine: List<fn(&Parameters, f64, f64, f64) -> f64>,
+    /// See [`Act::Pressure`].
+    pub pressure: List<fn(&Parameters, f64) -> f64>,
+    /// See [`Act::Shafts`].
+    pub shafts: List<fn(&Parameters, [f64; 2]) -> f64>,
+    /// See [`Act::Worn`].
+    pub worn: List<fn(&Parameters, f64, &mut crate::physics::map::Contact)>,
     /// Laws that were learned.
     pub empirical: Active,
     /// What couples both sides in place of the clutch; none but in a replay whose clutch torque is known otherwise than by its position.
@@ -94,10 +110,14 @@ impl Config {
             pulsation: List::new(|_, _, _| 1.0),
             drag: List::new(|_, _, _| 0.0),
             load: List::new(|_, _, _| 0.0),
+            engine: List::new(|_, asked, _, _| asked),
+            pressure: List::new(|_, _| 1.0),
+            shafts: List::new(|_, _| 1.0),
+            worn: List::new(|_, _, _| {}),
             empirical: Active::of(parameters),
             coupling: None,
         };
-        for entry in REGISTRY.iter().filter(|entry| !entry.is_null(parameters)) {
+        for entry in effects::all().filter(|entry| !entry.is_null(parameters)) {
             match entry.effect.act {
                 Act::Constants(apply) => apply(parameters, vehicle, &mut config.constants),
                 Act::Contact(apply) => config.contact.push(apply),
@@ -107,6 +127,10 @@ impl Config {
                 Act::Pulsation(apply) => config.pulsation.push(apply),
                 Act::Drag(apply) => config.drag.push(apply),
                 Act::Load(apply) => config.load.push(apply),
+                Act::Engine(apply) => config.engine.push(apply),
+                Act::Pressure(apply) => config.pressure.push(apply),
+                Act::Shafts(apply) => config.shafts.push(apply),
+                Act::Worn(apply) => config.worn.push(apply),
             }
         }
         if config.empirical.direction && config.constants.hysteresis_width == 0.0 {
@@ -122,10 +146,16 @@ impl Config {
         self.constants.hysteresis_width != 0.0 || self.empirical.direction
     }
 
-    /// Whether the shafts twist.
+    /// Whether a speed is sensed behind a filter.
+    #[inline]
+    pub fn filters(&self) -> bool {
+        self.constants.engine_speed_delay.smoothing > 0.0 || self.constants.clutch_speed_delay.smoothing > 0.0
+    }
+
+    /// Whether something twists between disc and car: shafts, or tyres.
     #[inline]
     pub fn compliant(&self) -> bool {
-        self.constants.compliance > 0.0
+        self.constants.compliance > 0.0 || self.constants.tyre.softness > 0.0
     }
 
     /// Inertia that the disc drags without the shafts' spring, kg·m².

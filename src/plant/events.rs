@@ -16,6 +16,7 @@ use super::config::{Config, Coupling};
 use super::history::Signal;
 use super::motion::{self, Motion, Setting, index};
 use super::rest::{self, Rest};
+use super::sensed;
 use super::{Inputs, Phase, Plant, Start, State};
 
 /// Slip in rad/s, or torque in N·m, at which an event counts as met.
@@ -47,6 +48,7 @@ pub fn initial(start: &Start, inputs: &Inputs) -> State {
     y[index::THETA_B] = start.theta_b;
     State {
         time: 0.0,
+        filtered: [start.omega_f, start.omega_c],
         y,
         stuck: false,
         direction: 1.0,
@@ -56,6 +58,7 @@ pub fn initial(start: &Start, inputs: &Inputs) -> State {
         lagged: Default::default(),
         bearing: 0.0,
         memory: Default::default(),
+        presliding: Default::default(),
         inputs: *inputs,
     }
 }
@@ -91,7 +94,7 @@ pub fn clutch_torque(config: &Config, found: &Found, s: &State) -> f64 {
 pub fn phase(config: &Config, found: &Found, s: &State) -> Phase {
     if s.stuck {
         Phase::Locked
-    } else if config.coupling.is_some() || found.with_position(config, s.bearing, s.y[index::THETA_C]).engaged(config) {
+    } else if config.coupling.is_some() || found.with_position(config, s.bearing, &s.y).engaged(config) {
         Phase::Slipping
     } else {
         Phase::Open
@@ -132,7 +135,7 @@ pub fn step(plant: &mut Plant, inputs: &Inputs, h: f64) {
         let until = if k as f64 == count { end } else { start + h * (k as f64 / count) };
         substep(plant, until, delayed);
         plant.found = look(&plant.config, &plant.state);
-        record_sensed(plant);
+        sensed::record(&plant.config, &plant.state, &mut plant.history);
     }
 }
 
@@ -147,19 +150,9 @@ fn settle_rest(plant: &mut Plant) {
 
 /// Substeps that a step of `h` seconds takes.
 pub fn substeps(plant: &Plant, h: f64) -> f64 {
-    let slip = plant.state.y[index::OMEGA_F] - plant.state.y[index::OMEGA_C];
-    let longest = plant.config.pace.longest_substep(plant.max_substep).min(plant.config.pace.pulse(slip, plant.max_substep));
+    let speeds = [plant.state.y[index::OMEGA_F], plant.state.y[index::OMEGA_C]];
+    let longest = plant.config.pace.longest_substep(plant.max_substep).min(plant.config.pace.pulse(speeds, plant.max_substep));
     (h / longest * (1.0 - SLIVER)).ceil().max(1.0)
-}
-
-fn record_sensed(plant: &mut Plant) {
-    let (c, s) = (&plant.config.constants, &plant.state);
-    if !c.engine_speed_delay.is_none() {
-        plant.history.push(Signal::Flywheel, s.time, s.y[index::OMEGA_F]);
-    }
-    if !c.clutch_speed_delay.is_none() {
-        plant.history.push(Signal::Disc, s.time, s.y[index::OMEGA_C]);
-    }
 }
 
 /// What outputs and the next substep ask of the faces; a stuck clutch is asked for neither.
@@ -167,7 +160,7 @@ fn look(config: &Config, s: &State) -> Found {
     if s.stuck {
         return Found::NOTHING;
     }
-    let found = Found::NOTHING.with_position(config, s.bearing, s.y[index::THETA_C]);
+    let found = Found::NOTHING.with_position(config, s.bearing, &s.y);
     let along = s.direction * (s.y[index::OMEGA_F] - s.y[index::OMEGA_C]);
     if found.engaged(config) { found.with_radius(config, along.max(0.0)) } else { found }
 }
@@ -213,12 +206,12 @@ fn until_contact(config: &Config, state: &State, x_cmd: f64, h: f64, way: &Way, 
     if actuation::immediate(config) || config.coupling.is_some() {
         return h;
     }
-    let theta = state.y[index::THETA_C];
+    let (theta, work) = (state.y[index::THETA_C], clutch::wear(config, &state.y));
     let (begin, end) = (way.begin.drive().x, way.end.drive().x);
     if begin == end {
         return h;
     }
-    let touches = |x: f64| clutch::engaged(config, x, theta);
+    let touches = |x: f64| clutch::engaged_after(config, x, theta, work);
     let before = touches(begin);
     if before == touches(end) {
         return h;
@@ -233,7 +226,7 @@ fn until_contact(config: &Config, state: &State, x_cmd: f64, h: f64, way: &Way, 
 }
 
 fn setting(config: &Config, state: &State, found: &Found, way: &Way) -> Setting {
-    let found = found.with_position(config, way.middle.drive().x, state.y[index::THETA_C]);
+    let found = found.with_position(config, way.middle.drive().x, &state.y);
     Setting {
         stuck: state.stuck,
         direction: state.direction,
@@ -252,10 +245,35 @@ fn integrate(config: &Config, state: &State, setting: &Setting, x_cmd: f64, h: f
     motion::runge_kutta(config, setting, &state.y, drive, h)
 }
 
+/// Time over which the accelerations at the ends of a piece are taken, s.
+const MOMENT: f64 = 1e-6;
+
+/// The sensors' filters over a piece that goes `way` up to `y` and `end`; apart, for most plants have none. Accelerations come from a step of a moment: another copy of the balances
+/// would cost every plant.
+#[cold]
+#[inline(never)]
+fn filter_speeds(config: &Config, state: &mut State, found: &Found, way: &Way, (y, end): (&Motion, &Chain), h: f64) {
+    let setting = setting(config, state, found, way);
+    let at = |y: &Motion, chain: Chain| {
+        let later = integrate(
+            config,
+            &State { y: *y, ..*state },
+            &setting,
+            state.inputs.x_to,
+            MOMENT,
+            &Way { begin: chain, middle: chain, end: chain },
+        );
+        [index::OMEGA_F, index::OMEGA_C].map(|i| (later[i] - y[i]) / MOMENT)
+    };
+    let accelerations = [at(&state.y, way.begin), at(y, *end)];
+    sensed::advance(config, state, y, accelerations, h);
+}
+
 fn accept(config: &Config, state: &mut State, y: Motion, chain: &Chain, h: f64) {
     state.y = y;
     state.time += h;
     chain.store(state);
+    actuation::remember(config, state);
     if config.remembers() {
         state.memory = clutch::advance_branch(config, state.memory, state.bearing);
     }
@@ -277,6 +295,9 @@ fn smooth_piece(
     // What couples both sides in place of the clutch decides by itself when they are one.
     if config.coupling.is_some() {
         let y = integrate(config, state, &setting(config, state, found, way), x_cmd, h, way);
+        if config.filters() {
+            filter_speeds(config, state, found, way, (&y, &way.end), h);
+        }
         accept(config, state, y, &way.end, h);
         return false;
     }
@@ -301,11 +322,15 @@ fn smooth_piece(
     let y = integrate(config, state, &setting, x_cmd, h, way);
     let after = passed(&y, &way.end);
     if after <= 0.0 {
+        if config.filters() {
+            filter_speeds(config, state, found, way, (&y, &way.end), h);
+        }
         accept(config, state, y, &way.end, h);
         return false;
     }
     let before = passed(&state.y, &way.begin);
     let mut bracket = Bracket { low: 0.0, high: h, at_low: before.min(0.0), at_high: after };
+    let faces = found;
     let mut found = (y, way.end);
     for _ in 0..LOCATE_ITERATIONS {
         let Some(middle) = bracket.next() else { break };
@@ -323,6 +348,9 @@ fn smooth_piece(
     let clutch = meets(&found.0, &found.1) > 0.0;
     let [car, engine] = stands(&found.0, &found.1).map(|p| p > 0.0);
     let high = bracket.high;
+    if config.filters() {
+        filter_speeds(config, state, faces, way, (&found.0, &found.1), high);
+    }
     accept(config, state, found.0, &found.1, high);
     if car {
         rest::switch_car(config, state, &found.1);

@@ -12,6 +12,7 @@
 //! - [`rest`]: brakes, and an engine that has stalled
 //! - [`pace`]: how long a substep may be
 //! - [`history`]: delay lines
+//! - [`sensed`]: speeds behind filter and dead time
 
 pub mod actuation;
 pub mod clutch;
@@ -22,8 +23,9 @@ pub mod motion;
 pub mod pace;
 pub mod rest;
 pub mod saved;
+pub mod sensed;
 
-use crate::effects::{Parameters, SignalDelay};
+use crate::effects::Parameters;
 use crate::physics::lag::LagState;
 pub use crate::physics::phase::Phase;
 use crate::vehicle::Vehicle;
@@ -122,8 +124,12 @@ pub struct State {
     pub bearing: f64,
     /// Memory of the force hysteresis.
     pub memory: clutch::Branch,
+    /// Memory of the release bearing's friction.
+    pub presliding: actuation::Presliding,
     /// Inputs of the last step.
     pub inputs: Inputs,
+    /// Speeds of flywheel and disc behind their sensors' filters, where there are any, rad/s.
+    pub filtered: [f64; 2],
 }
 
 /// A driveline with a dry clutch.
@@ -198,11 +204,13 @@ impl Plant {
 
     /// A delay line begins with the value that its signal has now, and ends with its delay.
     fn start_delay_lines(&mut self, command: f64) {
-        let (c, s) = (&self.config.constants, &self.state);
+        let s = &self.state;
+        let [flywheel, disc] = sensed::speeds(&self.config, s, &self.history);
+        let [late_flywheel, late_disc] = sensed::channels(&self.config).map(|(_, _, delay)| delay.dead_time > 0.0);
         let lines = [
-            (Signal::Command, c.command_delay <= 0.0, command),
-            (Signal::Flywheel, c.engine_speed_delay.is_none(), s.y[index::OMEGA_F]),
-            (Signal::Disc, c.clutch_speed_delay.is_none(), s.y[index::OMEGA_C]),
+            (Signal::Command, self.config.constants.command_delay <= 0.0, command),
+            (Signal::Flywheel, !late_flywheel, flywheel),
+            (Signal::Disc, !late_disc, disc),
         ];
         for (signal, at_once, value) in lines {
             if at_once {
@@ -243,10 +251,13 @@ impl Plant {
         let (by, rate) = if self.state.stuck { (common(by), common(rate)) } else { (by, rate) };
         events::correct_speeds(&mut self.state, by[0] + rate[0] * since, by[1] + rate[1] * since);
         let now = self.state.time;
-        for (k, signal) in [Signal::Flywheel, Signal::Disc].into_iter().enumerate() {
-            // A filter remembers times before the mean one; straight through them its mean is what was seen.
-            let until = if k == seen { history::LONGEST } else { since };
-            self.history.correct(signal, by[k], rate[k], since, until, now);
+        for (k, (signal, _, delay)) in sensed::channels(&self.config).into_iter().enumerate() {
+            // What was seen has been growing for longer than its filter remembers: a beginning within that would show as another size.
+            let steady = |age: f64| since - delay.smoothing - age;
+            let begun = |age: f64| sensed::ramp((since - age).max(0.0), delay.smoothing);
+            let grown = |age: f64| rate[k] * if k == seen { steady(age) } else { begun(age) };
+            self.state.filtered[k] += by[k] + grown(0.0);
+            self.history.correct(signal, by[k], grown, now);
         }
     }
 
@@ -295,21 +306,10 @@ impl Plant {
     /// Outputs now.
     pub fn outputs(&self) -> Outputs {
         let (s, c) = (&self.state, &self.config.constants);
-        let sensed = |signal: Signal, delay: SignalDelay, now: f64| {
-            let line = self.history.line(signal);
-            let at = |age: f64| line.interpolate(s.time - age.min(history::LONGEST), s.time, now);
-            match delay {
-                d if d.is_none() => now,
-                d if d.smoothing <= 0.0 => at(d.dead_time),
-                d => {
-                    let [(young, _), (old, weight)] = d.nodes();
-                    at(young) + weight * (at(old) - at(young))
-                }
-            }
-        };
+        let [omega_f, omega_c] = sensed::speeds(&self.config, s, &self.history);
         Outputs {
-            omega_f: sensed(Signal::Flywheel, c.engine_speed_delay, s.y[index::OMEGA_F]),
-            omega_c: c.clutch_speed_gain * sensed(Signal::Disc, c.clutch_speed_delay, s.y[index::OMEGA_C]),
+            omega_f,
+            omega_c: c.clutch_speed_gain * omega_c,
             t_e: s.inputs.t_e_ref,
             t_fc: events::clutch_torque(&self.config, &self.found, s),
             theta_c: s.y[index::THETA_C],
@@ -329,7 +329,8 @@ impl Plant {
     /// How far the bearing has closed the clutch now: 0 at the true contact, 1 at the closed point.
     #[inline]
     pub fn closing(&self) -> f64 {
-        clutch::closing(&self.config, self.state.bearing, self.state.y[index::THETA_C])
+        let y = &self.state.y;
+        clutch::closing_after(&self.config, self.state.bearing, y[index::THETA_C], clutch::wear(&self.config, y))
     }
 
     /// Energy books since the start.

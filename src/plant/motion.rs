@@ -12,7 +12,7 @@ use crate::effects::empirical;
 use crate::physics::{driveline, thermal};
 
 /// Number of continuous states.
-pub const N: usize = 10;
+pub const N: usize = 12;
 
 /// Continuous states.
 pub type Motion = [f64; N];
@@ -25,7 +25,7 @@ pub mod index {
     pub const OMEGA_C: usize = 1;
     /// Vehicle speed at the clutch beyond the shafts, rad/s; the disc's while they are rigid.
     pub const OMEGA_V: usize = 2;
-    /// Twist of the shafts, rad.
+    /// Twist of shafts and tyres together, rad.
     pub const TWIST: usize = 3;
     /// Disc temperature, °C.
     pub const THETA_C: usize = 4;
@@ -39,8 +39,19 @@ pub mod index {
     pub const WORK_IN: usize = 8;
     /// Work of damping and load, J.
     pub const LOSSES: usize = 9;
+    /// Crank angle, rad.
+    pub const CRANK: usize = 10;
+    /// How much hotter the faces are than the disc, K.
+    pub const SURFACE: usize = 11;
 }
-use index::{ANGLE, E_D, LOSSES, OMEGA_C, OMEGA_F, OMEGA_V, THETA_B, THETA_C, TWIST, WORK_IN};
+use index::{ANGLE, CRANK, E_D, LOSSES, OMEGA_C, OMEGA_F, OMEGA_V, SURFACE, THETA_B, THETA_C, TWIST, WORK_IN};
+
+/// A plant at rest whose disc has `theta` °C.
+pub fn warm(theta: f64) -> Motion {
+    let mut y = [0.0; N];
+    y[THETA_C] = theta;
+    y
+}
 
 /// What does not change within a substep.
 #[derive(Clone, Copy, Debug)]
@@ -66,18 +77,23 @@ pub struct Setting {
 /// Speed in rad/s below which an accessory takes constant torque, not constant power.
 const ACCESSORY_SPEED: f64 = 50.0;
 
-/// Torque in N·m that accessories, and a law that was learned, leave of the engine's `t_e` at the crankshaft.
+/// Torque in N·m at the crankshaft, at `omega_f` rad/s and a crank angle in rad: what the engine gives of the `t_e` that it is asked for, less accessories, with a law
+/// that was learned.
 #[inline(always)]
-fn crankshaft_torque(config: &Config, t_e: f64, omega_f: f64) -> f64 {
+fn crankshaft_torque(config: &Config, t_e: f64, omega_f: f64, angle: f64) -> f64 {
+    let mut given = t_e;
+    for effect in config.engine.iter() {
+        given = effect(&config.parameters, given, omega_f, angle);
+    }
     let power = config.constants.accessory_power;
-    let given = if power == 0.0 { t_e } else { t_e - power / omega_f.max(ACCESSORY_SPEED) };
+    let given = if power == 0.0 { given } else { given - power / omega_f.max(ACCESSORY_SPEED) };
     if config.empirical.engine { given + empirical::engine(&config.parameters, omega_f, t_e) } else { given }
 }
 
 /// Torque in N·m at the crankshaft where the report asks for `t_e`, less damping.
 #[inline]
 pub fn engine_torque(config: &Config, y: &Motion, t_e: f64) -> f64 {
-    crankshaft_torque(config, t_e, y[OMEGA_F]) - config.constants.driveline.b_f * y[OMEGA_F]
+    crankshaft_torque(config, t_e, y[OMEGA_F], y[CRANK]) - config.constants.driveline.b_f * y[OMEGA_F]
 }
 
 /// Torque in N·m that the driveline behind the disc puts up against it, `braking` N·m of it from brakes.
@@ -86,22 +102,66 @@ pub fn resistance(config: &Config, y: &Motion, t_load: f64, braking: f64) -> f64
     if config.compliant() { shaft_torque(config, y) } else { vehicle_resistance(config, y[OMEGA_C], t_load + braking) }
 }
 
-#[inline(always)]
-fn shaft_torque(config: &Config, y: &Motion) -> f64 {
-    let c = &config.constants;
-    let within = y[TWIST].clamp(-c.soft_angle, c.soft_angle);
-    (y[TWIST] - (1.0 - c.soft_share) * within) / c.compliance + c.shaft_damping * (y[OMEGA_C] - y[OMEGA_V])
+/// What carries between disc and car: its spring's torque in N·m, the share of its twist that is the tyres' in rad, and how fast they slip, rad/s.
+#[derive(Clone, Copy, Debug)]
+struct Shafts {
+    torque: f64,
+    tyres: f64,
+    slip: f64,
 }
 
-/// Twist in rad at which shafts at rest carry `torque` N·m: the inverse of their characteristic.
+/// The twist is that of shafts and tyres in series, φ = φ_s(T) + u(T); where the shafts are linear, that is a quadratic in T.
+#[inline(always)]
+fn shafts(config: &Config, y: &Motion) -> Shafts {
+    let c = &config.constants;
+    let within = y[TWIST].clamp(-c.soft_angle, c.soft_angle);
+    if c.tyre.softness <= 0.0 {
+        return Shafts { torque: (y[TWIST] - (1.0 - c.soft_share) * within) / c.compliance, tyres: 0.0, slip: 0.0 };
+    }
+    let tyre = &c.tyre;
+    // Slope and offset of the shafts' twist over torque; beyond the soft range if the twist is more than both have at its end.
+    let end = if c.compliance > 0.0 { c.soft_share * c.soft_angle / c.compliance } else { 0.0 };
+    let twist = y[TWIST].abs();
+    let soft = twist < c.soft_angle + tyre.deflection(end);
+    let (slope, offset) = match (soft, c.soft_share > 0.0) {
+        (true, true) => (c.compliance / c.soft_share, 0.0),
+        // Lash: nothing is carried in it.
+        (true, false) => return Shafts { torque: 0.0, tyres: 0.0, slip: 0.0 },
+        (false, _) => (c.compliance, (1.0 - c.soft_share) * c.soft_angle),
+    };
+    let left = twist - offset;
+    let half = 0.5 * (slope + tyre.softness + left / tyre.grip);
+    let torque = left / (half + (half * half - slope * left / tyre.grip).max(0.0).sqrt());
+    let tyres = (left - slope * torque).copysign(y[TWIST]);
+    let slip = 0.5 * (y[OMEGA_C].abs() + y[OMEGA_V].abs()) * tyres / tyre.relaxation;
+    Shafts { torque: torque.copysign(y[TWIST]), tyres, slip }
+}
+
+#[inline(always)]
+fn shaft_torque(config: &Config, y: &Motion) -> f64 {
+    let s = shafts(config, y);
+    s.torque + config.constants.shaft_damping * (y[OMEGA_C] - y[OMEGA_V] - s.slip)
+}
+
+/// Torque in N·m of the spring between disc and car.
+pub fn spring_torque(config: &Config, y: &Motion) -> f64 {
+    shafts(config, y).torque
+}
+
+/// Twist in rad at which shafts and tyres at rest carry `torque` N·m: the inverse of their characteristic.
 pub fn twist_under(config: &Config, torque: f64) -> f64 {
     let c = &config.constants;
+    let tyres = if c.tyre.softness > 0.0 { c.tyre.deflection(torque) } else { 0.0 };
+    if c.compliance <= 0.0 {
+        return tyres;
+    }
     let soft = c.soft_share * c.soft_angle / c.compliance;
-    if torque.abs() > soft || c.soft_share <= 0.0 {
+    let shafts = if torque.abs() > soft || c.soft_share <= 0.0 {
         torque * c.compliance + (1.0 - c.soft_share) * c.soft_angle.copysign(torque)
     } else {
         torque * c.compliance / c.soft_share
-    }
+    };
+    shafts + tyres
 }
 
 /// Torque in N·m that damping and load put up against the vehicle at `omega` rad/s.
@@ -124,7 +184,7 @@ pub fn slipping(config: &Config, found: &Found, y: &Motion, direction: f64, memo
 #[inline]
 pub fn sticking_torque(config: &Config, y: &Motion, t_e: f64, t_load: f64, rest: &Rest) -> f64 {
     let resist = resistance(config, y, t_load, rest.braking());
-    holding_torque(config, y, crankshaft_torque(config, t_e, y[OMEGA_F]), resist, rest)
+    holding_torque(config, y, crankshaft_torque(config, t_e, y[OMEGA_F], y[CRANK]), resist, rest)
 }
 
 /// As [`sticking_torque`], with `t_e` N·m at the crankshaft and `resist` N·m behind the disc. What is held outside passes its torque on.
@@ -142,7 +202,7 @@ fn holding_torque(config: &Config, y: &Motion, t_e: f64, resist: f64, rest: &Res
 /// Clutch torque in N·m that takes a slipping flywheel to `omega_f` rad/s within `h` seconds; `t_e` is the engine's mean torque over them, N·m.
 pub fn torque_to(config: &Config, y: &Motion, t_e: f64, omega_f: f64, h: f64) -> f64 {
     let mean = 0.5 * (y[OMEGA_F] + omega_f);
-    driveline::clutch_torque(&config.constants.driveline, crankshaft_torque(config, t_e, mean), mean, (omega_f - y[OMEGA_F]) / h)
+    driveline::clutch_torque(&config.constants.driveline, crankshaft_torque(config, t_e, mean, y[CRANK]), mean, (omega_f - y[OMEGA_F]) / h)
 }
 
 /// Rates of all states.
@@ -152,7 +212,7 @@ fn rates(config: &Config, set: &Setting, found: &Found, y: &Motion, drive: Drive
     let d = &c.driveline;
     let rest = &set.rest;
     let resist = resistance(config, y, set.t_load, rest.braking());
-    let t_e = crankshaft_torque(config, drive.t_e, y[OMEGA_F]);
+    let t_e = crankshaft_torque(config, drive.t_e, y[OMEGA_F], y[CRANK]);
     let mut dy = [0.0; N];
     let (t_fc, slip, heating) = if set.stuck {
         let t_fc = holding_torque(config, y, t_e, resist, rest);
@@ -176,17 +236,26 @@ fn rates(config: &Config, set: &Setting, found: &Found, y: &Motion, drive: Drive
     };
     dy[LOSSES] = d.b_f * y[OMEGA_F] * y[OMEGA_F];
     if config.compliant() {
-        let twist_rate = y[OMEGA_C] - y[OMEGA_V];
+        let shafts = shafts(config, y);
+        let twist_rate = y[OMEGA_C] - y[OMEGA_V] - shafts.slip;
         let load = vehicle_resistance(config, y[OMEGA_V], set.t_load + rest.braking());
         dy[TWIST] = twist_rate;
         dy[OMEGA_V] = if rest.car { 0.0 } else { driveline::driveline_acceleration(d.J_c - config.disc_inertia(), resist, load) };
         dy[LOSSES] += load * y[OMEGA_V] + c.shaft_damping * twist_rate * twist_rate;
+        if c.tyre.softness > 0.0 {
+            dy[LOSSES] += resist * shafts.slip;
+        }
     } else {
         dy[OMEGA_V] = dy[OMEGA_C];
         dy[LOSSES] += resist * y[OMEGA_C];
     }
     (dy[THETA_C], dy[THETA_B]) = thermal::single_rates(&c.thermal, y[THETA_C], y[THETA_B], set.theta_h, set.engaged, heating);
+    if c.surface.resistance > 0.0 {
+        let rise = c.surface.resistance * heating / (1.0 + slip.abs() / c.surface.speed).sqrt();
+        dy[SURFACE] = (rise - y[SURFACE]) / c.surface.time_constant;
+    }
     dy[ANGLE] = slip;
+    dy[CRANK] = y[OMEGA_F];
     dy[E_D] = t_fc * slip;
     dy[WORK_IN] = t_e * y[OMEGA_F];
     dy
@@ -217,8 +286,14 @@ pub fn stored_energy(config: &Config, y: &Motion) -> f64 {
     let disc = config.disc_inertia();
     let c = &config.constants;
     let spring = if config.compliant() {
-        let (twist, within) = (y[TWIST].abs(), y[TWIST].abs().min(c.soft_angle));
-        (twist * twist - (1.0 - c.soft_share) * within * (2.0 * twist - within)) / c.compliance
+        let tyres = shafts(config, y).tyres.abs();
+        let twist = y[TWIST].abs() - tyres;
+        let within = twist.min(c.soft_angle);
+        let shafts =
+            if c.compliance > 0.0 { (twist * twist - (1.0 - c.soft_share) * within * (2.0 * twist - within)) / c.compliance } else { 0.0 };
+        let bend = c.tyre.softness * c.tyre.grip;
+        let tyre = if bend > 0.0 { 2.0 * c.tyre.grip * (tyres - bend * (tyres / bend).ln_1p()) } else { 0.0 };
+        shafts + tyre
     } else {
         0.0
     };

@@ -9,7 +9,7 @@
 use super::MAX_SUBSTEP;
 use super::clutch::{self, Branch, Found};
 use super::config::Config;
-use super::motion::{self, Motion, index};
+use super::motion;
 use crate::effects::empirical;
 
 /// Shortest substep that a plant can ask for, s: it bounds the work of a step.
@@ -19,6 +19,9 @@ pub const SHORTEST_SUBSTEP: f64 = 2e-5;
 /// to lose half a percent of their phase and amplitude per radian.
 const TURN_PER_SUBSTEP: f64 = 0.5;
 const TURN_PER_SUBSTEP_OF_A_FIT: f64 = 1.0;
+
+/// Greatest speed at which a tyre is followed, rad/s.
+const TOP_SPEED: f64 = 300.0;
 
 /// Turn of a pulsation per substep, at most, rad.
 const PULSE_PER_SUBSTEP: f64 = 0.1;
@@ -35,8 +38,8 @@ pub struct Pace {
     motion: [f64; 4],
     /// Disc, body.
     heat: [f64; 2],
-    /// Pulsations per radian of slip.
-    order: f64,
+    /// Pulsations per radian of slip, of the engine's angle and of the input shaft's.
+    orders: [f64; 3],
 }
 
 /// What the rates are of, and what makes them fast.
@@ -63,7 +66,7 @@ pub struct TooFast {
 
 impl Pace {
     /// Of a plant that does not move.
-    pub const STILL: Self = Self { motion: [0.0; 4], heat: [0.0; 2], order: 0.0 };
+    pub const STILL: Self = Self { motion: [0.0; 4], heat: [0.0; 2], orders: [0.0; 3] };
 
     /// Rates of a plant; the slopes are those of a closed clutch, cold and warm, from standstill to top speed.
     pub fn of(config: &Config) -> Self {
@@ -74,16 +77,20 @@ impl Pace {
         let (behind, shafts, vehicle) = if config.compliant() {
             let beyond = c.driveline.J_c - disc;
             let reduced = disc * beyond / c.driveline.J_c;
-            let shafts = (1.0 / (c.compliance * reduced)).sqrt().max(c.shaft_damping / reduced);
+            let shafts = (1.0 / ((c.compliance + c.tyre.softness) * reduced)).sqrt().max(c.shaft_damping / reduced);
+            // A tyre forgets its deflection over an angle.
+            let shafts = if c.tyre.softness > 0.0 { shafts + TOP_SPEED / c.tyre.relaxation } else { shafts };
             (c.shaft_damping, shafts, (c.shaft_damping + load) / beyond)
         } else {
             (load, 0.0, 0.0)
         };
         let t = &c.thermal;
+        // Friction that follows the faces' temperature may make it settle a few times as fast.
+        let surface = if c.surface.resistance > 0.0 { 3.0 / c.surface.time_constant } else { 0.0 };
         Self {
             motion: [(c.driveline.b_f + engine + slip) / c.driveline.J_f, (behind + slip) / disc, vehicle, shafts],
-            heat: [t.gamma_1.max(t.gamma_2) / t.C_1, (t.gamma_1 + 2.0 * t.gamma_2) / t.C_b],
-            order: fastest_pulsation(config),
+            heat: [t.gamma_1.max(t.gamma_2) / t.C_1 + surface, (t.gamma_1 + 2.0 * t.gamma_2) / t.C_b],
+            orders: fastest_pulsations(config),
         }
     }
 
@@ -104,10 +111,11 @@ impl Pace {
         most.min(longest.max(SHORTEST_SUBSTEP))
     }
 
-    /// Longest substep, s, that follows a torque which pulsates with a slip of `slip` rad/s, where `most` is asked for.
+    /// Longest substep, s, that follows torques which pulsate with the angles of flywheel and disc at these speeds in rad/s, where `most` is asked for.
     #[inline]
-    pub fn pulse(&self, slip: f64, most: f64) -> f64 {
-        let rate = self.order * slip.abs();
+    pub fn pulse(&self, [omega_f, omega_c]: [f64; 2], most: f64) -> f64 {
+        let [slip, engine, input] = self.orders;
+        let rate = slip * (omega_f - omega_c).abs() + engine * omega_f.abs() + input * omega_c.abs();
         let turn = if most > MAX_SUBSTEP { TURN_PER_SUBSTEP_OF_A_FIT } else { PULSE_PER_SUBSTEP };
         if rate * most > turn { (turn / rate).max(SHORTEST_SUBSTEP) } else { f64::MAX }
     }
@@ -134,10 +142,9 @@ fn steepest_friction(config: &Config) -> f64 {
     const TEMPERATURES: [f64; 4] = [-20.0, 25.0, 120.0, 250.0];
     let mut most = 0.0_f64;
     for theta in TEMPERATURES {
-        let mut y: Motion = [0.0; motion::N];
-        y[index::THETA_C] = theta;
+        let y = motion::warm(theta);
         let closed = crate::physics::map::contact(&config.vehicle.actuator, theta).x_cls;
-        let found = Found::NOTHING.with_position(config, closed, theta);
+        let found = Found::NOTHING.with_position(config, closed, &y);
         let torque = |slip| clutch::slipping(config, &found, closed, Branch { x: closed, z: 1.0 }, 1.0, slip, &y).total();
         let tabled = config.empirical.friction.then(|| empirical::slips_and_speeds().0);
         for slip in SLIPS.into_iter().chain(tabled.into_iter().flatten()) {
@@ -148,20 +155,29 @@ fn steepest_friction(config: &Config) -> f64 {
     most
 }
 
-/// Greatest change of a torque pulsation's phase per radian of slip angle: its steepest slope over its amplitude.
-fn fastest_pulsation(config: &Config) -> f64 {
+/// Greatest changes of a torque pulsation's phase per radian of slip angle, of the engine's angle and of the input shaft's.
+fn fastest_pulsations(config: &Config) -> [f64; 3] {
+    let p = &config.parameters;
+    let slip = config.pulsation.iter().map(|effect| fastest(|angle| effect(p, angle, 0.0)));
+    // An engine that is asked for a torque, at a speed.
+    let engine = config.engine.iter().map(|effect| fastest(|angle| effect(p, 20.0, 150.0, angle)));
+    let engine = engine.chain(config.shafts.iter().map(|effect| fastest(|angle| effect(p, [angle, 0.0]))));
+    let input = config.shafts.iter().map(|effect| fastest(|angle| effect(p, [0.0, angle])));
+    [slip.fold(0.0, f64::max), engine.fold(0.0, f64::max), input.fold(0.0, f64::max)]
+}
+
+/// Greatest change of a pulsation's phase per radian: its steepest slope over its amplitude.
+fn fastest(pulsation: impl Fn(f64) -> f64) -> f64 {
     const SAMPLES: usize = 720;
     const SPACING: f64 = std::f64::consts::TAU / SAMPLES as f64;
-    config.pulsation.iter().fold(0.0, |most: f64, effect| {
-        let (mut low, mut high, mut steepest) = (f64::INFINITY, f64::NEG_INFINITY, 0.0_f64);
-        let mut last = effect(&config.parameters, 0.0, 0.0);
-        for k in 1..=SAMPLES {
-            let now = effect(&config.parameters, k as f64 * SPACING, 0.0);
-            (low, high, steepest) = (low.min(now), high.max(now), steepest.max((now - last).abs() / SPACING));
-            last = now;
-        }
-        if high > low { most.max(2.0 * steepest / (high - low)) } else { most }
-    })
+    let (mut low, mut high, mut steepest) = (f64::INFINITY, f64::NEG_INFINITY, 0.0_f64);
+    let mut last = pulsation(0.0);
+    for k in 1..=SAMPLES {
+        let now = pulsation(k as f64 * SPACING);
+        (low, high, steepest) = (low.min(now), high.max(now), steepest.max((now - last).abs() / SPACING));
+        last = now;
+    }
+    if high > low { 2.0 * steepest / (high - low) } else { 0.0 }
 }
 
 /// Greatest slope of damping and load over speed, N·m·s/rad.

@@ -30,6 +30,18 @@ pub const EFFECTS: [(&str, &str); 24] = [
     ("vehicle_mass", "vehicle mass"),
 ];
 
+/// What each effect that is simulated only is called in a sentence.
+pub const SIMULATED: [(&str, &str); 8] = [
+    ("combustion_pulsation", "pulsation of the engine torque"),
+    ("engine_torque_limit", "limit of the engine torque"),
+    ("friction_pressure", "friction that changes with pressure"),
+    ("release_friction", "friction of the release bearing"),
+    ("shaft_judder", "judder locked to a shaft"),
+    ("surface_temperature", "faces hotter than the disc"),
+    ("touch_point_wear", "wear of the facings"),
+    ("tyre_slip", "slip of the tyres"),
+];
+
 /// What each subsystem is called in a sentence.
 pub const SUBSYSTEMS: [(&str, &str); 7] = [
     ("engine", "engine torque"),
@@ -43,7 +55,7 @@ pub const SUBSYSTEMS: [(&str, &str); 7] = [
 
 /// The plain name of an effect; an id that is not in the library is given back as words.
 pub fn effect(id: &str) -> String {
-    EFFECTS.iter().find(|(known, _)| *known == id).map_or_else(|| words(id), |(_, name)| (*name).to_owned())
+    EFFECTS.iter().chain(&SIMULATED).find(|(known, _)| *known == id).map_or_else(|| words(id), |(_, name)| (*name).to_owned())
 }
 
 /// What each curve of a learned law is called.
@@ -96,17 +108,22 @@ pub fn subsystem_title(id: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::{REGISTRY, Subsystem};
+    use crate::effects::{self, Subsystem};
 
     #[test]
     fn everything_has_a_plain_name_and_the_documentation_has_the_same() {
         let page = include_str!("../../docs/effects.md");
-        for entry in &REGISTRY {
-            let name = EFFECTS.iter().find(|(id, _)| *id == entry.id).unwrap_or_else(|| panic!("{} has no plain name", entry.id)).1;
+        for entry in effects::all() {
+            let name = EFFECTS
+                .iter()
+                .chain(&SIMULATED)
+                .find(|(id, _)| *id == entry.id)
+                .unwrap_or_else(|| panic!("{} has no plain name", entry.id))
+                .1;
             let row = page.lines().find(|line| line.contains(&format!("| `{}` |", entry.id))).expect("every effect is documented");
             assert!(row.contains(&format!("| {name} |")), "docs/effects.md: {} is called {name}", entry.id);
         }
-        assert_eq!(EFFECTS.len(), REGISTRY.len());
+        assert_eq!((EFFECTS.len(), SIMULATED.len()), (effects::REGISTRY.len(), effects::SIMULATED.len()));
         assert_eq!(CURVES.map(|c| c.0), crate::effects::empirical::CURVES.each_ref().map(|c| c.name));
         for s in Subsystem::ALL {
             assert!(SUBSYSTEMS.iter().any(|(id, _)| *id == s.id()), "{} has no plain name", s.id());

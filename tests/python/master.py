@@ -5,7 +5,7 @@ from fmpy.fmi2 import FMU2Slave, fmi2Integer, fmi2Real, fmi2ValueReference
 
 
 PLANT_TO_CONTROLLER = {"omega_f": "omega_f", "omega_c": "omega_c", "T_e": "T_e"}
-CONTROLLER_TO_PLANT = {"x_to": "x_to", "T_e_ref": "T_e_ref"}
+CONTROLLER_TO_PLANT = {"x_to": "x_to", "T_e_ref": "T_e_ref", "T_brake": "T_brake"}
 
 
 class Model:

@@ -2,7 +2,7 @@
 
 use crate::bench::{Bench, Law, bearing, remains};
 use kisspoint::effects::param::{
-    actuator_backlash as backlash, actuator_delay as delay, actuator_lag as lag, actuator_rate_limit as limit,
+    actuator_backlash as backlash, actuator_delay as delay, actuator_lag as lag, actuator_rate_limit as limit, release_friction as friction,
 };
 
 /// A bearing at rest at 2 mm, told to be at `x` mm from 0.1 s on.
@@ -17,7 +17,23 @@ pub fn laws() -> Vec<Law> {
     let play = [(backlash::play, 0.4)];
     let speed = [(limit::inverse_speed, 0.1)];
     let approach = [(limit::inverse_speed, 0.1), (limit::approach, 0.4)];
+    // From the middle 1 mm up, then 0.3 mm down, over a travel of 0.8 mm; the quick part goes four times as far in it.
+    let sticking = |s| [(friction::width, 0.4), (friction::travel, 0.8), (friction::stiction, s)];
+    let up = |rate: f64| 1.0 - (-rate / 0.8).exp();
+    let back = |rate: f64| -1.0 + (up(rate) + 1.0) * (-0.3 * rate / 0.8).exp();
     vec![
+        law("friction of the bearing", &sticking(0.0), told(3.0), 0.2, bearing, 3.0 - 0.2 * up(2.0)),
+        law("friction of the bearing, back again", &sticking(0.0), told(3.0).moved(0.15, 2.7), 0.2, bearing, 2.7 - 0.2 * back(2.0)),
+        law("stiction of the bearing", &sticking(0.7), told(3.0), 0.2, bearing, 3.0 - 0.2 * (0.3 * up(2.0) + 0.7 * up(8.0))),
+        law("stiction of the bearing, back again", &sticking(0.7), told(3.0).moved(0.15, 2.7), 0.2, bearing, {
+            2.7 - 0.2 * (0.3 * back(2.0) + 0.7 * back(8.0))
+        }),
+        law("friction of the bearing behind its lag", &[&sticking(0.7)[..], &slow(0.0, 0.0)].concat(), told(3.0), 0.15, bearing, {
+            let way = 1.0 - left(0.06, 0.0, 0.05);
+            let gone = |rate: f64| 1.0 - (-rate * way / 0.8).exp();
+            2.0 + way - 0.2 * (0.3 * gone(2.0) + 0.7 * gone(8.0))
+        }),
+        law("far travel holds the bearing by half", &[(friction::width, 0.4), (friction::travel, 0.05)], told(3.0), 0.2, bearing, 2.8),
         law("before the delay", &[(delay::delay, 0.05)], told(3.0), 0.149_999, bearing, 2.0),
         law("after the delay", &[(delay::delay, 0.05)], told(3.0), 0.150_001, bearing, 3.0).limit(),
         law("the middle of the play", &play, told(2.15), 0.2, bearing, 2.0),

@@ -3,6 +3,7 @@
 use crate::bench::{Bench, F_1, Law, MU, RADIUS, X_CLS, X_CNT, force, t_fc, torque};
 use kisspoint::effects::param::{
     cushion_hysteresis as hysteresis, cushion_stiffness_thermal as stiffness, kiss_point_offset as offset, kiss_point_thermal as thermal,
+    touch_point_wear as wear,
 };
 
 fn slipping(theta: f64, x: f64) -> Bench {
@@ -14,9 +15,18 @@ fn moved(cnt: f64, cls: f64) -> f64 {
     2.0 * MU * RADIUS * force(6.0, X_CNT + cnt, X_CLS + cls)
 }
 
+/// Torque in N·m at 6 mm after `t` s of slip at 50 rad/s with a wear of `rate` mm/J that moves both points: the gap w that is left obeys ẇ = −rate · P(w), P a
+/// cube of w.
+fn wearing(rate: f64, t: f64) -> f64 {
+    let cube = 2.0 * MU * RADIUS * F_1 / (X_CLS - X_CNT).powi(3);
+    let left = 2.0 / (1.0 + 2.0 * rate * cube * 50.0 * 4.0 * t).sqrt();
+    cube * left.powi(3)
+}
+
 pub fn laws() -> Vec<Law> {
     let law = Law::new;
     let shift = [(thermal::slope, 0.004), (thermal::curvature, 1e-5)];
+    let worn = |share| [(wear::rate, 1e-8), (wear::work_before, 3e7), (wear::closed_share, share)];
     let memory = [(hysteresis::width, 0.4), (hysteresis::stroke, 0.8)];
     // From the middle 1 mm up, then 0.3 mm down.
     let up = 1.0 - (-2.0_f64 / 0.8).exp();
@@ -48,6 +58,9 @@ pub fn laws() -> Vec<Law> {
             t_fc,
             1.2 * torque(6.0, MU),
         ),
+        law("worn facings", &worn(0.5), slipping(25.0, 6.0), 0.0, t_fc, moved(0.3, 0.15)),
+        law("facings that grew", &[(wear::rate, -1e-8), (wear::work_before, 3e7)], slipping(25.0, 6.0), 0.0, t_fc, torque(6.3, MU)),
+        law("facings that wear", &[(wear::rate, 1e-6)], slipping(25.0, 6.0), 0.8, t_fc, wearing(1e-6, 0.8)),
         law("neither closing nor opening", &memory, slipping(25.0, 6.0), 0.02, t_fc, torque(6.0, MU)).limit(),
     ]
 }

@@ -1,7 +1,7 @@
 //! Driveline: a coasting disc with the clutch open, J_c ω̇_c = −T_L.
 
 use crate::bench::{Bench, Law, omega_c};
-use kisspoint::effects::param::{driveline_compliance as shafts, road_load as road, vehicle_mass as mass};
+use kisspoint::effects::param::{driveline_compliance as shafts, road_load as road, tyre_slip as tyre, vehicle_mass as mass};
 
 const J: f64 = 0.5;
 const START: f64 = 100.0;
@@ -41,6 +41,52 @@ fn lashing(angle: f64, t: f64) -> f64 {
     pull / turn * phase.sin() + pull * taken_up * phase.cos()
 }
 
+/// A tyre: slip per torque, relaxation (rad), grip (N·m), damping (N·m·s/rad); and the compliance of shafts before it.
+#[derive(Clone, Copy)]
+struct Tyre {
+    slip: f64,
+    relaxation: f64,
+    grip: f64,
+    damping: f64,
+    compliance: f64,
+}
+
+impl Tyre {
+    /// Slip of a tyre that has come to rest under a torque.
+    fn slip(&self, torque: f64) -> f64 {
+        self.slip * torque / (1.0 - torque.abs() / self.grip)
+    }
+
+    /// The torque at which tyres and shafts have this twist, by halving.
+    fn torque(&self, twist: f64) -> f64 {
+        let (mut low, mut high) = (-self.grip, self.grip);
+        for _ in 0..80 {
+            let middle = 0.5 * (low + high);
+            if self.compliance * middle + self.relaxation * self.slip(middle) < twist { low = middle } else { high = middle }
+        }
+        low
+    }
+
+    /// Disc speed after `t` s under the load's step: the balances of both inertias, in many small steps of Heun's.
+    fn disc(&self, share: f64, t: f64) -> f64 {
+        const STEPS: usize = 20_000;
+        let h = t / STEPS as f64;
+        let rates = |[disc, car, twist]: [f64; 3]| {
+            let torque = self.torque(twist);
+            let turning = disc - car - 0.5 * (disc + car) * self.slip(torque);
+            let passed = torque + self.damping * turning;
+            [-passed / (share * J), (passed - LOAD) / ((1.0 - share) * J), turning]
+        };
+        let mut y = [START, START, 0.0];
+        for _ in 0..STEPS {
+            let first = rates(y);
+            let second = rates(std::array::from_fn(|i| y[i] + h * first[i]));
+            y = std::array::from_fn(|i| y[i] + 0.5 * h * (first[i] + second[i]));
+        }
+        y[0]
+    }
+}
+
 pub fn laws() -> Vec<Law> {
     let law = Law::new;
     let twist = |damping, angle, share| {
@@ -49,7 +95,20 @@ pub fn laws() -> Vec<Law> {
     };
     let rolled = |t: f64| 0.5 * ((1.0_f64 / 0.5).sinh() * (-8.0 * t / (J * 0.5)).exp()).asinh();
     let grade = |g: f64| 400.0 * g.atan().sin() / J;
+    let gripping = Tyre { slip: 1e-3, relaxation: 8.0, grip: 200.0, damping: 0.3, compliance: 0.0 };
+    let weak = Tyre { slip: 4e-4, relaxation: 8.0, grip: 9.0, ..gripping };
+    let behind = Tyre { compliance: 2e-3, ..gripping };
+    let of = |t: Tyre, share| {
+        let sizes = [(tyre::slip_per_torque, t.slip), (tyre::relaxation, t.relaxation), (tyre::grip, t.grip)];
+        let before = [(tyre::damping, t.damping), (tyre::wheel_share, share)];
+        let elastic = [(shafts::compliance, t.compliance), (shafts::damping, t.damping), (shafts::disc_share, share)];
+        [&sizes[..], if t.compliance > 0.0 { &elastic } else { &before }].concat()
+    };
     vec![
+        law("tyres", &of(gripping, 0.2), coasting(START, LOAD), 0.3, omega_c, gripping.disc(0.2, 0.3)),
+        law("tyres that lose their grip", &of(weak, 0.3), coasting(START, LOAD), 0.2, omega_c, weak.disc(0.3, 0.2)),
+        law("tyres backwards", &of(gripping, 0.2), coasting(-START, -LOAD), 0.3, omega_c, -gripping.disc(0.2, 0.3)),
+        law("tyres behind elastic shafts", &of(behind, 0.2), coasting(START, LOAD), 0.1, omega_c, behind.disc(0.2, 0.1)),
         law("shafts", &twist(0.3, 0.0, 0.3), coasting(START, LOAD), 0.05, omega_c, disc(0.05, twisting(1.0 / COMPLIANCE, 0.3, 0.05))),
         law(
             "damped shafts",

@@ -1,7 +1,11 @@
 //! Engine: a free flywheel shows the torque on the crankshaft, J (ω − ω_0) = ∫ T dt.
 
 use crate::bench::{Bench, Law, omega_f, remains};
-use kisspoint::effects::param::{engine_torque_bias as bias, engine_torque_gain as gain, engine_torque_lag as lag};
+use kisspoint::effects::param::{
+    combustion_pulsation as pulsation, engine_torque_bias as bias, engine_torque_gain as gain, engine_torque_lag as lag,
+    engine_torque_limit as limit,
+};
+use kisspoint::plant::Plant;
 
 const J: f64 = 0.2;
 const START: f64 = 200.0;
@@ -19,8 +23,24 @@ fn lagged(report: f64, tau: f64, kappa: f64, t: f64) -> f64 {
     START + report * (t - tau * (1.0 - z) - kappa * tau * tau * -v) / J
 }
 
+/// A flywheel of a held speed, with `report` N·m from time 0 on: its work is the torque's.
+fn held(speed: f64, report: f64) -> Bench {
+    Bench::held(speed, 0.0, 25.0, 0.0).driven(0.0, report)
+}
+
+fn work(plant: &Plant) -> f64 {
+    plant.energy().work_in
+}
+
+/// The lesser of two torques with a corner of 2 N·m, which leaves 0 as it is.
+fn lesser(asked: f64, most: f64) -> f64 {
+    0.5 * (asked + most - ((asked - most).powi(2) + 4.0).sqrt()) + 0.5 * ((most * most + 4.0).sqrt() - most)
+}
+
 pub fn laws() -> Vec<Law> {
     let law = Law::new;
+    let falling = [(limit::inverse_torque, 0.025), (limit::best_speed, 200.0), (limit::falling, 0.8)];
+    let firing = |torque, share, order| [(pulsation::torque, torque), (pulsation::share, share), (pulsation::order, order)];
     let slow = |k, a| vec![(lag::time_constant, 0.1), (lag::curvature, k), (lag::asymmetry, a)];
     vec![
         law("gain", &[(gain::gain, 1.3)], free(START, 20.0), 0.5, omega_f, START + 1.3 * 20.0 * 0.5 / J),
@@ -38,5 +58,20 @@ pub fn laws() -> Vec<Law> {
         law("the bias lags along", &[(lag::time_constant, 0.1), (bias::torque, 5.0)], free(START, 30.0), 0.07, omega_f, {
             lagged(30.0, 0.1, 0.0, 0.07) + 5.0 * 0.07 / J
         }),
+        law("full load", &[(limit::inverse_torque, 0.025)], held(300.0, 60.0), 0.1, work, lesser(60.0, 40.0) * 300.0 * 0.1),
+        law("near full load", &[(limit::inverse_torque, 0.025)], held(300.0, 39.0), 0.1, work, lesser(39.0, 40.0) * 300.0 * 0.1),
+        law("full load beside the best speed", &falling, held(150.0, 60.0), 0.1, work, lesser(60.0, 40.0 * (1.0 - 0.8 * 0.0625)) * 15.0),
+        law("least full load", &falling, held(600.0, 60.0), 0.1, work, lesser(60.0, 4.0) * 60.0),
+        law("no torque asked for", &[(limit::inverse_torque, 0.025)], held(300.0, 0.0), 0.1, work, 0.0).absolute(1e-9).limit(),
+        // The work of a cosine over the angle; 100 rad/s for 0.13 s.
+        law("pulsation at any load", &firing(12.0, 0.0, 2.0), held(100.0, 30.0), 0.13, work, 30.0 * 13.0 + 12.0 * (26.0_f64).sin() / 2.0),
+        law(
+            "pulsation with the load",
+            &firing(0.0, 0.5, 1.5),
+            held(100.0, -30.0),
+            0.13,
+            work,
+            -30.0 * 13.0 + 15.0 * (19.5_f64).sin() / 1.5,
+        ),
     ]
 }

@@ -2,7 +2,8 @@
 
 use crate::bench::{Bench, Law, MU, X_CLS, X_CNT, force, t_fc, theta_c, torque};
 use kisspoint::effects::param::{
-    clutch_drag as drag, friction_fade as fade, friction_level as level, friction_slip_gradient as gradient, judder,
+    clutch_drag as drag, friction_fade as fade, friction_level as level, friction_pressure as pressure, friction_slip_gradient as gradient,
+    judder, shaft_judder as shaft,
 };
 use kisspoint::plant::Plant;
 
@@ -33,6 +34,7 @@ pub fn laws() -> Vec<Law> {
     let law = Law::new;
     let normal = torque(6.0, MU);
     let fading = [(fade::depth, 0.4), (fade::onset, 130.0), (fade::width, 60.0)];
+    let pressing = |exponent, reference| [(pressure::exponent, exponent), (pressure::reference_force, reference)];
     let slope = [(gradient::slope, 0.001), (gradient::reach, 40.0)];
     let stribeck = |n| vec![(gradient::stribeck, 0.1), (gradient::speed, 15.0), (gradient::exponent, n)];
     // 50 rad/s over 0.13 s.
@@ -96,6 +98,21 @@ pub fn laws() -> Vec<Law> {
             (1.0 + 0.2 * (1.3 * turned).sin()) * normal
         }),
         law("judder, disc faster", &[(judder::sine, 0.2)], slipping(-50.0, 25.0), 0.13, t_fc, -(1.0 - 0.2 * turned.sin()) * normal),
+        law("friction under a light force", &pressing(-0.2, 3000.0), slipping(50.0, 25.0), 0.01, t_fc, {
+            normal * (force(6.0, X_CNT, X_CLS).hypot(100.0) / 3000.0_f64.hypot(100.0)).powf(-0.2)
+        }),
+        law("friction under a great force", &pressing(0.3, 200.0), slipping(-50.0, 25.0), 0.01, t_fc, {
+            -normal * (force(6.0, X_CNT, X_CLS).hypot(100.0) / 200.0_f64.hypot(100.0)).powf(0.3)
+        }),
+        law("friction at the reference force", &pressing(0.3, force(6.0, X_CNT, X_CLS)), slipping(50.0, 25.0), 0.01, t_fc, normal).limit(),
+        // 100 and 50 rad/s for 0.13 s.
+        law("judder of the engine", &[(shaft::engine, 0.2)], slipping(50.0, 25.0), 0.13, t_fc, (1.0 + 0.2 * 13.0_f64.cos()) * normal),
+        law("judder of the engine, twice a turn", &[(shaft::engine, 0.2), (shaft::engine_order, 2.0)], slipping(50.0, 25.0), 0.13, t_fc, {
+            (1.0 + 0.2 * 26.0_f64.cos()) * normal
+        }),
+        law("judder of the input shaft", &[(shaft::input, -0.2), (shaft::input_order, 3.0)], slipping(50.0, 25.0), 0.13, t_fc, {
+            (1.0 - 0.2 * 19.5_f64.cos()) * normal
+        }),
         law("judder that fades to half", &[(judder::cosine, 0.2), (judder::fading, 1.0 / 2500.0)], slipping(50.0, 25.0), 0.13, t_fc, {
             (1.0 + 0.1 * turned.cos()) * normal
         }),

@@ -14,7 +14,7 @@ mod sensors;
 mod thermal;
 
 use bench::Law;
-use kisspoint::effects::{PARAMETERS, REGISTRY, null};
+use kisspoint::effects::{PARAMETERS, all, null};
 
 fn laws() -> Vec<Law> {
     let subsystems =
@@ -41,7 +41,7 @@ fn every_law_gives_its_number() {
 #[test]
 fn every_parameter_of_every_effect_has_a_law_that_depends_on_it() {
     let laws = laws();
-    for entry in &REGISTRY {
+    for entry in all() {
         for k in entry.parameters.clone() {
             let shows = |law: &&Law| {
                 let mut without = law.parameters();

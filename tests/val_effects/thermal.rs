@@ -1,7 +1,7 @@
 //! Heat: the temperatures of disc and body under a known friction power, or none.
 
-use crate::bench::{Bench, Law, MU, theta_b, theta_c, torque};
-use kisspoint::effects::param::{clutch_cooling as cooling, heat_partition as partition};
+use crate::bench::{Bench, Law, MU, t_fc, theta_b, theta_c, torque};
+use kisspoint::effects::param::{clutch_cooling as cooling, heat_partition as partition, surface_temperature as surface};
 
 const C_1: f64 = 70.0;
 const C_B: f64 = 700.0;
@@ -26,6 +26,25 @@ fn cooling_down(x: f64, gamma_1: f64, gamma_2: f64) -> Bench {
     bench
 }
 
+/// Friction that a hotter face loses, at a held temperature and slip.
+fn fading(slip: f64) -> Bench {
+    let mut bench = Bench::held(100.0, 100.0 - slip, 25.0, 6.0);
+    let f = &mut bench.vehicle.friction;
+    (f.m_0, f.m_1, f.alpha_2) = (MU + 25.0 * LOST, -LOST, 100.0);
+    bench
+}
+
+/// Share of the friction coefficient that fading facings lose, 1/K.
+const LOST: f64 = 1e-3;
+
+/// Torque in N·m of those after `t` s: both the rise and the power are linear in each other.
+fn faded(slip: f64, per_watt: f64, tau: f64, t: f64) -> f64 {
+    let power = slip * torque(6.0, MU);
+    let loop_gain = per_watt * power * LOST / MU;
+    let rise = per_watt * power / (1.0 + loop_gain) * (1.0 - (-(1.0 + loop_gain) / tau * t).exp());
+    torque(6.0, MU - LOST * rise)
+}
+
 pub fn laws() -> Vec<Law> {
     let law = Law::new;
     let share = |change| [(partition::share_change, change)];
@@ -34,7 +53,11 @@ pub fn laws() -> Vec<Law> {
     // Two bodies: their difference decays, the heat in both stays.
     let difference = 120.0 * (-2.0 * 15.0 * (1.0 / C_1 + 1.0 / C_B) * 2.0_f64).exp();
     let mean = (C_1 * 180.0 + C_B * 60.0) / (C_1 + C_B);
+    let faces = [(surface::resistance, 0.02), (surface::speed, 20.0), (surface::time_constant, 0.08)];
     vec![
+        law("hotter faces", &faces, fading(50.0), 0.05, t_fc, faded(50.0, 0.02 / (1.0_f64 + 2.5).sqrt(), 0.08, 0.05)),
+        law("hotter faces, disc faster", &faces, fading(-20.0), 0.2, t_fc, -faded(20.0, 0.02 / 2.0_f64.sqrt(), 0.08, 0.2)),
+        law("hotter faces warm no disc", &faces, fading(50.0), 0.05, theta_c, 25.0).limit(),
         law("more heat into the disc", &share(0.15), heated(50.0), 1.0, theta_c, 30.0 + 0.45 * power() / C_1),
         law("less heat into the body", &share(0.15), heated(50.0), 1.0, theta_b, 30.0 + 0.55 * power() / C_B),
         law("less heat into the disc", &share(-0.1), heated(-50.0), 1.0, theta_c, 30.0 + 0.2 * power() / C_1),

@@ -1,0 +1,117 @@
+//! Speeds as they are sensed: behind a filter of first order, τ ṡ + s = ω, and a dead time.
+//!
+//! The filter is solved exactly for the cubic that a speed follows between two instants, from both speeds and accelerations: no τ, however short, is stiff, and one that goes to
+//! zero becomes none. Its output is what the delay line keeps, for filter and dead time may change places.
+
+use super::State;
+use super::config::Config;
+use super::history::{self, History, Signal};
+use super::motion::{Motion, index};
+use crate::effects::SignalDelay;
+
+/// Flywheel and disc: line, place among the states, and delay.
+pub fn channels(config: &Config) -> [(Signal, usize, SignalDelay); 2] {
+    let c = &config.constants;
+    [(Signal::Flywheel, index::OMEGA_F, c.engine_speed_delay), (Signal::Disc, index::OMEGA_C, c.clutch_speed_delay)]
+}
+
+/// Speed of channel `k` behind its filter now, rad/s.
+fn filtered(state: &State, k: usize, place: usize, delay: SignalDelay) -> f64 {
+    if delay.smoothing > 0.0 { state.filtered[k] } else { state.y[place] }
+}
+
+/// Both speeds as they are sensed now, rad/s.
+pub fn speeds(config: &Config, state: &State, history: &History) -> [f64; 2] {
+    let all = channels(config);
+    std::array::from_fn(|k| {
+        let (signal, place, delay) = all[k];
+        let now = filtered(state, k, place, delay);
+        if delay.dead_time <= 0.0 {
+            return now;
+        }
+        history.line(signal).interpolate(state.time - delay.dead_time.min(history::LONGEST), state.time, now)
+    })
+}
+
+/// Keeps what the delay lines need of the present.
+#[inline]
+pub fn record(config: &Config, state: &State, history: &mut History) {
+    let c = &config.constants;
+    if c.engine_speed_delay.dead_time > 0.0 || c.clutch_speed_delay.dead_time > 0.0 {
+        push(config, state, history);
+    }
+}
+
+#[inline(never)]
+fn push(config: &Config, state: &State, history: &mut History) {
+    for (k, (signal, place, delay)) in channels(config).into_iter().enumerate() {
+        if delay.dead_time > 0.0 {
+            history.push(signal, state.time, filtered(state, k, place, delay));
+        }
+    }
+}
+
+/// Filters after `h` s that take the speeds to those of `y`, with the accelerations at the beginning and at the end, rad/s².
+pub fn advance(config: &Config, state: &mut State, y: &Motion, accelerations: [[f64; 2]; 2], h: f64) {
+    for (k, (_, place, delay)) in channels(config).into_iter().enumerate() {
+        if delay.smoothing > 0.0 {
+            let slopes = accelerations.map(|a| a[k]);
+            state.filtered[k] = filter(state.filtered[k], [state.y[place], y[place]], slopes, delay.smoothing, h);
+        }
+    }
+}
+
+/// What an input that has been growing by 1 per second for `time` s has added to the output of a filter.
+pub fn ramp(time: f64, tau: f64) -> f64 {
+    if tau > 0.0 { time + tau * (-time / tau).exp_m1() } else { time }
+}
+
+/// Share of the time constant below which a step is integrated by [`GAUSS`]: the closed form would lose its digits.
+const SHORT: f64 = 0.5;
+
+/// Gauss and Legendre's rule of four points on [0, 1].
+const GAUSS: [(f64, f64); 4] = [
+    (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
+    (0.330_009_478_207_571_87, 0.326_072_577_431_273_07),
+    (0.669_990_521_792_428_1, 0.326_072_577_431_273_07),
+    (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
+];
+
+/// Output of τ ṡ + s = u after `h` s from `s`, u being the cubic between two values with two slopes.
+fn filter(s: f64, [u_0, u_1]: [f64; 2], [v_0, v_1]: [f64; 2], tau: f64, h: f64) -> f64 {
+    // u = u_0 + x (b + x (c + x d)), x from 0 to 1.
+    let (b, rise) = (v_0 * h, u_1 - u_0);
+    let (c, d) = (3.0 * rise - (2.0 * v_0 + v_1) * h, (v_0 + v_1) * h - 2.0 * rise);
+    let n = h / tau;
+    if n < SHORT {
+        let part = |(x, w): (f64, f64)| w * (u_0 - s + x * (b + x * (c + x * d))) * (-n * (1.0 - x)).exp();
+        return s + n * GAUSS.into_iter().map(part).sum::<f64>();
+    }
+    // The steady response, u less its derivatives over n, n² and n³ in turn; what departs from it decays.
+    let steady = |u: f64, first: f64, second: f64| u - (first - (second - 6.0 * d / n) / n) / n;
+    let (from, to) = (steady(u_0, b, 2.0 * c), steady(u_1, v_1 * h, 2.0 * c + 6.0 * d));
+    to + (s - from) * (-n).exp()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A filter of t³ − 2t + 1: its steady response, by hand, and what decays.
+    #[test]
+    fn a_filter_of_a_cubic_is_exact_for_every_step() {
+        let (u, v) = (|t: f64| t.powi(3) - 2.0 * t + 1.0, |t: f64| 3.0 * t * t - 2.0);
+        for (tau, h) in [(0.05, 1e-3), (0.05, 0.0249), (0.05, 0.0251), (0.05, 0.3), (1e-5, 1e-3), (1e-9, 0.02), (0.05, 1e-9)] {
+            let steady = |t: f64| u(t) - tau * v(t) + tau * tau * 6.0 * t - 6.0 * tau.powi(3);
+            let expected = steady(0.7 + h) + (0.3 - steady(0.7)) * (-h / tau).exp();
+            let found = filter(0.3, [u(0.7), u(0.7 + h)], [v(0.7), v(0.7 + h)], tau, h);
+            assert!((found - expected).abs() < 1e-10, "time constant {tau}, step {h}: {found} against {expected}");
+        }
+    }
+
+    #[test]
+    fn a_ramp_trails_by_the_time_constant() {
+        assert!((ramp(5.0, 0.02) - 4.98).abs() < 1e-12 && ramp(0.3, 0.0) == 0.3 && ramp(0.0, 0.02) == 0.0);
+        assert!((ramp(1e-4, 0.02) - 0.5e-8 / 0.02).abs() < 1e-9);
+    }
+}
