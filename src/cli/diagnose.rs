@@ -151,9 +151,10 @@ fn one(
     eprint!("{}", campaign.remarks());
     let bar = Progress::new();
     let found = pool.install(|| diagnose(&campaign, &|what, share| bar.tell(&format!("{label}{what}"), share)));
-    bar.finish();
     let refused = |source| CommandError::Diagnosis { path: path.to_owned(), source, left_out: campaign.left_out.clone() };
+    // A bar goes with its owner, so that an error is not written behind it.
     let diagnosis = found.map_err(refused)?;
+    bar.say(&format!("{label}report"));
     let shown = name(path).display().to_string();
     if let Some(out) = out {
         let mut files = files(&campaign, &diagnosis, &shown, &provenance(&campaign, options), libraries)?;
@@ -165,6 +166,7 @@ fn one(
         }
         write_all(out, &files)?;
     }
+    bar.finish();
     Ok(diagnosis)
 }
 

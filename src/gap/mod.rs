@@ -10,7 +10,8 @@
 //! 4. [`verdict`]: what the posterior says; [`map`]: where the balances do not close; [`measure`]: how far off free replays are, before and after
 //! 5. [`plan`]: what to measure so that what is open splits, and how large an effect shows
 //! 6. [`compose`]: the [`answer`], in its words; [`joint`]: the posterior itself, for those who pool cars; [`domain`]: where the retuned plant was validated, and how
-//!    well its clutch torque is known; [`diagnosis`] runs all of it
+//!    well its clutch torque is known; [`diagnosis`] runs all of it, and [`progress`] says how far
+//!    it is
 
 pub mod answer;
 pub mod compose;
@@ -24,4 +25,5 @@ pub mod map;
 pub mod measure;
 pub mod model;
 pub mod plan;
+pub mod progress;
 pub mod verdict;
