@@ -28,7 +28,7 @@ pub struct Args {
     /// Folder of the second answer
     #[arg(value_name = "B")]
     second: PathBuf,
-    /// Also write a page
+    /// Also write the comparison as a page
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Print the comparison as JSON

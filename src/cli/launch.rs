@@ -33,10 +33,10 @@ pub struct Args {
     /// Launch this vehicle instead of the paper's
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
-    /// Launch N drawn cars under the governed controller, the paper's and a plain PI instead, and print the share of launches that go well
+    /// Instead, launch N randomly drawn cars under the governed controller, the paper's and a plain PI, and print the share of good launches
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     monte_carlo: Option<u32>,
-    /// Seed of the drawn cars
+    /// Seed for drawing the cars
     #[arg(long, value_name = "SEED", default_value_t = 1, requires = "monte_carlo")]
     seed: u64,
 }

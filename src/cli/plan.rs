@@ -28,10 +28,10 @@ use std::path::{Path, PathBuf};
 #[command(
     override_usage = "kisspoint plan [OPTIONS] <CAMPAIGN>\n       kisspoint plan [OPTIONS] --vehicle <FILE>",
     after_help = "Before measuring (--vehicle): the smallest size of every effect that these manoeuvres, each driven once, will show, beside the size of a usual fault.\n\
-After measuring (CAMPAIGN): which manoeuvre splits best what the diagnosis leaves open, in expected nats per minute.\n\nExamples:\n  \
+After measuring (CAMPAIGN): which manoeuvre best settles what the diagnosis leaves open, in expected nats (units of log odds) per minute.\n\nExamples:\n  \
 kisspoint plan --vehicle vehicle.json\n  \
-kisspoint plan --vehicle vehicle.json --drive launch,launch_hot,creep,tip_in --bench\n  \
-kisspoint plan --list > bench.toml                       the built-in manoeuvres, to be edited\n  \
+kisspoint plan --vehicle vehicle.json --drive launch,launch_hot,creep,tip_in \\\n      --bench\n  \
+kisspoint plan --list > bench.toml\n  \
 kisspoint plan measurements/car_17 --manoeuvres bench.toml"
 )]
 pub struct Args {
@@ -44,7 +44,7 @@ pub struct Args {
     /// Manoeuvres that the car or the bench can drive, TOML as --list prints it; else the built-in ones
     #[arg(long, value_name = "FILE")]
     manoeuvres: Option<PathBuf>,
-    /// Only these of them, by name
+    /// Drive only the manoeuvres of these names
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     drive: Vec<String>,
     /// Print the manoeuvres as a file for --manoeuvres, and stop
@@ -53,7 +53,7 @@ pub struct Args {
     /// Sample rate before measuring, Hz
     #[arg(long, value_name = "HZ", default_value_t = 100.0, value_parser = rate, conflicts_with = "campaign")]
     rate: f64,
-    /// Bearing position, clutch torque and disc temperature will be measured, too
+    /// Bearing position, clutch torque and disc temperature will also be measured
     #[arg(long, conflicts_with = "campaign")]
     bench: bool,
     /// Noise of both speeds before measuring: one standard deviation of a sample, rad/s
@@ -65,7 +65,7 @@ pub struct Args {
     /// Names and units of the channels, TOML or JSON
     #[arg(long, value_name = "FILE", requires = "campaign")]
     channel_map: Option<PathBuf>,
-    /// Write plan.json and plan.svg into this folder, too
+    /// Also write plan.json and plan.svg into this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print JSON
