@@ -107,7 +107,7 @@ fn table_ii(found: &[Found]) -> Value {
 }
 
 fn as_text(found: &[Found]) -> String {
-    let mut text = String::from("Table II of the paper            t_f [s]             E_d [J]    slip acceleration [rad/s2]\n");
+    let mut text = String::from("Table II of the paper            t_f [s]             E_d [J]    slip acceleration [rad/s²]\n");
     for f in found {
         let paper = figures(&f.column.paper);
         let row = |what: &str, cells: [String; 3]| format!("{what:<28}{:>12}{:>20}{:>30}\n", cells[0], cells[1], cells[2]);
@@ -121,7 +121,7 @@ fn as_text(found: &[Found]) -> String {
         text += &row("   paper", paper.map(|(_, v, digits)| format!("{v:.digits$}")));
         text += &row("   deviation", std::array::from_fn(|k| format!("{:+.2} %", percent(here[k].1, paper[k].1))));
         if let Some(m) = &f.meeting {
-            let torque = format!("peak {:.0} N m", m.torque);
+            let torque = format!("peak {:.0} N·m", m.torque);
             text += &row("   where the slip is 0", [String::new(), torque, format!("{:.1}", m.slip_acceleration)]);
         }
     }
@@ -148,8 +148,8 @@ fn hot(cases: &[Case; 3]) -> Value {
 
 fn hot_as_text(cases: &[Case; 3]) -> String {
     let mut text = format!(
-        "\nA hot launch ({:.0} degC) of a car whose touch point moves by {} mm/K\n\
-         temperature   torque feedback     t_f [s]     E_d [J]    slip acceleration [rad/s2]\n",
+        "\nA hot launch ({:.0} °C) of a car whose touch point moves by {} mm/K\n\
+         temperature   torque feedback     t_f [s]     E_d [J]    slip acceleration [rad/s²]\n",
         temperature::HOT,
         temperature::TOUCH_POINT
     );
