@@ -189,6 +189,10 @@ pub fn laws(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law
         band: Vec::new(),
         learned: false,
     });
+    // A learned law of friction may follow the work done, of which these curves know nothing.
+    if found.learned.as_ref().is_some_and(|l| l.refused.is_none() && l.law == Subsystem::Friction) {
+        laws.iter_mut().for_each(|l| l.note += "; identified: before any friction work");
+    }
     laws.extend(learned(campaign, found, traces));
     laws
 }
