@@ -119,7 +119,7 @@ fn library(v: &Vehicle, parameters: &Parameters, path: &Path) -> Response {
             plant.step(&at(k as f64 * DT), DT);
             let y = plant.outputs();
             if let Some([to_f, to_c]) = path.next() {
-                plant.correct_speeds([share() * (to_f - y.omega_f), share() * (to_c - y.omega_c)], [0.0; 2], 0.0);
+                plant.correct_speeds([share() * (to_f - y.omega_f), share() * (to_c - y.omega_c)], [0.0; 2], 0);
             }
             all.extend([y.omega_f, y.omega_c, y.x_to_actual, y.t_fc, y.theta_c].iter().zip(WEIGHTS).map(|(y, w)| y * w));
         }

@@ -56,7 +56,7 @@ fn what_a_step_found_is_forgotten_where_it_no_longer_holds() {
     };
     plant.step(&inputs, 1e-3);
     assert_eq!(plant.outputs(), as_new(&vehicle, &plant).outputs());
-    plant.correct_speeds([3.0, 0.5], [0.0; 2], 0.0);
+    plant.correct_speeds([3.0, 0.5], [0.0; 2], 0);
     assert_eq!(plant.outputs(), as_new(&vehicle, &plant).outputs());
     plant.set_effects(&weak, &effects::null()).unwrap();
     assert_eq!(plant.outputs(), as_new(&weak, &plant).outputs());
@@ -167,18 +167,42 @@ fn corrections_move_both_sides_apart_or_together() {
     let mut bench = Bench::held(100.0, 50.0, 25.0, 5.0);
     (bench.vehicle.driveline.J_f, bench.vehicle.driveline.J_c) = (0.2, 0.6);
     let mut slipping = bench.run(&effects::null(), 0.0);
-    slipping.correct_speeds([2.0, -3.0], [0.0; 2], 0.0);
+    slipping.correct_speeds([2.0, -3.0], [0.0; 2], 0);
     assert_eq!((slipping.outputs().omega_f, slipping.outputs().omega_c, slipping.state().y[index::OMEGA_V]), (102.0, 47.0, 47.0));
     // Once the disc is the faster one, the clutch pulls the other way.
-    slipping.correct_speeds([-60.0, 0.0], [0.0; 2], 0.0);
+    slipping.correct_speeds([-60.0, 0.0], [0.0; 2], 0);
     close("torque", slipping.outputs().t_fc, -torque(5.0, MU), 1e-9);
     bench.start.omega_c = 100.0;
     let mut stuck = bench.run(&effects::null(), 0.0);
     assert_eq!(stuck.outputs().phase, Phase::Locked);
-    stuck.correct_speeds([4.0, 1.0], [0.0; 2], 0.0);
+    stuck.correct_speeds([4.0, 1.0], [0.0; 2], 0);
     // The momentum that both corrections carry: 0.2 · 4 + 0.6 · 1 = 0.8 · 1.75.
     for speed in [stuck.outputs().omega_f, stuck.outputs().omega_c, stuck.state().y[index::OMEGA_V]] {
         close("common speed", speed, 101.75, 1e-12);
+    }
+}
+
+/// An observer that sees a late speed finds how far it was off then, and that it has been getting worse: a sensor with a filter shows the error of then at once, and grows by
+/// the rate from then on, as a prompt one would. Where its memory was cut off at the mean age an observer of a braked car swung itself up.
+#[test]
+fn a_correction_of_a_moment_ago_shows_as_it_would_without_delay() {
+    let (by, rate, h) = (0.4, 30.0, 0.01);
+    for (dead_time, smoothing) in [(0.0, 0.0), (0.06, 0.0), (0.03, 0.04), (0.0, 0.02)] {
+        let mut bench = Bench::held(0.0, 80.0, 25.0, 0.0);
+        bench.vehicle.driveline.J_c = 0.5;
+        let late = with(&[(param::clutch_speed_delay::delay, dead_time), (param::clutch_speed_delay::smoothing, smoothing)]);
+        let mut seen = bench.run(&late, 0.3);
+        let mut before = bench.run(&late, 0.3);
+        seen.correct_speeds([0.0, by], [0.0, rate], 1);
+        let ahead = |seen: &Plant, before: &Plant| seen.outputs().omega_c - before.outputs().omega_c;
+        close("now", ahead(&seen, &before), by, 1e-9);
+        let mut pushed = bench.rest;
+        pushed.t_load -= rate * 0.5;
+        for k in 1..=3 {
+            seen.step(&pushed, h);
+            before.step(&bench.rest, h);
+            close("then", ahead(&seen, &before), by + rate * f64::from(k) * h, 1e-6);
+        }
     }
 }
 

@@ -191,6 +191,11 @@ impl SignalDelay {
         self.dead_time <= 0.0 && self.smoothing <= 0.0
     }
 
+    /// Mean age of what is sensed, s.
+    pub fn mean(self) -> f64 {
+        self.dead_time + self.smoothing
+    }
+
     /// Ages in s of the values that are sensed together, each with its weight: the nodes of Gauss and Laguerre, which keep the first three
     /// moments of the filter's memory.
     pub fn nodes(self) -> [(f64, f64); 2] {

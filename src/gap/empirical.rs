@@ -1,6 +1,7 @@
 //! Where the library ends: a law that is learned from the recordings, and whether it is worth anything.
 //!
-//! A verdict that leaves something without a cause names a place. The curves of `effects::empirical` that act there are fitted beside whatever was named, and a
+//! A verdict that leaves something without a cause names a place; one that names its cause may leave a part of the gap all the same, for no real effect has quite the
+//! library's form. The curves of `effects::empirical` that act there, or where the effects are, are fitted beside whatever was named, and a
 //! law is taken only if free replays say so of recordings that did not teach it: of each recording in turn with a law that was learned from the others, and of what
 //! was held out from everything. Either time it has to close more than it leaves. It is never a cause, and changes no verdict.
 
@@ -11,12 +12,15 @@ use super::measure::{self, Closed, HeldOut};
 use super::verdict::{Conclusion, Verdict};
 use crate::campaign::Recording;
 use crate::effects::empirical::{Curve, curves};
-use crate::effects::{self, Parameters, Subsystem};
+use crate::effects::{self, Parameters, REGISTRY, Subsystem};
 use crate::vehicle::Vehicle;
 use rayon::prelude::*;
 
 /// Share of what is left that a law has to close: more than it leaves.
 pub const LEAST_CLOSED: f64 = 0.5;
+
+/// Share of the gap on what was held out that effects which explain it have to leave for a law to be tried beside them.
+const WORTH_A_LAW: f64 = 0.03;
 
 /// A law that was tried, and what became of it.
 #[derive(Clone, Debug)]
@@ -92,22 +96,42 @@ pub struct Judge<'a> {
     pub tuned: measure::Car<'a>,
 }
 
+impl Judge<'_> {
+    /// Gaps of a car on what was held out.
+    fn gaps(&self, car: measure::Car) -> Vec<HeldOut> {
+        measure::evaluate_part(self.held_out, (self.nominal, &effects::null()), car, self.last_engagement)
+    }
+
+    /// Share of the gap above what the true car would leave that a car leaves on what was held out; none of it where it leaves less than that car.
+    fn leaves(&self, car: measure::Car) -> f64 {
+        let closed = Closed { noise: self.floor, ..Closed::of(&self.gaps(car)) };
+        if closed.after <= self.floor { 0.0 } else { 1.0 - closed.fraction() }
+    }
+}
+
 /// Gap of both speeds in free replays of one recording, rad/s: of the first car and of the second.
 fn gap(recording: &Recording, before: measure::Car, after: measure::Car) -> [f64; 2] {
     let c = Closed::of(&measure::evaluate(recording, before, after));
     [c.before, c.after]
 }
 
-/// Learns a law where something is left without a cause; none if nothing is, or if no law acts there. `start` is the point that goes with the tuned car,
+/// Learns a law where something is left, by a verdict that says so or by effects on what was held out; none if nothing is, or if no law acts there. `start` is the point that goes with the tuned car,
 /// `near` a fit from whose derivatives along nuisances the work may begin.
 pub fn learn_law(problem: &Problem, conclusion: &Conclusion, start: &Point, near: Option<&Fit>, judge: &Judge) -> Option<Tried> {
-    if !matches!(conclusion.verdict, Verdict::Unexplained | Verdict::PartlyExplained) {
+    let worthwhile = match conclusion.verdict {
+        Verdict::Unexplained | Verdict::PartlyExplained => true,
+        Verdict::Explained => judge.leaves(judge.tuned) > WORTH_A_LAW,
+        Verdict::NoGap | Verdict::InputsDoNotFit => false,
+    };
+    if !worthwhile {
         return None;
     }
     let start =
         if conclusion.verdict == Verdict::Unexplained { Point { effects: effects::null(), ..start.clone() } } else { start.clone() };
     let mut laws: Vec<(Subsystem, Subsystem)> = Vec::new();
-    for &place in conclusion.unexplained_at.iter().chain(&conclusion.or_at) {
+    let of_effects = conclusion.effects.iter().map(|&e| &REGISTRY[e].effect.subsystem);
+    let of_effects = of_effects.filter(|_| conclusion.verdict == Verdict::Explained);
+    for &place in conclusion.unexplained_at.iter().chain(&conclusion.or_at).chain(of_effects) {
         for &law in laws_for(place) {
             if laws.iter().all(|(_, known)| *known != law) {
                 laws.push((place, law));
@@ -159,10 +183,8 @@ fn tried(problem: &Problem, place: Subsystem, law: Subsystem, learned: Learned, 
 
 impl Tried {
     fn judge(&mut self, judge: &Judge) {
-        let null = effects::null();
-        let of = |car: measure::Car| measure::evaluate_part(judge.held_out, (judge.nominal, &null), car, judge.last_engagement);
-        self.held_out = of((&self.vehicle, &self.effects));
-        self.without = Closed::of(&of(judge.tuned)).after;
+        self.held_out = judge.gaps((&self.vehicle, &self.effects));
+        self.without = Closed::of(&judge.gaps(judge.tuned)).after;
         let left = Closed { before: self.without, noise: judge.floor, ..Closed::of(&self.held_out) };
         self.refused = if self.share_left_out() <= LEAST_CLOSED {
             Some(Refusal::LeftOut)

@@ -199,6 +199,7 @@ mod tests {
             bearing: still,
             sensors: [still; 2],
             late: [0.0; 2],
+            skew: 0.0,
         }
     }
 

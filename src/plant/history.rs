@@ -107,15 +107,15 @@ impl History {
         *self.newest(signal) = (time, value);
     }
 
-    /// Moves the values by `by`, and by `rate` per second for what came after the last `since` seconds began: what an observer finds wrong of a moment ago
-    /// was wrong before it, and has been getting worse since.
-    pub fn correct(&mut self, signal: Signal, by: f64, rate: f64, since: f64, now: f64) {
+    /// Moves the values of `since` seconds ago by `by`, later ones by `rate` per second more, and earlier ones, back to an age of `until` seconds, by as much less: what
+    /// an observer finds wrong of a moment ago was wrong before it, and has been getting worse since.
+    pub fn correct(&mut self, signal: Signal, by: f64, rate: f64, since: f64, until: f64, now: f64) {
         let span = self.spans[signal as usize];
         // Newest first; what is older than the longest delay is not asked for any more, but for the value that held at its beginning.
         for k in (0..span.len).rev() {
             let (time, value) = &mut self.slots[span.slot(k)][signal as usize];
             let age = now - *time;
-            *value += by + rate * (since - age).max(0.0);
+            *value += by + rate * (since - age.min(until));
             if age > LONGEST {
                 return;
             }

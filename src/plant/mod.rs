@@ -234,15 +234,20 @@ impl Plant {
     }
 
     /// Moves the speeds of flywheel and disc by `by` rad/s: the correction of an observer. A stuck clutch stays stuck and takes the mean that keeps its
-    /// momentum. What the observer saw was `since` seconds old, and torques that it found missing have been moving the speeds by `rate` rad/s² since then.
-    pub fn correct_speeds(&mut self, by: [f64; 2], rate: [f64; 2], since: f64) {
-        let d = &self.config.constants.driveline;
+    /// momentum. What the observer saw was the speed of the flywheel (`seen` 0) or the disc (1), as old as that sensor is late, and torques that it found
+    /// missing have been moving the speeds by `rate` rad/s² since then.
+    pub fn correct_speeds(&mut self, by: [f64; 2], rate: [f64; 2], seen: usize) {
+        let (c, d) = (&self.config.constants, &self.config.constants.driveline);
+        let since = [c.engine_speed_delay, c.clutch_speed_delay][seen].mean();
         let common = |v: [f64; 2]| [events::common_speed([d.J_f, d.J_c], v); 2];
         let (by, rate) = if self.state.stuck { (common(by), common(rate)) } else { (by, rate) };
         events::correct_speeds(&mut self.state, by[0] + rate[0] * since, by[1] + rate[1] * since);
         let now = self.state.time;
-        self.history.correct(Signal::Flywheel, by[0], rate[0], since, now);
-        self.history.correct(Signal::Disc, by[1], rate[1], since, now);
+        for (k, signal) in [Signal::Flywheel, Signal::Disc].into_iter().enumerate() {
+            // A filter remembers times before the mean one; straight through them its mean is what was seen.
+            let until = if k == seen { history::LONGEST } else { since };
+            self.history.correct(signal, by[k], rate[k], since, until, now);
+        }
     }
 
     /// Couples flywheel and disc rigidly, or by the torque that the clutch transmits now, in place of the clutch's own law from now on: for a replay whose position is

@@ -57,9 +57,10 @@ fn beyond(input: &Input, figures: &str) -> String {
     let found = &far["empirical"];
     let (Some(law), Some(reason)) = (text(found, "law"), text(found, "reason")) else { return String::new() };
     let name = escape(&names::place(law));
+    let what = if input.diagnosis["verdict"] == "explained" { "the named effects leave" } else { "no effect in the library accounts for" };
     if found["taken"] != true {
         return format!(
-            "<h3>No empirical law was adopted</h3>\n<p>For what no effect in the library accounts for, a law of {name} was learned and tried on recordings that had not taught it: {}.</p>\n",
+            "<h3>No empirical law was adopted</h3>\n<p>For what {what}, a law of {name} was learned and tried on recordings that had not taught it: {}.</p>\n",
             escape(reason)
         );
     }
@@ -67,7 +68,7 @@ fn beyond(input: &Input, figures: &str) -> String {
     let closed = real(found, "closed_fraction")
         .map_or_else(String::new, |c| format!(" Not counting what even a perfect model may be off by, {} of the gap is gone.", percent(c)));
     format!(
-        "<h3>An empirical law of {name}</h3>\n<p>For what no effect in the library accounts for, the retuned plant holds a law learned from these recordings. It says how the car \
+        "<h3>An empirical law of {name}</h3>\n<p>For what {what}, the retuned plant holds a law learned from these recordings. It says how the car \
          behaves where it was driven, not why. {reason}.{closed} Its curves are added; as tables they are <code>effect.empirical.*</code> of the FMU, held constant outside their breakpoints.</p>\n\
          <p class=\"keys\"><svg class=\"key\" aria-hidden=\"true\"><path class=\"c-before\" d=\"M0 7h26\"/></svg> no law \
          <svg class=\"key\" aria-hidden=\"true\"><path class=\"c-after\" d=\"M0 7h26\"/></svg> learned, with its 95\u{202f}% band; dots: the recordings, less what the other curves account for</p>\n\

@@ -254,3 +254,33 @@ fn a_clutch_that_opens_while_both_sides_slow_down_alike_is_not_held() {
     let left = mean_square_from(&prepared(&recording), effects::null(), 1.05);
     assert!(left < 1.5, "{left}");
 }
+
+/// A closed clutch that brakes at 250 rad/s² with a flywheel's speed that shows 5 ms late: 1.3 rad/s apart, and no slip. Where no such lateness is declared it is.
+#[test]
+fn a_closed_clutch_that_brakes_with_one_speed_late_holds() {
+    let (_, mut vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let closed = vehicle.actuator.x_cls_0;
+    let inputs: Vec<[f64; 2]> = (0..150).map(|k| if k < 100 { [20.0, closed] } else { [-10.0, closed] }).collect();
+    let speeds = |k: usize, now: [f64; 2]| match k {
+        0 => [200.0; 2],
+        1..100 => now,
+        _ => {
+            let (t, late) = (0.01 * (k - 100) as f64, 0.005);
+            [t - late, t].map(|t| now[0] - 250.0 * t.max(0.0))
+        }
+    };
+    let recording = answered(&Car::nominal(&vehicle), &inputs, 0.05, |k| k >= 100, speeds);
+    let held = |vehicle_json: &serde_json::Value| {
+        let (tracks, tolerances) = prepare::read(&[&recording], vehicle_json).unwrap();
+        let with = prepare::disturbances(&tracks, &tolerances);
+        let problem = prepare::problem(tracks, &vehicle, &tolerances, &with);
+        problem.filters[0].phase[101..].iter().filter(|p| **p == Phase::Locked).count()
+    };
+    let without = held(&vehicle_json);
+    for sensor in ["sensors.omega_f_latency", "sensors.omega_c_latency"] {
+        vehicle_json["tolerance"][sensor] = serde_json::json!({"abs": 0.004});
+    }
+    let with = held(&vehicle_json);
+    assert!(with == 49 && without < 25, "{with} {without}");
+}

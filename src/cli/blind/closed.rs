@@ -64,7 +64,7 @@ impl Replayed for Plant {
 
     fn move_by(&mut self, [f, c]: [f64; 2]) {
         let gain = self.config().constants.clutch_speed_gain;
-        self.correct_speeds([f, c / gain], [0.0; 2], 0.0);
+        self.correct_speeds([f, c / gain], [0.0; 2], 0);
     }
 
     fn go(&mut self, r: &Recording, k: usize, h: f64) {

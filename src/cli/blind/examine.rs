@@ -138,6 +138,25 @@ fn bound(v: &Value, side: f64) -> f64 {
     v.as_f64().unwrap_or(side * f64::INFINITY)
 }
 
+/// An interval of a parameter, and what is true.
+pub struct Interval {
+    /// Effect and parameter.
+    pub parameter: String,
+    /// Value that was found.
+    pub value: f64,
+    /// 95 % interval.
+    pub bounds: [f64; 2],
+    /// True value.
+    pub truth: f64,
+}
+
+impl Interval {
+    /// Whether it holds the true value.
+    pub fn holds(&self) -> bool {
+        (self.bounds[0]..=self.bounds[1]).contains(&self.truth)
+    }
+}
+
 impl Outcome {
     /// Ids of the true effects.
     pub fn true_ids(&self) -> impl Iterator<Item = &'static str> + '_ {
@@ -152,6 +171,17 @@ impl Outcome {
     /// Whether this place is one of the true ones.
     pub fn is_at(&self, place: Option<&str>) -> bool {
         self.truth.effects.iter().any(|e| Some(e.subsystem) == place)
+    }
+
+    /// Intervals of what was named rightly.
+    pub fn intervals(&self) -> impl Iterator<Item = Interval> + '_ {
+        self.named.iter().flat_map(|n| {
+            let truth = self.truth.effects.iter().find(|e| e.id == n.id);
+            n.parameters.iter().filter_map(move |(name, value, bounds)| {
+                let (_, truth) = truth?.parameters.iter().find(|p| p.0 == name)?;
+                Some(Interval { parameter: format!("{}.{name}", n.id), value: *value, bounds: *bounds, truth: *truth })
+            })
+        })
     }
 
     /// What was said and what is true, in a line.
@@ -175,11 +205,14 @@ impl Outcome {
     /// Everything about it for people who look closer.
     pub fn as_json(&self) -> Value {
         let named: Vec<Value> = self.named.iter().map(|n| json!([n.id, n.group, n.probability])).collect();
+        let interval =
+            |i: Interval| json!({"parameter": i.parameter, "value": i.value, "low": i.bounds[0], "high": i.bounds[1], "true": i.truth});
+        let intervals: Vec<Value> = self.intervals().map(interval).collect();
         let shapes: Vec<&str> = self.truth.effects.iter().map(|e| e.shape.as_str()).collect();
         json!({
             "truth": self.true_ids().collect::<Vec<_>>(), "shapes": shapes, "alteration": self.alteration.map(super::scores::row_name),
             "verdict": self.verdict, "primary": self.primary, "unexplained_at": self.unexplained_at, "doubted": self.doubted,
-            "named": named, "closed": self.closed.map(|c| c.fraction()), "gap": self.closed.map(|c| [c.before, c.after, c.floor]),
+            "named": named, "intervals": intervals, "closed": self.closed.map(|c| c.fraction()), "gap": self.closed.map(|c| [c.before, c.after, c.floor]),
             "error": self.error,
         })
     }

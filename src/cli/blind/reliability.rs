@@ -44,12 +44,12 @@ pub fn of(outcomes: &[Outcome]) -> Reliability {
             if let Some(p) = named.probability {
                 r.claim(p, truth.is_some());
             }
-            for (name, _, [low, high]) in &named.parameters {
-                let Some((_, value)) = truth.and_then(|t| t.parameters.iter().find(|p| p.0 == name)) else { continue };
-                let (hits, count) = r.coverage.entry(format!("{}.{name}", named.id)).or_default();
-                *count += 1;
-                *hits += usize::from((*low..=*high).contains(value));
-            }
+        }
+        for interval in o.intervals() {
+            let holds = interval.holds();
+            let (hits, count) = r.coverage.entry(interval.parameter).or_default();
+            *count += 1;
+            *hits += usize::from(holds);
         }
     }
     r

@@ -14,7 +14,7 @@ use crate::effects::empirical::{CURVES, Curve};
 use crate::effects::{self, PARAMETERS, Parameters, REGISTRY};
 use crate::gap::model::filter::Filter;
 use crate::gap::model::replay::{self, Missing, Steps};
-use crate::gap::model::tolerance::{Car, Nuisance};
+use crate::gap::model::tolerance::{Car, LATE_SIGMAS, Nuisance};
 use crate::gap::model::track::Track;
 use crate::gap::model::unknown_clutch::look_alike;
 use crate::gap::progress::Work;
@@ -34,9 +34,6 @@ const STEERING: usize = 0;
 
 /// One for each of [`ACCURACIES`].
 pub type ByAccuracy<T> = [T; ACCURACIES.len()];
-
-/// Standard deviations of a declared latency within which a late sensor is no effect: half their square is an effect's price (the odds of `infer/search.rs`).
-const TOLERATED: f64 = 3.0;
 
 /// Substep in s below which a plant is too fast to be replayed again and again.
 const LEAST_SUBSTEP_S: f64 = 2e-4;
@@ -175,14 +172,14 @@ impl Problem {
         std::array::from_fn(|node| track.theta_0[node] + track.theta_0_sigma[node] * point.own[k][node])
     }
 
-    /// Whether an effect makes a sensor no later than its declared latency may: within [`TOLERATED`] of its standard deviations that is worth less than an effect's price, and
+    /// Whether an effect makes a sensor no later than its declared latency may: within [`LATE_SIGMAS`] of its standard deviations that is worth less than an effect's price, and
     /// what an explanation gains beyond it is the form's, which nobody could tell from anything else.
     pub fn is_tolerated(&self, point: &Point, effect: usize) -> bool {
         let car = self.car(point, None);
         let amplitudes = REGISTRY[effect].effect.amplitudes;
         let late: f64 = amplitudes.iter().map(|&k| car.effects[k] - PARAMETERS[k].null).sum();
         let latencies = self.shared.iter().filter(|n| n.declared && n.one_sided).filter_map(|n| n.same_as(&car));
-        latencies.into_iter().any(|(k, sigma)| amplitudes.contains(&k) && late < TOLERATED * sigma)
+        latencies.into_iter().any(|(k, sigma)| amplitudes.contains(&k) && late < LATE_SIGMAS * sigma)
     }
 
     /// Whether the plant there is slow enough for replays: a wild step may ask for inertias or shafts that no car has.

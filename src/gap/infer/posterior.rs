@@ -84,8 +84,9 @@ fn beside_sets(problem: &Problem, search: &Search, best: &Hypothesis, known: &[U
 /// Weighs missing laws beside what the search found; `known` ones are not worked out again.
 pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Posterior {
     let mut all: Vec<Explanation> = Vec::new();
-    let tolerated = |effects: &[usize], fit: Option<&Fit>| fit.is_some_and(|f| effects.iter().any(|&e| problem.is_tolerated(&f.point, e)));
-    for h in search.hypotheses.iter().filter(|h| !tolerated(&h.effects, Some(&h.fit))) {
+    let tolerated = |effects: &[usize], fit: &Fit| effects.iter().any(|&e| problem.is_tolerated(&fit.point, e));
+    let sets: Vec<&Hypothesis> = search.hypotheses.iter().filter(|h| !tolerated(&h.effects, &h.fit)).collect();
+    for h in &sets {
         all.push(Explanation {
             effects: h.effects.clone(),
             place: None,
@@ -95,10 +96,10 @@ pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Poste
             fit: Some(h.fit.clone()),
         });
     }
-    let best = search.best();
+    let best = sets.first().copied().unwrap_or(search.base());
     let mut unknowns = beside_sets(problem, search, best, known);
     // The set that is believed may be a smaller one than that which leads.
-    let believed = search.hypotheses.iter().max_by(|a, b| a.log_posterior.total_cmp(&b.log_posterior)).unwrap_or(best);
+    let believed = sets.iter().copied().max_by(|a, b| a.log_posterior.total_cmp(&b.log_posterior)).unwrap_or(best);
     if !believed.effects.is_empty() && believed.effects != best.effects {
         unknowns.extend(places(problem, believed, believed.lead));
     }
@@ -106,7 +107,7 @@ pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Poste
     if let Some(first) = unknowns.iter().find(|u| u.fit.is_some()).filter(|u| u.lead > best.lead).cloned() {
         unknowns.extend(changed_beside(problem, search, first));
     }
-    unknowns.retain(|u| !tolerated(&u.effects, u.fit.as_ref()));
+    unknowns.retain(|u| u.fit.as_ref().is_none_or(|fit| !tolerated(&u.effects, fit)));
     // Of two fits of one explanation the better one, and either before a promise.
     unknowns.sort_by(|a, b| b.fit.is_some().cmp(&a.fit.is_some()).then(b.lead.total_cmp(&a.lead)));
     let mut distinct: Vec<Unknown> = Vec::new();
@@ -152,12 +153,13 @@ fn average_of(all: &mut [Explanation], is_fitted: impl Fn(&Explanation) -> bool)
 }
 
 /// The most probable explanation first; but not that nothing is wrong where it is likelier that something is: effects that look alike share what one of them would
-/// have alone.
+/// have alone. What is only promised decides nothing.
 fn order(all: &mut [Explanation], is_fitted: impl Fn(&Explanation) -> bool) {
     all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
     let nothing = |e: &Explanation| e.effects.is_empty() && e.place.is_none();
-    let sound: f64 = all.iter().filter(|e| nothing(e)).map(|e| e.probability).sum();
-    if let Some(first) = all.iter().position(|e| !nothing(e) && is_fitted(e)).filter(|_| sound < 0.5) {
+    let sum = |of: &dyn Fn(&Explanation) -> bool| all.iter().filter(|e| of(e)).map(|e| e.probability).sum::<f64>();
+    let (sound, wrong) = (sum(&nothing), sum(&|e| !nothing(e) && is_fitted(e)));
+    if let Some(first) = all.iter().position(|e| !nothing(e) && is_fitted(e)).filter(|_| sound < wrong) {
         all[..=first].rotate_right(1);
     }
 }
@@ -242,6 +244,19 @@ mod tests {
         alike[1].by_accuracy = [0.7_f64.ln(); 3];
         average_of(&mut alike, |_| true);
         order(&mut alike, |_| true);
+        assert!(alike[0].effects.is_empty());
+        // The other is only promised: what was fitted is weighed without it.
+        alike.iter_mut().for_each(|e| {
+            e.by_accuracy = [if e.effects == [1] {
+                one
+            } else if e.effects.is_empty() {
+                none
+            } else {
+                other
+            }; 3]
+        });
+        average_of(&mut alike, |e| e.effects != [2]);
+        order(&mut alike, |e| e.effects != [2]);
         assert!(alike[0].effects.is_empty());
         // A promise weighs at most half as much as the best that was fitted.
         average_of(&mut all, |e| e.effects == [2]);

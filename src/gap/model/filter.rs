@@ -67,6 +67,8 @@ pub struct Disturbances {
     pub sensors: [Wander; 2],
     /// How late each speed is known to be sensed, s: what is measured now was so then.
     pub late: [f64; 2],
+    /// How much later one speed may be sensed than the other all the same, s.
+    pub skew: f64,
 }
 
 /// Torque on the car's side while the driver brakes, N·m and s: unknown, so as large as tyres allow.
@@ -79,6 +81,8 @@ const LOCK_UP_TIMING_S: f64 = 0.012;
 /// Slip in units of its noise that counts as locked: of one sample, and of the mean of three.
 const LOCKED: f64 = 6.0;
 const LOCKED_MEAN: f64 = 3.0;
+/// Observations to both sides over which the pace of a speed is taken.
+const PACE_OBSERVATIONS: usize = 3;
 
 /// Gains of one observation.
 #[derive(Clone, Copy, Debug, Default)]
@@ -141,7 +145,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     });
     let unknown = track.unknown_clutch.as_ref();
     let closed = |k: usize| unknown.is_some() || closed(track, vehicle, k);
-    let locked = unknown.map_or_else(|| locked(&then, with, closed), |u| u.locked.clone());
+    let locked = unknown.map_or_else(|| locked(&then, with, |k| track.time[track.rows_of(k).start], closed), |u| u.locked.clone());
     let blur = if unknown.is_some() { vec![0.0; n] } else { lock_up_blur(track, &then, &locked) };
     let [j_f, j_c] = [vehicle.driveline.J_f, vehicle.driveline.J_c];
     let total = j_f + j_c;
@@ -347,20 +351,29 @@ fn closed(track: &Track, vehicle: &Vehicle, k: usize) -> bool {
 }
 
 /// Observations in which the measured speeds do not differ. They begin while the clutch is closed, for speeds that only cross are not locked, and last until a
-/// sample, or the mean of three, shows slip: how long a clutch takes to open is not known. What is not known stays as it was.
-fn locked(speeds: &[Vec<(f64, usize)>; 2], with: &Disturbances, closed: impl Fn(usize) -> bool) -> Vec<bool> {
+/// sample, or the mean of three, shows slip beyond what two sensors that are not equally late make of a speed that changes: how long a clutch takes to open is not
+/// known. What is not known stays as it was.
+fn locked(speeds: &[Vec<(f64, usize)>; 2], with: &Disturbances, time: impl Fn(usize) -> f64, closed: impl Fn(usize) -> bool) -> Vec<bool> {
     let sigma = slip_noise(with);
+    let n = speeds[0].len();
+    // How fast both speeds change around a sample.
+    let pace = |k: usize| {
+        let (a, b) = (k.saturating_sub(PACE_OBSERVATIONS), (k + PACE_OBSERVATIONS).min(n - 1));
+        let of = |c: usize| ((speeds[c][b].0 - speeds[c][a].0) / (time(b) - time(a)).max(1e-3)).abs();
+        let least = of(0).min(of(1));
+        if least.is_finite() { least } else { 0.0 }
+    };
     let slip: Vec<f64> = speeds[0].iter().zip(&speeds[1]).map(|((f, _), (c, _))| f - c).collect();
     let mean = |k: usize| {
         let near = &slip[k.saturating_sub(1)..(k + 2).min(slip.len())];
         near.iter().sum::<f64>() / near.len() as f64
     };
-    let slips = |k: usize| slip[k].abs() > LOCKED * sigma || mean(k).abs() > LOCKED_MEAN * sigma;
+    let slips = |k: usize, skew: f64| slip[k].abs() > LOCKED * sigma + skew || mean(k).abs() > LOCKED_MEAN * sigma + skew;
     let mut now = false;
     (0..slip.len())
         .map(|k| {
             if slip[k].is_finite() {
-                now = !slips(k) && (now || closed(k));
+                now = if now { !slips(k, with.skew * pace(k)) } else { closed(k) && !slips(k, 0.0) };
             }
             now
         })

@@ -40,6 +40,7 @@ pub fn healthy(noise: [Noise; 5], report_noise: f64, quantum: f64, tolerances: &
         bearing: NONE,
         sensors: [NONE; 2],
         late: [0.0; 2],
+        skew: tolerances.skew(),
     }
 }
 

@@ -4,7 +4,7 @@ use super::filter::{Filter, STATES, state};
 use super::tolerance::{Car, Signal};
 use super::track::{Channel, Track};
 use super::unknown_clutch;
-use crate::effects::param as effects;
+use crate::effects::param;
 use crate::plant::{Inputs, Outputs, Plant, Start};
 use std::ops::Range;
 
@@ -83,7 +83,7 @@ pub const HIDDEN: f64 = 10.0;
 
 /// State at a row: the speeds as measured there; a clutch that is closed on two nearly equal speeds is locked.
 pub fn start(track: &Track, car: &Car, row: usize, theta: [f64; 2], noise: f64) -> Start {
-    use crate::effects::param::clutch_speed_gain::gain;
+    use param::clutch_speed_gain::gain;
     let first = |c: Channel| {
         let v = &track.measured[c as usize][row..];
         let seen = v.iter().copied().find(|v| v.is_finite()).unwrap_or(0.0);
@@ -146,8 +146,8 @@ fn stepped(
     let tick = track.tick_of_row[first];
     let mut plant = Plant::new(&car.vehicle, &car.effects, start, &inputs(tick..tick + 1));
     plant.set_max_substep(SUBSTEP_S);
-    let gain = car.effects[crate::effects::param::engine_torque_gain::gain];
-    let speed_gain = car.effects[crate::effects::param::clutch_speed_gain::gain];
+    let gain = car.effects[param::engine_torque_gain::gain];
+    let speed_gain = car.effects[param::clutch_speed_gain::gain];
     let age = unknown_clutch::age_of_flywheel(car);
     let mut added = Added::default();
     let mut pace = [0.0; 2];
@@ -288,11 +288,8 @@ fn corrected_in(
     let mut speeds = Vec::with_capacity(2 * n + filter.bench.iter().map(Vec::len).sum::<usize>());
     let mut bench: [Vec<f64>; 3] = [Vec::new(), Vec::new(), Vec::new()];
     let noise = 1.0 / filter.gains.iter().map(|g| g.weight[0]).fold(1e-3, f64::max);
-    let speed_gain = car.effects[crate::effects::param::clutch_speed_gain::gain];
+    let speed_gain = car.effects[param::clutch_speed_gain::gain];
     let begin = start(track, car, 0, theta, noise);
-    let late = [effects::engine_speed_delay::delay, effects::clutch_speed_delay::delay];
-    let smooth = [effects::engine_speed_delay::smoothing, effects::clutch_speed_delay::smoothing];
-    let age: [f64; 2] = std::array::from_fn(|c| car.effects[late[c]] + car.effects[smooth[c]]);
     let mut estimate = [0.0; STATES];
     let mut lasting = [0.0; 3];
     let mut sums = [(0.0, 0_usize); 5];
@@ -334,7 +331,7 @@ fn corrected_in(
                 [of[state::ENGINE] - of[state::CLUTCH], of[state::LOAD] + of[state::CLUTCH]]
             };
             let rate = [torque[0] * innovation / filter.inertia[0], torque[1] * innovation / filter.inertia[1]];
-            plant.correct_speeds([of[0] * innovation, of[1] * innovation / speed_gain], rate, age[c]);
+            plant.correct_speeds([of[0] * innovation, of[1] * innovation / speed_gain], rate, c);
             let found = if plant.state().stuck || filter.pinned[k] { of[state::LOAD] + of[state::ENGINE] } else { of[state::LOAD] };
             plant.correct_shafts(found * innovation);
         }

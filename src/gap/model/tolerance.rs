@@ -68,6 +68,18 @@ pub struct Tolerances {
     pub declared_report: Wander,
 }
 
+/// Standard deviations of a latency within which a sensor that is late is as it should be: half their square is an effect's price (the odds of
+/// `infer/search.rs`).
+pub const LATE_SIGMAS: f64 = 3.0;
+
+impl Tolerances {
+    /// How much later one speed may be sensed than the other, s.
+    pub fn skew(&self) -> f64 {
+        let latencies = self.shared.iter().filter(|n| n.name.ends_with("_latency"));
+        LATE_SIGMAS * latencies.map(|n| n.sigma.powi(2)).sum::<f64>().sqrt()
+    }
+}
+
 /// How recordings were logged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Logger {
