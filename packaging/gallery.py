@@ -24,8 +24,9 @@ PAGE = """<!doctype html>
 <html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1"><meta name="color-scheme" content="light dark">
 <link rel="icon" href="data:,"><title>Kisspoint: gallery of reports</title>
 <style>body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }} table {{ border-collapse: collapse; width: 100%; }}
-th, td {{ text-align: left; vertical-align: top; padding: .4rem .8rem .4rem 0; border-bottom: 1px solid #8886; overflow-wrap: anywhere; }}</style>
-<h1>Gallery of reports</h1><p>Drawn cars (seed {seed}); what was put in stands beside what was found.</p>
+th, td {{ text-align: left; vertical-align: top; padding: .4rem .8rem .4rem 0; border-bottom: 1px solid #8886; overflow-wrap: break-word; }}
+tbody th {{ white-space: nowrap; }}</style>
+<h1>Gallery of reports</h1><p>Simulated cars with known faults (seed {seed}): what was put in, and what the diagnosis found.</p>
 <table><thead><tr><th scope="col">Case</th><th scope="col">Put in</th><th scope="col">Found</th></tr></thead><tbody>{rows}</tbody></table></html>
 """
 
@@ -91,7 +92,7 @@ def main():
                 report = (out / path.name if len(campaigns) > 1 else out) / "report.html"
                 title = report.read_text(encoding="utf-8").split("<title>")[1].split("</title>")[0]
                 link = html.escape(report.relative_to(asked.out).as_posix())
-                rows.append(f'<tr><th scope="row"><a href="{link}">{case}</a></th><td>{", ".join(effects) or "nothing"}</td><td>{title.split(": ", 2)[-1]}</td></tr>')
+                rows.append(f'<tr><th scope="row"><a href="{link}">{case}</a></th><td>{", ".join(effects).replace("_", "_<wbr>") or "nothing"}</td><td>{title.split(": ", 2)[-1]}</td></tr>')
                 print(f"{case}: {', '.join(effects) or 'nothing'} -> {html.unescape(title)}")
     (asked.out / "index.html").write_text(PAGE.format(seed=SEED, rows="\n".join(rows)), encoding="utf-8")
 

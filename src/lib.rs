@@ -1,4 +1,17 @@
-//! Kisspoint: a dry clutch for co-simulation, and a diagnosis of where its simulation departs from a car.
+//! Kisspoint: a dry clutch for co-simulation, and a diagnosis of where its simulation departs from a real car.
+//!
+//! The modules build on each other, from the equations up:
+//!
+//! - [`physics`]: the equations of the paper, as pure functions; [`vehicle`]: the numbers that go with them, read from `vehicle.json`
+//! - [`effects`]: what the nominal plant may be missing; [`faults`]: effects that come and go at given times
+//! - [`plant`]: clutch and driveline in time, with exact stick and slip; [`control`]: the launch controller
+//! - [`validated`]: where measurements have validated a plant
+//! - [`fmi2`]: the C interface of the FMUs, and `fmu`, which packs them
+//! - [`launch`]: plant and controller coupled; `plots`: its figures
+//! - `campaign` reads measurements, `survey` takes a first look at a log, `gap` diagnoses, `report` shows the answer as a page
+//! - `cli`: the command
+//!
+//! `docs/architecture.md` has the layers and their invariants. Without the feature `cli`, only what the shared library inside the FMUs needs is built.
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 

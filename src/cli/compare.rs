@@ -9,7 +9,7 @@ use super::files::write_all;
 use super::index::{link, read};
 use super::output::{folded, print, print_json, width};
 use crate::report::text::{number, unit};
-use crate::report::{compare, names};
+use crate::report::{compare, names, verdict};
 use nalgebra::DMatrix;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -28,7 +28,7 @@ pub struct Args {
     /// Folder of the second answer
     #[arg(value_name = "B")]
     second: PathBuf,
-    /// Also write a page
+    /// Also write the comparison as a page
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Print the comparison as JSON
@@ -124,7 +124,7 @@ fn between(answers: &[Value; 2], called: [String; 2]) -> Value {
     let sides: Vec<Value> = answers
         .iter()
         .zip(called)
-        .map(|(a, name)| json!({"name": name, "verdict": a["verdict"], "confidence": a["confidence"], "sentence": a["sentence"], "where": a["where"]["primary"], "before": a["how_far"]["before"], "after": a["how_far"]["after"], "closed_fraction": a["how_far"]["closed_fraction"]}))
+        .map(|(a, name)| json!({"name": name, "verdict": a["verdict"], "confidence": a["confidence"], "headline": verdict::headline(a), "sentence": a["sentence"], "where": a["where"]["primary"], "before": a["how_far"]["before"], "after": a["how_far"]["after"], "closed_fraction": a["how_far"]["closed_fraction"]}))
         .collect();
     json!({"schema": "kisspoint-comparison/1", "a": sides[0], "b": sides[1], "effects": effects, "changes": changes, "family_wise_error": FAMILY_WISE_ERROR, "other_numbers_in_vehicle_file": other_numbers})
 }
@@ -188,7 +188,7 @@ fn as_text(found: &Value, out: Option<&Path>) -> String {
     let mut lines = vec![compare::headline(found)];
     for side in ["a", "b"] {
         let s = &found[side];
-        lines.push(format!("  {}: {}", s["name"].as_str().unwrap_or_default(), s["sentence"].as_str().unwrap_or_default()));
+        lines.push(format!("  {}: {}", s["name"].as_str().unwrap_or_default(), s["headline"].as_str().unwrap_or_default()));
     }
     for e in found["effects"].as_array().into_iter().flatten() {
         let id = e["id"].as_str().unwrap_or_default();

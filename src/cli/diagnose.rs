@@ -26,7 +26,7 @@ pub struct Args {
     /// Folders with vehicle.json, recordings.json and the recordings
     #[arg(value_name = "CAMPAIGN", required = true)]
     campaigns: Vec<PathBuf>,
-    /// Folder for the answer, required unless --json is given; with several campaigns, each gets a folder of its own in it, and index.html leads to them
+    /// Folder for the answer, required unless --json is given; several campaigns each get a subfolder, and index.html links to them
     #[arg(long, value_name = "DIR", required_unless_present = "json")]
     out: Option<PathBuf>,
     /// Print one line for each campaign to standard output, with `campaign` and `diagnosis` (the content of diagnosis.json) or `error`
@@ -35,13 +35,13 @@ pub struct Args {
     /// Names and units of the channels, TOML or JSON
     #[arg(long, value_name = "FILE")]
     channel_map: Option<PathBuf>,
-    /// Write evidence.ssp beside the answer: retuned FMU, held-out recordings, answer and report with checksums, by the standards of SSP Traceability
+    /// Also write evidence.ssp: retuned FMU, held-out recordings, answer and report, with checksums, in the format of SSP Traceability
     #[arg(long, requires = "out")]
     evidence: bool,
-    /// Also write curves.json: car, before and after for every recording and channel
+    /// Also write curves.json: the car, the nominal and the retuned model, for every recording and channel
     #[arg(long, requires = "out")]
     curves: bool,
-    /// Leave DrivelinePlant.fmu out; no shared library is needed then, and plant.ssv holds the numbers that make it
+    /// Do not write DrivelinePlant.fmu: no shared library is needed, and plant.ssv still holds the retuned numbers
     #[arg(long, conflicts_with_all = ["evidence", "library"])]
     no_fmu: bool,
     /// Refuse the campaign if any recording has a defect
@@ -151,9 +151,10 @@ fn one(
     eprint!("{}", campaign.remarks());
     let bar = Progress::new();
     let found = pool.install(|| diagnose(&campaign, &|what, share| bar.tell(&format!("{label}{what}"), share)));
-    bar.finish();
     let refused = |source| CommandError::Diagnosis { path: path.to_owned(), source, left_out: campaign.left_out.clone() };
+    // A bar goes with its owner, so that an error is not written behind it.
     let diagnosis = found.map_err(refused)?;
+    bar.say(&format!("{label}report"));
     let shown = name(path).display().to_string();
     if let Some(out) = out {
         let mut files = files(&campaign, &diagnosis, &shown, &provenance(&campaign, options), libraries)?;
@@ -165,6 +166,7 @@ fn one(
         }
         write_all(out, &files)?;
     }
+    bar.finish();
     Ok(diagnosis)
 }
 

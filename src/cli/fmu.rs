@@ -16,7 +16,7 @@ use std::path::PathBuf;
     kisspoint fmu --out fmus\n  \
     kisspoint fmu --out fmus --vehicle vehicle.json\n  \
     kisspoint fmu --out fmus --json\n  \
-    kisspoint fmu --out fmus --library linux/libkisspoint.so --library windows/kisspoint.dll")]
+    kisspoint fmu --out fmus --library linux/libkisspoint.so \\\n      --library windows/kisspoint.dll")]
 pub struct Args {
     /// Directory that the FMUs are written into
     #[arg(long, value_name = "DIR")]
@@ -24,16 +24,16 @@ pub struct Args {
     /// Take the start values from this vehicle file instead of the paper's
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
-    /// Shared library that goes in, one per platform; by default $KISSPOINT_LIBRARY, or the one beside this program
+    /// Shared library to pack, one per platform; by default $KISSPOINT_LIBRARY, or the one beside this program
     #[arg(long, value_name = "FILE")]
     library: Vec<PathBuf>,
-    /// Add the C sources in this folder, as `packaging/sources.sh` makes them: for targets that compile FMUs themselves
+    /// Include the C sources in this folder, made by `packaging/sources.sh`, for targets that compile FMUs themselves
     #[arg(long, value_name = "DIR")]
     sources: Option<PathBuf>,
     /// Faults for the plant to play: a JSON list of parameter, time_s, ramp_s and value
     #[arg(long, value_name = "FILE")]
     faults: Option<PathBuf>,
-    /// Print the paths that were written and the platforms as JSON
+    /// Print the files written and the platforms as JSON
     #[arg(long)]
     json: bool,
 }

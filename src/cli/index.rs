@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args, Debug)]
 #[command(
     override_usage = "kisspoint index [OPTIONS] <ANSWER>...\n       kisspoint index [OPTIONS] --rows <FILE>",
-    after_help = "`kisspoint diagnose` of several campaigns and `kisspoint fleet` write this page by themselves.\n\nExamples:\n  kisspoint index out/*/ --out out/index.html\n  kisspoint index before/ after/ --out index.html --title 'Car 17'"
+    after_help = "With several campaigns, `kisspoint diagnose` and `kisspoint fleet` write this page themselves.\n\nExamples:\n  kisspoint index out/*/ --out out/index.html\n  kisspoint index before/ after/ --out index.html --title 'Car 17'"
 )]
 pub struct Args {
     /// Folders of answers, each with diagnosis.json and report.html

@@ -33,10 +33,10 @@ pub struct Args {
     /// Launch this vehicle instead of the paper's
     #[arg(long, value_name = "FILE")]
     vehicle: Option<PathBuf>,
-    /// Launch N drawn cars under the governed controller, the paper's and a plain PI instead, and print the share of launches that go well
+    /// Instead, launch N randomly drawn cars under the governed controller, the paper's and a plain PI, and print the share of good launches
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     monte_carlo: Option<u32>,
-    /// Seed of the drawn cars
+    /// Seed for drawing the cars
     #[arg(long, value_name = "SEED", default_value_t = 1, requires = "monte_carlo")]
     seed: u64,
 }
@@ -107,7 +107,7 @@ fn table_ii(found: &[Found]) -> Value {
 }
 
 fn as_text(found: &[Found]) -> String {
-    let mut text = String::from("Table II of the paper            t_f [s]             E_d [J]    slip acceleration [rad/s2]\n");
+    let mut text = String::from("Table II of the paper            t_f [s]             E_d [J]    slip acceleration [rad/s²]\n");
     for f in found {
         let paper = figures(&f.column.paper);
         let row = |what: &str, cells: [String; 3]| format!("{what:<28}{:>12}{:>20}{:>30}\n", cells[0], cells[1], cells[2]);
@@ -121,7 +121,7 @@ fn as_text(found: &[Found]) -> String {
         text += &row("   paper", paper.map(|(_, v, digits)| format!("{v:.digits$}")));
         text += &row("   deviation", std::array::from_fn(|k| format!("{:+.2} %", percent(here[k].1, paper[k].1))));
         if let Some(m) = &f.meeting {
-            let torque = format!("peak {:.0} N m", m.torque);
+            let torque = format!("peak {:.0} N·m", m.torque);
             text += &row("   where the slip is 0", [String::new(), torque, format!("{:.1}", m.slip_acceleration)]);
         }
     }
@@ -148,8 +148,8 @@ fn hot(cases: &[Case; 3]) -> Value {
 
 fn hot_as_text(cases: &[Case; 3]) -> String {
     let mut text = format!(
-        "\nA hot launch ({:.0} degC) of a car whose touch point moves by {} mm/K\n\
-         temperature   torque feedback     t_f [s]     E_d [J]    slip acceleration [rad/s2]\n",
+        "\nA hot launch ({:.0} °C) of a car whose touch point moves by {} mm/K\n\
+         temperature   torque feedback     t_f [s]     E_d [J]    slip acceleration [rad/s²]\n",
         temperature::HOT,
         temperature::TOUCH_POINT
     );

@@ -15,7 +15,7 @@ type Spread = (&'static str, &'static str, usize, fn(&Outcome) -> f64);
 
 const SPREADS: [Spread; 5] = [
     ("time until the slip is gone [s]", "time_s", 2, |o| o.figures.time),
-    ("slip acceleration at 0 [rad/s2]", "slip_acceleration_rad_s2", 0, |o| o.figures.slip_acceleration),
+    ("slip acceleration at 0 [rad/s²]", "slip_acceleration_rad_s2", 0, |o| o.figures.slip_acceleration),
     ("peak torque over plan", "peak_over_plan", 2, |o| o.figures.peak_torque / o.planned),
     ("least engine speed [rad/s]", "least_engine_speed_rad_s", 0, |o| o.figures.least_engine_speed),
     ("energy dissipated [J]", "energy_j", 0, |o| o.figures.energy),

@@ -189,6 +189,10 @@ pub fn laws(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law
         band: Vec::new(),
         learned: false,
     });
+    // A learned law of friction may follow the work done, of which these curves know nothing.
+    if found.learned.as_ref().is_some_and(|l| l.refused.is_none() && l.law == Subsystem::Friction) {
+        laws.iter_mut().for_each(|l| l.note += "; identified: before any friction work");
+    }
     laws.extend(learned(campaign, found, traces));
     laws
 }
@@ -264,7 +268,9 @@ fn law_shown(car: &Config, law: Subsystem, o: &Overlay, t: &Trace, theta_0: f64)
     let mut all = Vec::new();
     for i in reach..n.saturating_sub(reach) {
         let slope = |v: &[f64]| (v[i + reach] - v[i - reach]) / (2.0 * reach as f64 * o.dt);
-        let (slip, theta) = (f[i] - c[i], of("theta_c_degC").map_or(theta_0, |v| v[i]));
+        // Without a thermocouple the disc is as warm as the retuned model says.
+        let theta = of("theta_c_degC").or((!t.theta.is_empty()).then_some(&t.theta)).and_then(|v| v.get(i)).copied().unwrap_or(theta_0);
+        let slip = f[i] - c[i];
         let engine = car.constants.engine_gain * t_e[i] + car.constants.engine_bias;
         let balance = clutch_torque(&car.constants.driveline, engine, f[i], slope(f));
         let measured = of("T_fc_Nm").map(|v| v[i]);

@@ -78,27 +78,27 @@ struct Cli {
 enum Command {
     /// Simulate the coupled start-up and compare it with Table II of the paper
     Launch(launch::Args),
-    /// Write ClutchController.fmu and DrivelinePlant.fmu, and their coupling for masters
+    /// Write ClutchController.fmu and DrivelinePlant.fmu, and their coupling as SSP and OSP files
     Fmu(fmu::Args),
     /// Say where a simulation departs from a car, which effect causes it, and how far the gap shrinks
     Diagnose(diagnose::Args),
-    /// Say what a planned campaign will show, or what to measure next
+    /// Predict what a planned campaign will show, or say what to measure next
     Plan(plan::Args),
     /// Drive the plant with a car's recordings and print the gap
     Replay(replay::Args),
-    /// Test the diagnosis on freshly drawn cars whose effects it does not know
+    /// Test the diagnosis on freshly drawn cars whose faults it is not told
     Blind(blind::Args),
     /// Diagnose many campaigns and say what they have in common (needs the Python package)
     Fleet(fleet::Args),
-    /// Compare two answers of one car: before and after a repair, or two software levels
+    /// Compare two diagnoses of one car: before and after a repair, or two software levels
     Compare(compare::Args),
-    /// Write one page for many answers, with links to their reports
+    /// Write one page about many diagnoses, with links to their reports
     Index(index::Args),
-    /// Draft a vehicle file, or say what is implausible in one
+    /// Draft a vehicle file, check one, or correct it
     Vehicle(vehicle::Args),
     /// Show what a measurement file holds, and draft a channel map
     Inspect(inspect::InspectArgs),
-    /// Take a first look at any log: gears, launches, shifts, sensors, and what its torque can be
+    /// Take a first look at any log: gears, launches, shifts, sensors, and which channel may be the engine torque
     Survey(survey::Args),
     /// Print a completion script for a shell
     #[command(after_help = "Examples:\n  \

@@ -53,8 +53,19 @@ pub fn alarm(error: &CommandError) {
     const NAME: &str = "kisspoint:";
     let terminal = std::io::stderr().is_terminal();
     // Folded with its name before that is coloured, since codes have no width.
-    let text = folded(&format!("{NAME} {error}"), width(terminal), "");
+    let text = folded(&in_words(&format!("{NAME} {error}")), width(terminal), "");
     eprintln!("{}{}", coloured(NAME, Colour::Red, terminal), &text[NAME.len()..]);
+}
+
+/// What the system says, in words and without the number that it has for itself.
+fn in_words(text: &str) -> String {
+    let text = text
+        .replace("No such file or directory (os error 2)", "no such file or folder")
+        .replace("Permission denied (os error 13)", "permission denied");
+    match text.split_once(" (os error ") {
+        Some((before, after)) => format!("{before}{}", after.split_once(')').map_or("", |(_, rest)| rest)),
+        None => text,
+    }
 }
 
 /// Columns of the terminal, or as many as $COLUMNS says; what is no terminal has no end of a line.

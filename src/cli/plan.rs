@@ -15,8 +15,10 @@ use crate::gap::plan::manoeuvre::{Manoeuvre, built_in};
 use crate::gap::plan::reach::{Reach, TOO_LARGE, reach};
 use crate::gap::plan::rehearse::Logger;
 use crate::gap::plan::{Outlook, Planner, Sensors};
+use crate::report::names;
 use crate::report::plan as picture;
 use crate::report::text::{number, unit};
+use crate::report::verdict;
 use crate::vehicle::Vehicle;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -28,10 +30,10 @@ use std::path::{Path, PathBuf};
 #[command(
     override_usage = "kisspoint plan [OPTIONS] <CAMPAIGN>\n       kisspoint plan [OPTIONS] --vehicle <FILE>",
     after_help = "Before measuring (--vehicle): the smallest size of every effect that these manoeuvres, each driven once, will show, beside the size of a usual fault.\n\
-After measuring (CAMPAIGN): which manoeuvre splits best what the diagnosis leaves open, in expected nats per minute.\n\nExamples:\n  \
+After measuring (CAMPAIGN): which manoeuvre best settles what the diagnosis leaves open, in expected nats (units of log odds) per minute.\n\nExamples:\n  \
 kisspoint plan --vehicle vehicle.json\n  \
-kisspoint plan --vehicle vehicle.json --drive launch,launch_hot,creep,tip_in --bench\n  \
-kisspoint plan --list > bench.toml                       the built-in manoeuvres, to be edited\n  \
+kisspoint plan --vehicle vehicle.json --drive launch,launch_hot,creep,tip_in \\\n      --bench\n  \
+kisspoint plan --list > bench.toml\n  \
 kisspoint plan measurements/car_17 --manoeuvres bench.toml"
 )]
 pub struct Args {
@@ -44,7 +46,7 @@ pub struct Args {
     /// Manoeuvres that the car or the bench can drive, TOML as --list prints it; else the built-in ones
     #[arg(long, value_name = "FILE")]
     manoeuvres: Option<PathBuf>,
-    /// Only these of them, by name
+    /// Drive only the manoeuvres of these names
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     drive: Vec<String>,
     /// Print the manoeuvres as a file for --manoeuvres, and stop
@@ -53,7 +55,7 @@ pub struct Args {
     /// Sample rate before measuring, Hz
     #[arg(long, value_name = "HZ", default_value_t = 100.0, value_parser = rate, conflicts_with = "campaign")]
     rate: f64,
-    /// Bearing position, clutch torque and disc temperature will be measured, too
+    /// Bearing position, clutch torque and disc temperature will also be measured
     #[arg(long, conflicts_with = "campaign")]
     bench: bool,
     /// Noise of both speeds before measuring: one standard deviation of a sample, rad/s
@@ -65,7 +67,7 @@ pub struct Args {
     /// Names and units of the channels, TOML or JSON
     #[arg(long, value_name = "FILE", requires = "campaign")]
     channel_map: Option<PathBuf>,
-    /// Write plan.json and plan.svg into this folder, too
+    /// Also write plan.json and plan.svg into this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print JSON
@@ -226,26 +228,27 @@ fn after(args: &Args, path: &Path, pool: &rayon::ThreadPool) -> Result<(), Comma
         return print_json(&json);
     }
     let shown = format!(
-        "\nWhat these recordings show, found with a probability of {:.0} %, and the manoeuvre that would show more per minute:\n\n",
+        "\nThe smallest effects that these recordings show, found with a probability of {:.0} %, and the manoeuvre that would show more per minute:\n\n",
         100.0 * POWER
     );
-    let sentence = folded(&diagnosis.answer.sentence, width(std::io::stdout().is_terminal()), "");
-    print(&format!("{sentence}\n\n{}{shown}{}{}", open(outlook), table(&rows, "shown from"), hidden(&rows)))
+    let wide = width(std::io::stdout().is_terminal());
+    let headline = folded(&verdict::headline(&diagnosis.json), wide, "");
+    print(&format!("{headline}\n\n{}{}{}{}", open(outlook), folded(&shown, wide, ""), table(&rows, "shown from"), hidden(&rows)))
 }
 
 /// What is open, and what each manoeuvre would do about it.
 fn open(outlook: &Outlook) -> String {
     let ranked = outlook.ranked_for_all();
     if ranked.is_empty() {
-        return "One explanation stands alone: there is nothing to split.\n".to_owned();
+        return "One explanation stands alone: nothing is open.\n".to_owned();
     }
     let mut text = "Still open:\n".to_owned();
     for r in &outlook.rivals {
-        let names: Vec<&str> = r.effects.iter().map(|&e| REGISTRY[e].id).collect();
+        let names: Vec<String> = r.effects.iter().map(|&e| format!("{} ({})", names::effect(REGISTRY[e].id), REGISTRY[e].id)).collect();
         let name = if names.is_empty() { "within the tolerances".to_owned() } else { names.join(" and ") };
         text += &format!("  {:>5.1} %  {name}\n", 100.0 * r.probability);
     }
-    text += "\nWhat would split it, by expected evidence for what is true:\n\n";
+    text += "\nWhat would settle it, ranked by the expected evidence for the true explanation:\n\n";
     text += &format!("{:<20} {:>8} {:>8} {:>10} {:>10}\n", "manoeuvre", "minutes", "nats", "nats/min", "splits");
     for w in &ranked {
         let m = &outlook.manoeuvres[w.manoeuvre];

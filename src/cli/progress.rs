@@ -24,8 +24,13 @@ impl Progress {
 
     /// Says what is being done, and the share that is done.
     pub fn tell(&self, what: &str, share: f64) {
-        self.0.set_message(what.to_owned());
+        self.say(what);
         self.0.set_position((share * STEPS as f64) as u64);
+    }
+
+    /// Says what is being done.
+    pub fn say(&self, what: &str) {
+        self.0.set_message(what.to_owned());
     }
 
     /// Says to standard error, terminal or not, what remains.
@@ -36,6 +41,13 @@ impl Progress {
     /// Takes the bar away.
     pub fn finish(&self) {
         self.0.finish_and_clear();
+    }
+}
+
+impl Drop for Progress {
+    /// Whatever ends the work, what is written next finds a clean line.
+    fn drop(&mut self) {
+        self.finish();
     }
 }
 

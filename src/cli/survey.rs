@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 /// Options of `kisspoint survey`.
 #[derive(clap::Args, Debug)]
 #[command(
-    after_help = "Needs neither a position nor a vehicle file.\n\nExamples:\n  kisspoint survey drive.mf4\n  kisspoint survey drive.csv --ratios 3.25,2.23,1.61,1.24,1.00,0.63 --final-drive 3.73 --out out\n  kisspoint survey frames.mf4 --dbc car.dbc --engine EngSpeed --road VehSpeed --json"
+    after_help = "Needs neither a position nor a vehicle file.\n\nExamples:\n  kisspoint survey drive.mf4\n  kisspoint survey drive.csv --ratios 3.25,2.23,1.61,1.24,1.00,0.63 \\\n      --final-drive 3.73 --out out\n  kisspoint survey frames.mf4 --dbc car.dbc --engine EngSpeed \\\n      --road VehSpeed --json"
 )]
 pub struct Args {
     /// Measurement files: text, MDF4, Parquet
@@ -40,13 +40,13 @@ pub struct Args {
     /// Folder for survey.json and survey.svg; with several logs, each gets a folder of its own in it
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Channel that is the engine's torque: a campaign for `kisspoint diagnose` is written into DIR/campaign, too
+    /// Channel of the engine torque: also writes a campaign for `kisspoint diagnose` into DIR/campaign
     #[arg(long, value_name = "NAME", requires = "out")]
     torque: Option<String>,
     /// Gear of that campaign, from 1; J_c differs from gear to gear
     #[arg(long, value_name = "N", requires = "torque", value_parser = clap::value_parser!(u8).range(1..))]
     gear: Option<u8>,
-    /// Mass of the car, kg: gives that campaign's J_c
+    /// Mass of the car, kg, which gives that campaign's J_c
     #[arg(long, value_name = "KG", requires = "gear")]
     mass: Option<f64>,
     /// Vehicle file for that campaign; without it, the paper's numbers, for you to replace

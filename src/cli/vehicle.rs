@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "Examples:\n  \
     kisspoint vehicle new --out vehicle.json\n  \
     kisspoint vehicle check vehicle.json\n  \
-    kisspoint vehicle correct vehicle.json --by corrections.json --out corrected.json")]
+    kisspoint vehicle correct vehicle.json --by corrections.json \\\n      --out corrected.json")]
 pub struct Args {
     #[command(subcommand)]
     action: Action,
@@ -71,7 +71,7 @@ enum Action {
     #[command(
         after_help = "FILE of --by is JSON: {\"actuator.x_cnt\": {\"sigmas\": 1.4, \"tolerance_factor\": 0.6}, …}, names as in `tolerance`; \
         `kisspoint fleet` writes such a file.\n\nExamples:\n  \
-        kisspoint vehicle correct vehicle.json --by corrections.json --out corrected.json\n  \
+        kisspoint vehicle correct vehicle.json --by corrections.json \\\n      --out corrected.json\n  \
         kisspoint vehicle correct vehicle.json --by corrections.json --json"
     )]
     Correct {

@@ -382,19 +382,17 @@ fn with_law(f: &Findings, l: &Tried) -> Closed {
 fn reason(f: &Findings, l: &Tried) -> String {
     let [held, others] = [&f.held_out_name, &format!("the {} other recordings, each with a law learned from the rest", l.recordings)];
     let closed = with_law(f, l);
-    let least = percent(LEAST_CLOSED);
+    let least = format!("{:.0} %", 100.0 * LEAST_CLOSED);
+    let (with, without) = (three_digits(closed.after), three_digits(l.without));
     match l.refused {
-        None => format!("on {held} a free replay is off by {:.2} rad/s with it and by {:.2} without", closed.after, l.without),
+        None => format!("on {held} a free replay is off by {with} rad/s with it and by {without} without"),
         Some(Refusal::LeftOut) => {
             let share = l.share_left_out();
             let does = if share > 0.0 { format!("closes {} of what is left", percent(share)) } else { "closes nothing".to_owned() };
             format!("it {does} on {others}; more than {least} is required, so it does not carry over")
         }
         Some(Refusal::HeldOut) => {
-            format!(
-                "on {held} a free replay is off by {:.2} rad/s with it and by {:.2} without; more than {least} of that has to go",
-                closed.after, l.without
-            )
+            format!("on {held} a free replay is off by {with} rad/s with it and by {without} without; more than {least} of that has to go")
         }
         Some(Refusal::NothingToJudge) => {
             format!("on {held} nothing is left above the {:.2} rad/s by which a perfect model may be off, so it cannot be judged", f.floor)
@@ -480,6 +478,12 @@ fn kpi(h: &HeldOut) -> BTreeMap<&'static str, Figures> {
 }
 
 /// Rounded down: "100 %" is said of a gap that is closed, not of one that nearly is.
+/// As the report's headline has it.
+fn three_digits(value: f64) -> String {
+    let magnitude = value.abs().max(1e-6).log10().floor() as i32;
+    format!("{value:.*}", (2 - magnitude).clamp(0, 9) as usize)
+}
+
 fn percent(share: f64) -> String {
     if share >= 1.0 { "100 %".to_owned() } else { format!("{:.1} %", (1000.0 * share).floor() / 10.0).replace('-', "−") }
 }

@@ -15,9 +15,11 @@ use super::measure::{self, Overlay};
 use super::model::filter::Disturbances;
 use super::model::prepare;
 use super::model::tolerance::{ToleranceError, Tolerances};
+use super::model::track::Track;
 use super::model::unknown_clutch;
 use super::plan::manoeuvre::{Manoeuvre, built_in};
 use super::plan::{Outlook, Planner, outlook};
+use super::progress::{Watch, Work, watched};
 use super::verdict::{Conclusion, Verdict, conclude};
 use crate::campaign::{Campaign, NO_POSITION, Note, Recording};
 use crate::effects::{self, PARAMETERS, Parameters, REGISTRY};
@@ -65,7 +67,7 @@ pub struct Diagnosis {
     pub learned: Option<Tried>,
 }
 
-/// Diagnoses a campaign. `progress` is told what is being done, with the share of the work done.
+/// Diagnoses a campaign. `progress` is told what is being done and how far all of it is, as a share, ten times a second.
 ///
 /// # Errors
 /// A vehicle file or tolerances that are not sound; too few recordings, or one without a position.
@@ -83,16 +85,31 @@ pub fn diagnose_with(
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Result<Diagnosis, DiagnosisError> {
     let vehicle = Vehicle::from_value(&campaign.vehicle_json)?;
-    let mut ready = Ready::new(campaign, &vehicle)?;
-    let mut found = search(&ready.problem, &|what, share| progress(what, 0.6 * share));
+    progress("noise and tolerances", 0.0);
+    let work = Work::default();
+    let ready = Ready::new(campaign, &vehicle, &work)?;
+    let rows = ready.problem.tracks.iter().map(Track::rows).sum();
+    watched(progress, &work, rows, |watch| diagnosed(campaign, vehicle, ready, manoeuvres, watch))
+}
+
+fn diagnosed(
+    campaign: &Campaign,
+    vehicle: Vehicle,
+    mut ready: Ready,
+    manoeuvres: Option<Vec<Manoeuvre>>,
+    watch: &Watch,
+) -> Result<Diagnosis, DiagnosisError> {
+    let work = ready.problem.work.clone();
+    let searched = |problem: &Problem| search(problem, &|what, _| watch.begin(what));
+    let mut found = searched(&ready.problem);
     // A slow logger misses commands, unless the control unit is as slow.
     let mut thus = None;
     if sensors::may_be_held(&ready.problem.tracks) {
         let campaign = with_inputs_held(campaign);
-        let other = Ready::new(&campaign, &vehicle)?;
+        let other = Ready::new(&campaign, &vehicle, &work)?;
         if sensors::rather_held(&other.problem, &ready.problem, found.best()) {
             (ready, thus) = (other, Some(campaign));
-            found = search(&ready.problem, &|what, share| progress(what, 0.38 + 0.2 * share));
+            found = searched(&ready.problem);
         }
     }
     let held = thus.is_some();
@@ -114,11 +131,10 @@ pub fn diagnose_with(
     if coloured.is_some() || locks_by_position && late.iter().any(|l| *l > LATE_S.max(LATE_INTERVALS * interval_of(&problem))) {
         notes.extend(coloured.as_ref().map(colour_note));
         filtered_by = coloured.unwrap_or(known);
-        problem = prepare::problem(problem.tracks, &vehicle, &tolerances, &filtered_by);
-        found = search(&problem, &|what, share| progress(what, 0.5 + 0.2 * share));
+        problem = Problem { work: work.clone(), ..prepare::problem(problem.tracks, &vehicle, &tolerances, &filtered_by) };
+        found = searched(&problem);
     }
-    progress("exchange", 0.7);
-    let mut weights = weighed(&problem, &mut found, &|| progress("missing laws", 0.75));
+    let mut weights = weighed(&problem, &mut found, watch);
     let mut conclusion = conclude(&problem, &found, &weights);
     // What an explanation leaves may be irregular: then everything is weighed again with that in the filter. A law alone already says that something is
     // open, and more of it than a size.
@@ -127,15 +143,14 @@ pub fn diagnose_with(
         let fit = conclusion.explanation.fit.as_ref().expect("the best was fitted");
         if let Some(left) = irregular(&problem, &fit.point, &fit.residuals, &filtered_by) {
             filtered_by = left.with;
-            problem = prepare::problem(problem.tracks, &vehicle, &tolerances, &filtered_by);
-            found = search(&problem, &|what, share| progress(what, 0.8 + 0.05 * share));
-            weights = weighed(&problem, &mut found, &|| progress("missing laws", 0.87));
+            problem = Problem { work: work.clone(), ..prepare::problem(problem.tracks, &vehicle, &tolerances, &filtered_by) };
+            found = searched(&problem);
+            weights = weighed(&problem, &mut found, watch);
             conclusion = conclude(&problem, &found, &weights);
             conclusion.leave(&left);
             notes.push(format!("whatever else is wrong, something irregular is left: {}; it is allowed for", left.what));
         }
     }
-    progress("held-out data", 0.9);
     let point = &conclusion.explanation.fit.as_ref().expect("the best was fitted").point;
     notes.extend(temperature_notes(&problem, point));
     // Tolerances beside a law that nobody has a formula for retune nothing: the car is handed back as it came.
@@ -154,7 +169,7 @@ pub fn diagnose_with(
     let held_out = measure::evaluate_part(judge, before, after, split.last_engagement);
     let declared: Vec<_> = tolerances.own.iter().filter(|n| n.declared).cloned().collect();
     let floor = measure::floor(judge, after, &declared, tolerances.declared_report, split.last_engagement);
-    progress("a law beyond the library", 0.92);
+    watch.begin("a law beyond the library");
     let judge = empirical::Judge {
         taught: &split.taught,
         held_out: judge,
@@ -166,14 +181,14 @@ pub fn diagnose_with(
     let learned = empirical::learn_law(&problem, &conclusion, alone, near, &judge);
     let taken = learned.as_ref().filter(|l| l.refused.is_none());
     let handed = taken.map_or(after, |l| (&l.vehicle, &l.effects));
-    progress("where it was validated", 0.94);
+    watch.begin("where it was validated");
     let nominal = problem.nominal();
     let from = taken.map_or(if retuned { alone } else { &nominal }, |l| &l.learned.fit.point);
     let follows = retuned || taken.is_some();
     let validated = domain::validated(&problem, &weights, &Handed { point: from, learned: taken.map(|l| &l.learned), follows });
-    progress("residual map", 0.95);
+    watch.begin("residual map");
     let [cells, cells_after] = cells(&problem, &conclusion);
-    progress("what to measure next", 0.97);
+    watch.begin("what to measure next");
     let whole = manoeuvres.is_some();
     let planner = Planner::after(&problem, &filtered_by, manoeuvres.unwrap_or_else(|| built_in(&vehicle)));
     // At the car within its tolerances.
@@ -198,19 +213,19 @@ pub fn diagnose_with(
     });
     let json = serde_json::to_value(&answer).expect("an answer is plain data");
     let overlays = overlays(campaign, &split, &problem, point, before, handed);
-    progress("done", 1.0);
     let (handed, effects) = (*handed.0, *handed.1);
     Ok(Diagnosis { answer, json, held, overlays, vehicle: handed, effects, validated, nominal: vehicle, outlook, learned })
 }
 
-/// The posterior over what the search found, exchanges and missing laws. `laws` is called when these are looked at.
-fn weighed(problem: &Problem, found: &mut Search, laws: &dyn Fn()) -> Posterior {
+/// The posterior over what the search found, exchanges and missing laws.
+fn weighed(problem: &Problem, found: &mut Search, watch: &Watch) -> Posterior {
+    watch.begin("exchange");
     // What strains its tolerances and is far behind a missing law is not worth more work.
     let far_ahead = laws_far_ahead(problem, found);
     if far_ahead.is_empty() {
         exchange(problem, found);
     }
-    laws();
+    watch.begin("missing laws");
     posterior(problem, found, &far_ahead)
 }
 
@@ -223,7 +238,7 @@ struct Ready {
 }
 
 impl Ready {
-    fn new(campaign: &Campaign, vehicle: &Vehicle) -> Result<Self, DiagnosisError> {
+    fn new(campaign: &Campaign, vehicle: &Vehicle, work: &Work) -> Result<Self, DiagnosisError> {
         let split = split(&campaign.recordings);
         if split.taught.is_empty() {
             return Err(DiagnosisError::TooFew(campaign.recordings.len()));
@@ -231,7 +246,7 @@ impl Ready {
         let taught: Vec<&Recording> = split.taught.iter().collect();
         let (tracks, tolerances) = prepare::read(&taught, &campaign.vehicle_json)?;
         let with = prepare::disturbances(&tracks, &tolerances);
-        let problem = prepare::problem(tracks, vehicle, &tolerances, &with);
+        let problem = Problem { work: work.clone(), ..prepare::problem(tracks, vehicle, &tolerances, &with) };
         Ok(Self { split, problem, tolerances, with })
     }
 }

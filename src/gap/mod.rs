@@ -1,16 +1,19 @@
-//! Diagnosis of the sim-to-real gap: where the simulation departs from a car, which effect causes it, how far it shrinks.
+//! Diagnosis of the sim-to-real gap: where the simulation departs from a car, which effect causes it, and how far adding that effect closes the gap.
 //!
-//! The way of the data:
+//! The modules, in the order in which the data pass through them:
 //!
-//! 1. [`held_out`]: what takes no part in choosing or fitting, and judges at the end
-//! 2. [`model`]: recordings as tracks of real samples; noise; tolerances as priors; a replay that a Kalman filter corrects, whose innovations are white
-//!    where the model is right; laws that no effect holds
-//! 3. [`infer`]: one joint density of recordings and unknowns; its mode and evidence; the search over sets of effects; the posterior over these and over
+//! 1. [`held_out`]: the data that take no part in choosing or fitting, and judge the result
+//! 2. [`model`]: recordings as tracks of real samples; noise; tolerances as priors; a replay corrected by a Kalman filter, whose innovations (measurement minus
+//!    prediction) are white where the model is right; smooth laws that no effect of the library covers
+//! 3. [`infer`]: one joint density of recordings and unknowns; its mode and evidence; the search over sets of effects; the posterior over these sets and over
 //!    missing laws
 //! 4. [`verdict`]: what the posterior says; [`map`]: where the balances do not close; [`measure`]: how far off free replays are, before and after
-//! 5. [`plan`]: what to measure so that what is open splits, and how large an effect shows
-//! 6. [`compose`]: the [`answer`], in its words; [`joint`]: the posterior itself, for those who pool cars; [`domain`]: where the retuned plant was validated, and how
-//!    well its clutch torque is known; [`diagnosis`] runs all of it
+//! 5. [`plan`]: what to measure to settle what is open, and how small an effect would still show
+//! 6. [`empirical`]: a law learned from the recordings where the library ends; [`domain`]: where the retuned plant was validated, and how well its clutch torque
+//!    is known
+//! 7. [`compose`]: the [`answer`] and its sentences; [`joint`]: the posterior itself, for pooling many cars
+//!
+//! [`diagnosis`] runs all of it, and [`progress`] tells how far it is.
 
 pub mod answer;
 pub mod compose;
@@ -24,4 +27,5 @@ pub mod map;
 pub mod measure;
 pub mod model;
 pub mod plan;
+pub mod progress;
 pub mod verdict;

@@ -100,7 +100,7 @@ fn tile(side: &Value, link: &str) -> String {
         escape(link),
         escape(text(side, "name").unwrap_or_default()),
         escape(&capitalised(&text(side, "verdict").unwrap_or("none").replace('_', " "))),
-        escape(text(side, "sentence").unwrap_or_default()),
+        escape(text(side, "headline").unwrap_or_default()),
         gap("before"),
         gap("after")
     )

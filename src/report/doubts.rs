@@ -112,14 +112,15 @@ fn remains(input: &Input) -> Option<String> {
     let speeds = |c: &str| c.starts_with("omega");
     let worst =
         super::residuals::held_out(input).into_iter().filter(|r| speeds(r.column)).max_by(|a, b| a.longest_s.total_cmp(&b.longest_s))?;
-    (worst.longest_s >= LONG_S).then(|| stays(&worst))
+    (worst.longest_s >= LONG_S).then(|| stays(&worst, super::series::holds_law(input.diagnosis)))
 }
 
-fn stays(r: &Residual) -> String {
+fn stays(r: &Residual, by_law: bool) -> String {
     format!(
-        "In the free replay of {} the {} stays outside ±2σ of its sensor noise for {} s at a stretch, by up to {} {}; {} of its samples lie outside (noise \
+        "In the free replay of {}{} the {} stays outside ±2σ of its sensor noise for {} s at a stretch, by up to {} {}; {} of its samples lie outside (noise \
          alone: 5\u{202f}%). <a href=\"#residuals\">Tests of the residuals</a>",
         escape(&r.recording),
+        if by_law { " with the empirical law" } else { "" },
         escape(&channel(r.column).to_lowercase()),
         number(r.longest_s, 2),
         number(r.largest, 2),

@@ -10,6 +10,8 @@ const found = (i) => F.error[i] || F.effects[i].map((e, k) => [e, ...F.rivals[i]
 const text = all.map((i) => `${F.name[i]} ${F.error[i] ?? ""} ${(F.off[i] ?? []).join(" ")}`.toLowerCase());
 const percent = (v) => (v === null ? "–" : `${Math.floor(100 * v)} %`.replace("-", "−"));
 const figure = (v) => (v === null || v === undefined ? "–" : Number(v.toPrecision(3)).toString().replace("-", "−"));
+// Under each other all have three digits.
+const three = (v) => (!v || Math.abs(v) >= 1000 ? figure(v) : v.toPrecision(3).replace("-", "−"));
 let shown = all, order = { key: "place", down: false };
 
 const COLUMNS = [
@@ -98,7 +100,7 @@ function row(i, at) {
   line.setAttribute("aria-rowindex", at + 2);
   line.style.top = `${at * height}px`;
   if (F.off[i]?.length) line.className = "out";
-  const cells = [null, null, found(i), percent(F.closed[i]), figure(F.before[i]), COLUMNS[5][1] === "date" ? F.date[i] ?? "–" : COLUMNS[5][1] === "mileage_km" ? (F.mileage_km[i] === null ? "–" : Math.round(F.mileage_km[i]).toLocaleString("en")) : figure(F.after[i])];
+  const cells = [null, null, found(i), percent(F.closed[i]), three(F.before[i]), COLUMNS[5][1] === "date" ? F.date[i] ?? "–" : COLUMNS[5][1] === "mileage_km" ? (F.mileage_km[i] === null ? "–" : Math.round(F.mileage_km[i]).toLocaleString("en")) : three(F.after[i])];
   cells.forEach((content, k) => {
     const cell = document.createElement("span");
     cell.setAttribute("role", "cell");

@@ -2,7 +2,7 @@
 
 use super::chart::Scale;
 use super::names;
-use super::text::{capitalised, escape, plain, words};
+use super::text::{capitalised, escape, number, plain, words};
 use serde_json::Value;
 use std::fmt::Write as _;
 
@@ -85,7 +85,7 @@ fn limits_table(marks: &[Mark]) -> String {
             "<tr><th scope=\"row\">{}</th><td class=\"num\">{}</td><td class=\"drawn\"><svg viewBox=\"0 0 240 14\" aria-hidden=\"true\">\
              <path class=\"null\" d=\"M{one:.1} 0v14\"/>{dot}</svg></td></tr>",
             escape(&capitalised(&names::effect(m.id))),
-            if seen { plain(m.now, 2) } else { "not shown".to_owned() }
+            if seen { number(m.now, 2) } else { "not shown".to_owned() }
         )
     };
     let rows: String = marks.iter().map(row).collect();

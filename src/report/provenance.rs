@@ -73,7 +73,14 @@ fn mark(z: f64, x: &Scale) -> String {
 /// Where each number ended up, in its own standard deviations: what lies far out was pulled, and may be wrong in the vehicle file.
 fn tolerances(diagnosis: &Value) -> String {
     let Some(used) = diagnosis["which"]["tolerances"].as_object().filter(|map| !map.is_empty()) else { return String::new() };
-    let kept = if text(diagnosis, "verdict") == Some("unexplained") { ", in a fit that was discarded" } else { "" };
+    // The FMU of a learned law has a fit of its own.
+    let kept = match text(diagnosis, "verdict") {
+        Some("unexplained") if super::series::holds_law(diagnosis) => {
+            ", in the fit behind the verdict; the FMU's numbers, above, go with its empirical law"
+        }
+        Some("unexplained") => ", in a fit that was discarded",
+        _ => "",
+    };
     let x = Scale { low: -4.0, high: 4.0, a: 6.0, b: 134.0 };
     let row = |(name, z): (&String, &Value)| {
         let z = z.as_f64()?;

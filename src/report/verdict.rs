@@ -124,8 +124,11 @@ pub fn next_best(diagnosis: &Value) -> Option<(String, f64)> {
     let (kept, ids) = (texts(best, "effects"), texts(other, "effects"));
     // What only adds to the best says so.
     let adds = !kept.is_empty() && kept.iter().all(|id| ids.contains(id)) && best["missing_law"] == Value::Null;
-    let mut parts: Vec<String> = ids.into_iter().filter(|id| !(adds && kept.contains(id))).map(names::effect).collect();
+    let mut parts: Vec<String> = ids.iter().copied().filter(|id| !(adds && kept.contains(id))).map(names::effect).collect();
     parts.extend(text(other, "missing_law").map(|s| format!("a missing law in {}", names::place(s))));
+    if let Some(law) = text(best, "missing_law").filter(|_| !kept.is_empty() && kept == ids && other["missing_law"] == Value::Null) {
+        return Some((format!("the same without a missing law in {}", names::place(law)), real(other, "behind")?));
+    }
     let name = match (parts.is_empty(), adds) {
         (true, _) => "no effect at all".to_owned(),
         (_, true) => format!("the same plus {}", enumeration(&parts)),
@@ -147,7 +150,7 @@ pub fn confidence(diagnosis: &Value) -> Option<String> {
     };
     let said = match behind {
         b if b < 1.0 => "Not settled",
-        b if b < 3.0 => "Leaning",
+        b if b < 3.0 => "Tentative",
         b if b < AHEAD => "Likely",
         _ => "Clear",
     };

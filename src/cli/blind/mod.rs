@@ -47,28 +47,28 @@ pub struct Args {
     /// Seed of the draw; without one, the clock gives it
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
-    /// Draw drives on the road in place of bench campaigns
+    /// Draw drives on the road instead of bench campaigns
     #[arg(long, conflicts_with = "altered")]
     road: bool,
-    /// Draw bench campaigns that a worse logger wrote: every alteration in turn
+    /// Draw bench campaigns as a worse logger would write them: each kind of damage in turn
     #[arg(long)]
     altered: bool,
     /// Draw a fleet: bench campaigns of one vehicle file, whose numbers are off by what population.json in --keep says; some cars carry an effect
     #[arg(long, conflicts_with_all = ["road", "altered", "new_outside", "plan"], requires = "keep")]
     fleet: bool,
-    /// Draw only effects outside the library that nobody had drawn while the diagnosis was made
+    /// Draw only effects outside the library that were never used while the diagnosis was developed
     #[arg(long, conflicts_with = "altered")]
     new_outside: bool,
-    /// Check what `kisspoint plan` promises: manoeuvres it recommends, limits it predicts
+    /// Check what `kisspoint plan` promises: the manoeuvres it recommends and the limits it predicts
     #[arg(long, conflicts_with_all = ["road", "altered", "new_outside", "keep"])]
     plan: bool,
     /// File for the curve of --plan: how often effects at multiples of the predicted limit are found, SVG
     #[arg(long, value_name = "FILE", requires = "plan")]
     curve: Option<PathBuf>,
-    /// Keep the campaigns, what is true of them and each diagnosis in this folder; a run that was interrupted goes on from there
+    /// Keep the campaigns, the truth about them and each diagnosis in this folder; an interrupted run continues from there
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
-    /// Draw the campaigns and diagnose none; needs --keep
+    /// Draw the campaigns without diagnosing them; needs --keep
     #[arg(long, requires = "keep")]
     draw_only: bool,
     /// Print the score as JSON

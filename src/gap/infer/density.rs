@@ -17,6 +17,7 @@ use crate::gap::model::replay::{self, Missing, Steps};
 use crate::gap::model::tolerance::{Car, LATE_SIGMAS, Nuisance};
 use crate::gap::model::track::Track;
 use crate::gap::model::unknown_clutch::look_alike;
+use crate::gap::progress::Work;
 use crate::plant::config::Config;
 use crate::vehicle::Vehicle;
 use rayon::prelude::*;
@@ -69,6 +70,8 @@ pub struct Problem {
     pub states: Vec<Vec<Vec<f64>>>,
     /// Power of the likelihood in each phase of the clutch, for each accuracy that explanations may have; see [`Problem::coarsen`].
     pub powers: ByAccuracy<ByPhase<f64>>,
+    /// What its replays have cost.
+    pub work: Work,
 }
 
 /// Functions that a missing law is made of: by function, by recording.
@@ -199,8 +202,9 @@ impl Problem {
     /// Innovations of recording `k` under a law that a replay has to know of.
     fn driven(&self, k: usize, point: &Point, law: Option<&Missing>, steps: Steps) -> Residuals {
         let acts = law.filter(|l| !l.is_linear());
-        let mut all =
-            replay::innovations_in(steps, &self.tracks[k], &self.filters[k], &self.car(point, Some(k)), self.temperatures(point, k), acts);
+        let track = &self.tracks[k];
+        self.work.add(if steps == Steps::Rows { track.rows() } else { track.observations() });
+        let mut all = replay::innovations_in(steps, track, &self.filters[k], &self.car(point, Some(k)), self.temperatures(point, k), acts);
         all.iter_mut().zip(law.into_iter().flat_map(|l| &l.innovations)).for_each(|(r, x)| *r += x);
         all
     }

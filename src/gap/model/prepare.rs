@@ -9,6 +9,7 @@ use super::track::{CONTROL_INTERVAL_S, Track};
 use super::unknown_clutch;
 use crate::campaign::Recording;
 use crate::gap::infer::density::{EXACT, Problem};
+use crate::gap::progress::Work;
 use crate::vehicle::Vehicle;
 use rayon::prelude::*;
 
@@ -60,7 +61,7 @@ pub fn problem(tracks: Vec<Track>, vehicle: &Vehicle, tolerances: &Tolerances, w
     let (shared, own) = (tolerances.shared.clone(), tolerances.own.clone());
     let car = Car::nominal(vehicle);
     let states = tracks.par_iter().zip(&filters).map(|(t, f)| missing::states(t, f, &car, t.theta_0)).collect();
-    let mut problem = Problem { tracks, filters, vehicle: *vehicle, shared, own, states, powers: EXACT };
+    let mut problem = Problem { tracks, filters, vehicle: *vehicle, shared, own, states, powers: EXACT, work: Work::default() };
     problem.coarsen();
     problem
 }

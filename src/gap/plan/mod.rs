@@ -22,6 +22,7 @@ use super::model::noise::Noise;
 use super::model::prepare;
 use super::model::tolerance::{self, Car, Nuisance, ToleranceError};
 use super::model::track::Track;
+use super::progress::Work;
 use crate::campaign::Recording;
 use crate::effects;
 use crate::vehicle::Vehicle;
@@ -61,6 +62,7 @@ pub struct Planner {
     logger: Logger,
     /// Powers of the likelihood of what has been recorded.
     powers: ByAccuracy<ByPhase<f64>>,
+    work: Work,
 }
 
 impl Planner {
@@ -84,7 +86,16 @@ impl Planner {
         let [x, t, theta] = sensors.bench;
         let noise = [sensors.speed, sensors.speed, x, t, theta].map(white);
         let with = prepare::healthy(noise, sensors.torque, 0.0, &tolerances);
-        Ok(Self { manoeuvres, vehicle: *vehicle, shared: tolerances.shared, own: tolerances.own, with, logger, powers: EXACT })
+        Ok(Self {
+            manoeuvres,
+            vehicle: *vehicle,
+            shared: tolerances.shared,
+            own: tolerances.own,
+            with,
+            logger,
+            powers: EXACT,
+            work: Work::default(),
+        })
     }
 
     /// Of a car that has been recorded: manoeuvres are logged as its recordings were.
@@ -93,8 +104,8 @@ impl Planner {
         let has = |c: usize| problem.tracks.iter().any(|t| !t.measured[c].is_empty());
         let sigma = |node: usize| problem.tracks.iter().map(|t| t.theta_0_sigma[node]).fold(0.0, f64::max);
         let logger = Logger { rate_hz: 1.0 / interval, bench: [has(2), has(3), has(4)], theta_0_sigma: [sigma(0), sigma(1)] };
-        let (shared, own) = (problem.shared.clone(), problem.own.clone());
-        Self { manoeuvres, vehicle: problem.vehicle, shared, own, with: *with, logger, powers: problem.powers }
+        let (shared, own, work) = (problem.shared.clone(), problem.own.clone(), problem.work.clone());
+        Self { manoeuvres, vehicle: problem.vehicle, shared, own, with: *with, logger, powers: problem.powers, work }
     }
 
     /// The recording of a manoeuvre, without noise, as this car answers it.
@@ -106,8 +117,17 @@ impl Planner {
     fn problem(&self, what: &Manoeuvre, car: &Car) -> Problem {
         let track = Track::new(&self.recording(what, car));
         let filter = prepare::filter_of(&track, &self.vehicle, &self.with);
-        let (shared, own) = (self.shared.clone(), self.own.clone());
-        Problem { tracks: vec![track], filters: vec![filter], vehicle: self.vehicle, shared, own, states: Vec::new(), powers: self.powers }
+        let (shared, own, work) = (self.shared.clone(), self.own.clone(), self.work.clone());
+        Problem {
+            tracks: vec![track],
+            filters: vec![filter],
+            vehicle: self.vehicle,
+            shared,
+            own,
+            states: Vec::new(),
+            powers: self.powers,
+            work,
+        }
     }
 
     /// The car as the vehicle file gives it.

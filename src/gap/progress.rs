@@ -1,0 +1,144 @@
+//! How far a diagnosis is: the work that is done, beside the work that is still expected.
+//!
+//! Nearly all of the time goes into replays, so work is counted in rows that replays have stepped through, and measured in passes: replays of every recording once. How
+//! many passes a stage takes is not known beforehand, only expected ([`STAGES`]). After w passes of a stage that is expected to take e, e·exp(−w/e) are taken to remain:
+//! ever fewer, never none. The part of the bar that was empty when the stage began is filled to the share
+//!
+//! ```text
+//! w / (w + e·exp(−w/e) + a),      a passes that the stages after it are expected to take.
+//! ```
+//!
+//! The bar therefore never falls and never leaps, and moves as long as work is done. A second search, which nobody can foresee, makes it slower and does not stop it.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+/// Rows that replays have stepped through; copies count together.
+#[derive(Clone, Debug, Default)]
+pub struct Work(Arc<AtomicU64>);
+
+impl Work {
+    /// Counts so many more.
+    pub fn add(&self, rows: usize) {
+        self.0.fetch_add(rows as u64, Ordering::Relaxed);
+    }
+
+    fn rows(&self) -> u64 {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// Stages of a diagnosis, in order, each with the passes that are expected of it: what it takes on practice campaigns, on a bench as on the road, and a fifth more.
+const STAGES: [(&str, f64); 10] = [
+    ("tolerances", 80.0),
+    ("effects", 800.0),
+    ("pairs", 300.0),
+    ("triples", 200.0),
+    ("exchange", 100.0),
+    ("missing laws", 400.0),
+    ("a law beyond the library", 30.0),
+    ("where it was validated", 5.0),
+    ("residual map", 5.0),
+    ("what to measure next", 200.0),
+];
+
+/// Number of stages, from the first on, that may come again, and the passes that are expected of that: about one campaign in four is searched twice.
+const AGAIN: (usize, f64) = (6, 400.0);
+
+/// Time between two looks at the work.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// What is being done, and where the bar stood when it began.
+#[derive(Debug)]
+struct Now {
+    /// Place in [`STAGES`].
+    stage: usize,
+    begun_at: u64,
+    share: f64,
+}
+
+/// Watches a diagnosis, and tells how far it is.
+pub struct Watch<'a> {
+    tell: &'a (dyn Fn(&str, f64) + Sync),
+    work: &'a Work,
+    /// Rows of one pass.
+    pass: f64,
+    now: Mutex<Now>,
+}
+
+impl Watch<'_> {
+    /// A stage begins, which may be one that was there before.
+    pub fn begin(&self, what: &str) {
+        let stage = STAGES.iter().position(|(name, _)| *name == what).expect("a stage of the list");
+        let mut now = self.now();
+        *now = Now { stage, share: self.share(&now), begun_at: self.work.rows() };
+        drop(now);
+        self.say();
+    }
+
+    /// Tells how far it is. No other thread tells at the same time, so that the shares come in order.
+    fn say(&self) {
+        let now = self.now();
+        (self.tell)(STAGES[now.stage].0, self.share(&now));
+    }
+
+    fn now(&self) -> MutexGuard<'_, Now> {
+        self.now.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn share(&self, now: &Now) -> f64 {
+        let done = (self.work.rows() - now.begun_at) as f64 / self.pass;
+        let expected = STAGES[now.stage].1;
+        let after: f64 = STAGES[now.stage + 1..].iter().map(|(_, passes)| passes).sum();
+        let after = after + if now.stage < AGAIN.0 { AGAIN.1 } else { 0.0 };
+        now.share + (1.0 - now.share) * done / (done + expected * (-done / expected).exp() + after)
+    }
+}
+
+/// Runs `run`, which says what it begins, and tells how far it is. `rows` are those of one pass.
+pub fn watched<T>(tell: &(dyn Fn(&str, f64) + Sync), work: &Work, rows: usize, run: impl FnOnce(&Watch) -> T) -> T {
+    let watch = Watch { tell, work, pass: rows.max(1) as f64, now: Mutex::new(Now { stage: 0, begun_at: work.rows(), share: 0.0 }) };
+    let (working, waits) = channel::<()>();
+    let watch = &watch;
+    thread::scope(|scope| {
+        let looks = move || {
+            while waits.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
+                watch.say();
+            }
+        };
+        thread::Builder::new().spawn_scoped(scope, looks).ok();
+        // The looks end when this is dropped, by a panic too.
+        let _working = working;
+        run(watch)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A diagnosis with two searches, each stage of which takes a third, all or four times of what is expected of it.
+    #[test]
+    fn the_bar_moves_with_the_work_and_never_falls_or_is_full() {
+        let work = Work::default();
+        let told = Mutex::new(Vec::new());
+        let tell = |_: &str, share: f64| told.lock().unwrap().push(share);
+        watched(&tell, &work, 10, |watch| {
+            for stage in [0, 1, 2, 1, 2, 4, 5, 6, 9] {
+                watch.begin(STAGES[stage].0);
+                let passes = STAGES[stage].1 * [0.3, 1.0, 4.0][stage % 3];
+                for _ in 0..passes as usize {
+                    work.add(10);
+                    watch.say();
+                }
+            }
+        });
+        let told = told.into_inner().unwrap();
+        let steps: Vec<f64> = told.windows(2).map(|w| w[1] - w[0]).collect();
+        assert!(steps.iter().all(|s| (0.0..0.03).contains(s)), "{:?}", steps.iter().copied().fold(0.0, f64::max));
+        assert!(told[0] == 0.0 && (0.8..1.0).contains(told.last().unwrap()), "{:?}", told.last());
+    }
+}
