@@ -205,7 +205,8 @@ fn report(outcomes: &[Outcome], seed: u64, args: &Args) -> Result<(), CommandErr
             "scores": scores::as_json(&table), "reliability": claims.as_json(), "torque_sigma": torque.as_json(), "outcomes": cars,
         }));
     }
-    let head = format!("{} cars drawn with seed {seed}: {}, generator {}\n", outcomes.len(), args.what(), realcar::VERSION);
+    let (count, s) = (outcomes.len(), if outcomes.len() == 1 { "" } else { "s" });
+    let head = format!("{count} car{s} drawn with seed {seed}: {}, generator {}\n", args.what(), realcar::VERSION);
     let errors: String = outcomes.iter().filter_map(|o| o.error.as_ref()).map(|e| format!("not diagnosed: {e}\n")).collect();
     print(&format!("{head}{}{}{}{errors}", scores::as_text(&table), claims.as_text(), torque.as_text()))
 }
