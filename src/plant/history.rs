@@ -108,15 +108,14 @@ impl History {
     }
 
     /// Moves the values by `by`, and by what has `grown` up to their age in s: what an observer finds wrong of a moment ago was wrong before it, and has been
-    /// getting worse since.
-    pub fn correct(&mut self, signal: Signal, by: f64, grown: impl Fn(f64) -> f64, now: f64) {
+    /// getting worse since. Nothing is asked for any more that is older than the `oldest`, s, but the value before it.
+    pub fn correct(&mut self, signal: Signal, by: f64, grown: impl Fn(f64) -> f64, now: f64, oldest: f64) {
         let span = self.spans[signal as usize];
-        // Newest first; what is older than the longest delay is not asked for any more, but for the value that held at its beginning.
         for k in (0..span.len).rev() {
             let (time, value) = &mut self.slots[span.slot(k)][signal as usize];
             let age = now - *time;
             *value += by + grown(age);
-            if age > LONGEST {
+            if age > oldest {
                 return;
             }
         }

@@ -257,7 +257,7 @@ impl Plant {
             let begun = |age: f64| sensed::ramp((since - age).max(0.0), delay.smoothing);
             let grown = |age: f64| rate[k] * if k == seen { steady(age) } else { begun(age) };
             self.state.filtered[k] += by[k] + grown(0.0);
-            self.history.correct(signal, by[k], grown, now);
+            self.history.correct(signal, by[k], grown, now, delay.dead_time);
         }
     }
 
