@@ -285,3 +285,13 @@ fn what_is_open_comes_with_what_would_split_it() {
     let e = d.answer.which.effects.iter().find(|e| !e.ambiguous_with.is_empty()).unwrap();
     assert!(next.manoeuvres.iter().any(|m| e.separated_by.contains(&m.name)) && e.separated_by.contains("nats"), "{}", e.separated_by);
 }
+
+#[test]
+fn what_is_only_simulated_is_in_no_answer() {
+    use kisspoint::effects::{self, PARAMETERS, SIMULATED};
+    let answered = kisspoint::gap::answer::plant_parameters(&kisspoint::vehicle::Vehicle::paper(), &effects::null());
+    for p in &PARAMETERS {
+        let simulated = SIMULATED.iter().any(|entry| entry.id == p.effect);
+        assert_eq!(answered.contains_key(p.variable), !simulated, "{}", p.variable);
+    }
+}
