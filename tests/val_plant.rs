@@ -214,22 +214,32 @@ fn corrections_move_both_sides_apart_or_together() {
 /// the rate from then on, as a prompt one would. Where its memory was cut off at the mean age an observer of a braked car swung itself up.
 #[test]
 fn a_correction_of_a_moment_ago_shows_as_it_would_without_delay() {
-    let (by, rate, h) = (0.4, 30.0, 0.01);
-    for (dead_time, smoothing) in [(0.0, 0.0), (0.06, 0.0), (0.03, 0.04), (0.0, 0.02)] {
-        let mut bench = Bench::held(0.0, 80.0, 25.0, 0.0);
-        bench.vehicle.driveline.J_c = 0.5;
-        let late = with(&[(param::clutch_speed_delay::delay, dead_time), (param::clutch_speed_delay::smoothing, smoothing)]);
-        let mut seen = bench.run(&late, 0.3);
-        let mut before = bench.run(&late, 0.3);
-        seen.correct_speeds([0.0, by], [0.0, rate], 1);
-        let ahead = |seen: &Plant, before: &Plant| seen.outputs().omega_c - before.outputs().omega_c;
-        close("now", ahead(&seen, &before), by, 1e-9);
-        let mut pushed = bench.rest;
-        pushed.t_load -= rate * 0.5;
-        for k in 1..=3 {
-            seen.step(&pushed, h);
-            before.step(&bench.rest, h);
-            close("then", ahead(&seen, &before), by + rate * f64::from(k) * h, 1e-6);
+    let (by, rate, h, inertia) = (0.4, 30.0, 0.01, 0.5);
+    let [flywheel, disc] = [
+        (param::engine_speed_delay::delay, param::engine_speed_delay::smoothing),
+        (param::clutch_speed_delay::delay, param::clutch_speed_delay::smoothing),
+    ];
+    for (side, (delay, filter)) in [flywheel, disc].into_iter().enumerate() {
+        for (dead_time, smoothing) in [(0.0, 0.0), (0.06, 0.0), (0.03, 0.04), (0.0, 0.02)] {
+            let mut bench = Bench::held(90.0, 80.0, 25.0, 0.0);
+            (bench.vehicle.driveline.J_f, bench.vehicle.driveline.J_c) = (inertia, inertia);
+            let late = with(&[(delay, dead_time), (filter, smoothing)]);
+            let mut seen = bench.run(&late, 0.3);
+            let mut before = bench.run(&late, 0.3);
+            let of = |x: f64| [[x, 0.0], [0.0, x]][side];
+            seen.correct_speeds(of(by), of(rate), side);
+            let shown = |plant: &Plant| [plant.outputs().omega_f, plant.outputs().omega_c][side];
+            let ahead = |seen: &Plant, before: &Plant| shown(seen) - shown(before);
+            close("now", ahead(&seen, &before), by, 1e-9);
+            let mut pushed = bench.rest;
+            pushed.t_e_ref += of(rate)[0] * inertia;
+            pushed.t_load -= of(rate)[1] * inertia;
+            // Until what happens now shows.
+            for k in 1..=20 {
+                seen.step(&pushed, h);
+                before.step(&bench.rest, h);
+                close("then", ahead(&seen, &before), by + rate * f64::from(k) * h, 1e-6);
+            }
         }
     }
 }
