@@ -246,15 +246,7 @@ mod tests {
         order(&mut alike, |_| true);
         assert!(alike[0].effects.is_empty());
         // The other is only promised: what was fitted is weighed without it.
-        alike.iter_mut().for_each(|e| {
-            e.by_accuracy = [if e.effects == [1] {
-                one
-            } else if e.effects.is_empty() {
-                none
-            } else {
-                other
-            }; 3]
-        });
+        let mut alike = [explanation(&[], [none; 3]), explanation(&[2], [other; 3]), explanation(&[1], [one; 3])];
         average_of(&mut alike, |e| e.effects != [2]);
         order(&mut alike, |e| e.effects != [2]);
         assert!(alike[0].effects.is_empty());

@@ -352,17 +352,23 @@ fn closed(track: &Track, vehicle: &Vehicle, k: usize) -> bool {
     track.ticks[track.tick_of_row[track.rows_of(k).start]].x_to > vehicle.actuator.x_cnt_0
 }
 
-/// Slope of the mean of both speeds around an observation, rad/s²; zero where it is not known.
+/// Slope of the mean of both speeds around an observation, rad/s², from the first and the last sample there that are known; zero where two are not.
 fn pace(speeds: &[Vec<(f64, usize)>; 2], time: impl Fn(usize) -> f64, k: usize) -> f64 {
-    let (a, b) = (k.saturating_sub(PACE_OBSERVATIONS), (k + PACE_OBSERVATIONS).min(speeds[0].len() - 1));
-    let change: f64 = speeds.iter().map(|s| s[b].0 - s[a].0).sum();
-    let slope = 0.5 * change / (time(b) - time(a)).max(1e-3);
-    if slope.is_finite() { slope } else { 0.0 }
+    let near = k.saturating_sub(PACE_OBSERVATIONS)..(k + PACE_OBSERVATIONS + 1).min(speeds[0].len());
+    let slope = |s: &Vec<(f64, usize)>| {
+        let mut known = near.clone().filter(|&j| s[j].0.is_finite());
+        let (a, b) = known.next().zip(known.next_back())?;
+        Some((s[b].0 - s[a].0) / (time(b) - time(a)).max(1e-3))
+    };
+    slope(&speeds[0]).zip(slope(&speeds[1])).map_or(0.0, |(f, c)| 0.5 * (f + c))
 }
 
 /// How much later the flywheel's speed is sensed than the disc's, s, at most `most`: by least squares over stretches of the recordings in which two speeds that
 /// change go together, free of brakes. Two sensors that are not equally late show slip of a locked clutch, the more the faster it changes.
 pub fn skew(tracks: &[Track], with: &Disturbances, most: f64) -> f64 {
+    if most <= 0.0 {
+        return 0.0;
+    }
     let sigma = slip_noise(with);
     let (mut products, mut squares) = (0.0, (LATE_SIGMAS * sigma / most).powi(2));
     for track in tracks {
@@ -371,7 +377,9 @@ pub fn skew(tracks: &[Track], with: &Disturbances, most: f64) -> f64 {
         let time = |k: usize| track.time[track.rows_of(k).start];
         let slip = |k: usize| speeds[0][k].0 - speeds[1][k].0;
         let paces: Vec<f64> = (0..n).map(|k| pace(&speeds, time, k)).collect();
-        let together = |k: usize| slip(k).abs() < LOCKED * sigma + most * paces[k].abs() && !track.rows_of(k).any(|row| track.brake[row]);
+        // What is not known does not end a stretch.
+        let together =
+            |k: usize| !(slip(k).abs() > LOCKED * sigma + most * paces[k].abs()) && !track.rows_of(k).any(|row| track.brake[row]);
         let mut begin = 0;
         for k in 0..=n {
             if k < n && together(k) {
@@ -379,13 +387,14 @@ pub fn skew(tracks: &[Track], with: &Disturbances, most: f64) -> f64 {
             }
             if k > begin && time(k - 1) - time(begin) > TOGETHER_S {
                 let inside = begin + PACE_OBSERVATIONS..(k - PACE_OBSERVATIONS).max(begin + PACE_OBSERVATIONS);
-                products -= inside.clone().map(|j| slip(j) * paces[j]).sum::<f64>();
-                squares += inside.map(|j| paces[j].powi(2)).sum::<f64>();
+                let known = inside.filter(|&j| slip(j).is_finite());
+                products -= known.clone().map(|j| slip(j) * paces[j]).sum::<f64>();
+                squares += known.map(|j| paces[j].powi(2)).sum::<f64>();
             }
             begin = k + 1;
         }
     }
-    if most > 0.0 { (products / squares).clamp(-most, most) } else { 0.0 }
+    (products / squares).clamp(-most, most)
 }
 
 /// Observations in which the measured speeds do not differ. They begin while the clutch is closed, for speeds that only cross are not locked, and last until a
