@@ -108,6 +108,8 @@ pub struct Joint {
     pub unknowns: Vec<Unknown>,
     /// Inverse of their posterior covariance, in products of their units: rows of the lower triangle.
     pub precision: Vec<Vec<Real>>,
+    /// The same where the likelihood is taken whole, as if the laws were exact: by noise alone, which differs from car to car, while an inexact law errs alike in all of them.
+    pub precision_exact: Vec<Vec<Real>>,
     /// Their posterior covariance, in the same form.
     pub covariance: Vec<Vec<Real>>,
     /// Inverse of their prior covariance: row, column, value of what is not zero in the lower triangle.

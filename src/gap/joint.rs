@@ -53,6 +53,7 @@ pub fn joint(problem: &Problem, conclusion: &Conclusion) -> Option<Joint> {
     Some(Joint {
         unknowns: fit.shared.iter().map(unknown).collect(),
         precision: (0..fit.shared.len()).map(|i| lower(i).map(|at| Real(fit.curvature[at])).collect()).collect(),
+        precision_exact: (0..fit.shared.len()).map(|i| lower(i).map(|at| Real(fit.exact[at])).collect()).collect(),
         covariance: (0..fit.shared.len()).map(|i| lower(i).map(|at| Real(covariance[at])).collect()).collect(),
         prior_precision: (0..fit.shared.len())
             .flat_map(lower)

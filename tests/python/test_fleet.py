@@ -85,7 +85,7 @@ def test_a_joint_posterior_is_whole_and_wider_than_nothing(first):
     from kisspoint.fleet import _population
 
     row = first[0].table().to_pylist()[0]
-    mode, H, P = _population.matrices(row)
+    mode, H, _, P = _population.matrices(row)
     assert len(mode) == len(row["unknowns"]) >= 12
     told = np.linalg.eigvalsh(H - P)
     # What the recordings add to the prior is never negative, and they say something.

@@ -67,6 +67,7 @@ def answer(rng, x, effects=(), mileage=None, k=0):
         "campaign": f"car_{k}", "name": f"car_{k}", "mileage_km": mileage, "date": datetime.date(2026, 1, 1), "verdict": "explained" if named else "no_gap",
         "effects": [{"id": e, "probability": 0.99, "ambiguous_with": []} for e in named], "explanations": [{"effects": named, "missing_law": None, "probability": 1.0}],
         "unknowns": unknowns, "precision": [float(H[i, j]) for i in range(len(H)) for j in range(i + 1)],
+        "precision_exact": [float(H[i, j]) for i in range(len(H)) for j in range(i + 1)],
         "prior_precision": [{"row": i, "column": i, "value": p} for i, p in enumerate(precision)],
         "vehicle": digest_of_vehicle(VEHICLE), "vehicle_file": VEHICLE, "cached": False, "attempts": 1, "report": f"cars/car_{k}/report.html",
     }  # fmt: skip
@@ -254,6 +255,44 @@ def test_estimates_of_each_car_are_shrunk_and_better(drawn):
     alone = [row for row in rows if row["number"] == "driveline.J_c" and row["alone"] is not None]
     assert np.std([row["value"] for row in alone]) < np.std([row["alone"] for row in alone])
     assert all(row["unit"] == "%" for row in alone)
+
+
+def test_laws_that_are_not_exact_leave_what_many_cars_cannot_average_out(drawn, tmp_path):
+    """The same cars, but half of what their answers are unsure of is a law's: a mean is known no better than that leaves one car, a spread lies between two readings."""
+    found, out, *_ = drawn
+    rows = pq.read_table(out / "fleet.parquet").to_pylist()
+    for row in rows:
+        _, H, _, P = _population.matrices(row)
+        # A likelihood of half the precision, for it does not trust the laws.
+        H = P + (H - P) / 2
+        row["precision"] = [float(H[i, j]) for i in range(len(H)) for j in range(i + 1)]
+    pq.write_table(pa.Table.from_pylist(rows, SCHEMA), tmp_path / "fleet.parquet")
+    unsure = fleet.pool(tmp_path / "fleet.parquet")
+    for before in found["numbers"]:
+        after = number(unsure, before["number"])
+        spread, wider = before["spread"], after["spread"]
+        assert wider["high"] == pytest.approx(spread["high"], rel=0.02) and wider["low"] < spread["low"] * 1.001
+        assert abs(after["mean"] - before["mean"]) < before["mean_sd"] < after["mean_sd"]
+    kiss, alone = number(unsure, "actuator.x_cnt"), number(found, "actuator.x_cnt")
+    one = [np.linalg.inv(m)[0, 0] for m in _population.matrices(rows[0])[1:3]]
+    assert 0.3 < (kiss["mean_sd"] ** 2 - alone["mean_sd"] ** 2) / (one[0] - one[1]) < 3
+
+
+def test_cars_with_an_effect_that_no_number_stands_for_teach_no_number(drawn, tmp_path):
+    """Thirty cars with oil on their facings, whose kiss points are bent by it, leave the fleet's numbers as they were; they are told of themselves."""
+    found, out, *_ = drawn
+    rows = pq.read_table(out / "fleet.parquet").to_pylist()
+    for k in range(30):
+        row = answer(np.random.default_rng(500 + k), np.array([-4.0, 0, 0, 0, 0, 0, 0]), k=200 + k)
+        row["explanations"] = [{"effects": ["friction_fade"], "missing_law": None, "probability": 0.9}, {"effects": [], "missing_law": None, "probability": 0.1}]
+        rows.append(row)
+    pq.write_table(pa.Table.from_pylist(rows, SCHEMA), tmp_path / "fleet.parquet")
+    with_them = fleet.pool(tmp_path / "fleet.parquet")
+    for before in found["numbers"]:
+        after = number(with_them, before["number"])
+        assert (after["mean"], after["spread"]) == (pytest.approx(before["mean"], abs=1e-6), pytest.approx(before["spread"], rel=1e-6))
+    told = {row["campaign"]: row["value"] for row in pq.read_table(tmp_path / "cars.parquet").to_pylist() if row["number"] == "actuator.x_cnt"}
+    assert len(told) == 230 and np.mean([told[f"car_{k}"] for k in range(200, 230)]) < np.mean([told[f"car_{k}"] for k in range(200)]) - 0.03
 
 
 def test_few_cars_and_none_are_said_to_be_few(tmp_path):

@@ -220,9 +220,10 @@ class _Model:
         return -0.5 * float(z @ z), -z / sd
 
 
-def fit(members: Members, robust: bool = True) -> Population:
-    """The population of these members. Without `robust` all belong to it."""
-    model = _Model(members, robust)
+def fit(members: Members, robust: bool = True, taught_by: NDArray[np.bool_] | None = None) -> Population:
+    """The population of these members, or of those that teach it; all are given it. Without `robust` all belong to it."""
+    teach = members if taught_by is None or taught_by.all() else _of(members, taught_by)
+    model = _Model(teach, robust)
     theta = model.start()
     bounds = [(None, None)] * (model.J * model.C) + [(-6.0, 5.0)] * model.J + [(-9.0, 0.0), (0.7, 4.5)]
     for _ in range(3 if robust else 1):
@@ -238,8 +239,26 @@ def fit(members: Members, robust: bool = True) -> Population:
     B, spread, logit, width = model.split(theta)
     log_spread = theta[k : k + model.J]
     interval = np.exp(log_spread[:, None] + np.array([-1.96, 1.96]) * sd[k : k + model.J, None])
+    if teach is not members:
+        model = _Model(members, robust)
+        if robust:
+            model.choose(theta)
     values, values_sd, offs = _members(model, theta)
     return Population(B, sd[:k].reshape(B.shape), spread, np.asarray(interval, np.float64), float(expit(logit)), width, covariance, values, values_sd, offs)
+
+
+def given(members: Members, population: Population, spreads: Array) -> tuple[Array, Array]:
+    """Numbers of every member with their standard deviations, had the population these spreads."""
+    off = np.clip(population.off, 1e-9, 1 - 1e-9)
+    theta = np.concatenate([population.means.ravel(), np.log(spreads), [np.log(off / (1 - off)), np.log(population.width)]])
+    model = _Model(members, True)
+    model.choose(theta)
+    values, sd, _ = _members(model, theta)
+    return values, sd
+
+
+def _of(members: Members, which: NDArray[np.bool_]) -> Members:
+    return Members(members.information[which], members.precision[which], members.covariates[which])
 
 
 def _hessian(model: _Model, theta: Array) -> Array:

@@ -40,7 +40,7 @@ OFF = 0.5
 SLOPE_LEAST = 8
 """Cars with a mileage or date without which nothing is said of drift."""
 
-_COLUMNS = ["campaign", "name", "mileage_km", "date", "error", "explanations", "unknowns", "precision", "prior_precision", "vehicle", "vehicle_file", "report"]
+_COLUMNS = ["campaign", "name", "mileage_km", "date", "error", "explanations", "unknowns", "precision", "precision_exact", "prior_precision", "vehicle", "vehicle_file", "report"]
 
 
 @dataclass
@@ -51,6 +51,10 @@ class Told:
     """Numbers, by the name of a tolerance, or of several joined by " × " that act alike."""
     h: Array
     D: Array
+    exact: tuple[Array, Array]
+    """The same two as if laws were exact: what is left is noise."""
+    inexact: Array
+    """Variance of each number that is due to laws that are not."""
 
 
 @dataclass
@@ -74,19 +78,20 @@ class Group:
     evidence: list[dict[tuple[str, ...], float]] = field(default_factory=list)
 
 
-def matrices(row: Row) -> tuple[Array, Array, Array]:
-    """Mode, posterior precision and prior precision of a row's unknowns."""
+def matrices(row: Row) -> tuple[Array, Array, Array, Array]:
+    """Mode, posterior precision, the same as if laws were exact, and prior precision of a row's unknowns."""
     unknowns = row["unknowns"]
     n = len(unknowns)
-    H, P = np.zeros((n, n)), np.zeros((n, n))
+    H, E, P = np.zeros((3, n, n))
     H[np.tril_indices(n)] = row["precision"]
+    E[np.tril_indices(n)] = row["precision_exact"]
     for entry in row["prior_precision"]:
         P[entry["row"], entry["column"]] = entry["value"]
-    fill = [m + np.tril(m, -1).T for m in (H, P)]
-    return np.array([u["value"] for u in unknowns]), fill[0], fill[1]
+    H, E, P = (m + np.tril(m, -1).T for m in (H, E, P))
+    return np.array([u["value"] for u in unknowns]), H, E, P
 
 
-def read(unknowns: list[Row], mode: Array, H: Array, P: Array, group: Group) -> tuple[Told, dict[str, tuple[Array, Array]]]:
+def read(unknowns: list[Row], mode: Array, H: Array, E: Array, P: Array, group: Group) -> tuple[Told, dict[str, tuple[Array, Array]]]:
     """The likelihood of the numbers, and of what is left of each effect.
 
     Posterior and prior are taken to the sums u of what does the same; the likelihood is their quotient. That holds for any sums, whatever else is free:
@@ -128,7 +133,10 @@ def read(unknowns: list[Row], mode: Array, H: Array, P: Array, group: Group) -> 
         unit = float(np.linalg.norm(sigmas))
         group.sigma.setdefault(name, (unit, relative, kind))
         group.parts.setdefault(name, {unknowns[k]["name"]: float(s / unit) for k, s in zip(members, sigmas, strict=True)})
-    told = _quotient([row[1] for row in rows], np.array([row[2] for row in rows]), np.zeros(len(rows)), H, P)
+    sums, values, centres = [row[1] for row in rows], np.array([row[2] for row in rows]), np.zeros(len(rows))
+    told, exact = _likelihood(sums, values, centres, H, E, P)
+    T = _matrix(sums, len(H))
+    inexact = np.maximum(np.einsum("ij,ji->i", T, np.linalg.solve(H, T.T) - np.linalg.solve(E, T.T)), 0.0)
     effects: dict[str, list[int]] = {}
     for name, k in effect_of.items():
         if k not in taken:
@@ -138,15 +146,28 @@ def read(unknowns: list[Row], mode: Array, H: Array, P: Array, group: Group) -> 
         sizes = [float(P[k, k] ** -0.5) for k in places]
         group.parameters.setdefault(effect, [(unknowns[k]["name"], unknowns[k]["unit"] or "", unknowns[k]["centre"], s) for k, s in zip(places, sizes, strict=True)])
         centres = np.array([unknowns[k]["centre"] for k in places])
-        left[effect] = _quotient([{k: 1 / s} for k, s in zip(places, sizes, strict=True)], (mode[places] - centres) / sizes, np.zeros(len(places)), H, P)
-    return Told([row[0] for row in rows], *told), left
+        left[effect] = _likelihood([{k: 1 / s} for k, s in zip(places, sizes, strict=True)], (mode[places] - centres) / sizes, np.zeros(len(places)), H, E, P)[0]
+    return Told([row[0] for row in rows], *told, exact, inexact), left
+
+
+def _matrix(weights: list[dict[int, float]], n: int) -> Array:
+    """Sums of n unknowns, a row each."""
+    T = np.zeros((len(weights), n))
+    for i, one in enumerate(weights):
+        T[i, list(one)] = list(one.values())
+    return T
+
+
+def _likelihood(weights: list[dict[int, float]], value: Array, centre: Array, H: Array, E: Array, P: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """h and D of sums of unknowns, and the same as if laws were exact. The mode is the latter's; less trust in the laws makes the likelihood wider where it is."""
+    h, D = _quotient(weights, value, centre, E, P)
+    wider = _quotient(weights, value, centre, H, P)[1]
+    return (np.asarray(wider @ np.linalg.pinv(D, rcond=1e-9, hermitian=True) @ h), wider), (h, D)
 
 
 def _quotient(weights: list[dict[int, float]], value: Array, centre: Array, H: Array, P: Array) -> tuple[Array, Array]:
     """h and D of posterior / prior of sums of unknowns."""
-    T = np.zeros((len(weights), len(H)))
-    for i, one in enumerate(weights):
-        T[i, list(one)] = list(one.values())
+    T = _matrix(weights, len(H))
     posterior = np.linalg.inv(T @ np.linalg.solve(H, T.T))
     prior = np.linalg.inv(T @ np.linalg.solve(P, T.T))
     D = posterior - prior
@@ -181,8 +202,7 @@ def groups(file: Place) -> tuple[dict[str, Group], dict[str, int]]:
 
 
 def _add(group: Group, row: Row) -> None:
-    mode, H, P = matrices(row)
-    told, effects = read(row["unknowns"], mode, H, P, group)
+    told, effects = read(row["unknowns"], *matrices(row), group)
     k = len(group.members)
     group.members.append({key: row[key] for key in ("campaign", "name", "mileage_km", "date", "report")})
     group.told.append(told)
@@ -275,14 +295,22 @@ def _unit(name: str, group: Group) -> tuple[float, str]:
 def _one(digest: str, group: Group) -> tuple[dict[str, Any], list[Row]]:
     names = list(dict.fromkeys(name for told in group.told for name in told.names))
     n, J = len(group.members), len(names)
-    h, D = np.zeros((n, J)), np.zeros((n, J, J))
+    h, D, inexact = np.zeros((2, n, J)), np.zeros((2, n, J, J)), np.full((n, J), np.nan)
     for i, told in enumerate(group.told):
         at = [names.index(name) for name in told.names]
-        h[i, at] = told.h
-        D[np.ix_([i], at, at)] = told.D
+        for which, (own_h, own_D) in enumerate(((told.h, told.D), told.exact)):
+            h[which, i, at] = own_h
+            D[which][np.ix_([i], at, at)] = own_D
+        inexact[i, at] = told.inexact
     drift = covariates(group.members)
     c = np.column_stack([np.ones(n), *(one.values for one in drift)])
-    fitted = _hierarchy.fit(_hierarchy.Members(h, D, c))
+    teach = _teach(group)
+    members = [_hierarchy.Members(h[which], D[which], c) for which in (0, 1)]
+    fitted, exact = (_hierarchy.fit(one, taught_by=teach) for one in members)
+    _allow_for_inexact_laws(fitted, exact, np.nanmedian(inexact, axis=0))
+    # A car is not drawn closer to the others than the widest spread allows: a spread that only looks like none would make each of them known too well.
+    fitted.values, fitted.values_sd = _hierarchy.given(members[0], fitted, fitted.spreads_interval[:, 1])
+    h, D = h[0], D[0]
     numbers = [_number(j, name, group, fitted, D[:, j, j], drift) for j, name in enumerate(names)]
     _mark(numbers)
     shares, likely = _hierarchy.shares(group.evidence, PRIOR_ODDS)
@@ -306,6 +334,23 @@ def _one(digest: str, group: Group) -> tuple[dict[str, Any], list[Row]]:
         "outliers": _outliers(names, group, fitted, likely, shares),
     }
     return population, rows
+
+
+def _teach(group: Group) -> NDArray[np.bool_]:
+    """Cars that teach the population its numbers: those in which nothing was named that is no number. The rest are given what it is: an effect of another form than the
+    library's bends the numbers beside it."""
+    beyond = [sum(p for chosen, p in one.items() if not group.stood_for.issuperset(chosen)) for one in group.evidence]
+    teach = np.array(beyond) <= OFF
+    return teach if teach.sum() >= LEAST else np.ones(len(teach), bool)
+
+
+def _allow_for_inexact_laws(fitted: _hierarchy.Population, exact: _hierarchy.Population, inexact: Array) -> None:
+    """Makes room for laws that are not exact. What a car's answer allows for that is partly the same in every car, and nobody knows how much. As far as it is the same a mean
+    is known no better for many cars, and cars differ by all that they seem to; as far as it is not, it takes part in how they seem to differ. Intervals hold for both."""
+    fitted.means_sd[:, 0] = np.hypot(fitted.means_sd[:, 0], np.sqrt(inexact))
+    both = np.stack([fitted.spreads_interval, exact.spreads_interval])
+    fitted.spreads_interval = np.column_stack([both[:, :, 0].min(axis=0), both[:, :, 1].max(axis=0)])
+    fitted.spreads = np.sqrt(fitted.spreads * exact.spreads)
 
 
 def _shown(one: Covariate) -> float | str:

@@ -47,8 +47,9 @@ SCHEMA = pa.schema(
         "before": _number,  # rad/s
         "after": _number,  # rad/s
         "explanations": pa.list_(_explanation),
-        "unknowns": pa.list_(_unknown),  # of the joint posterior; with the next two, all that the population is inferred from
+        "unknowns": pa.list_(_unknown),  # of the joint posterior; with the next three, all that the population is inferred from
         "precision": pa.list_(_number),  # lower triangle, row by row
+        "precision_exact": pa.list_(_number),  # the same as if laws were exact
         "prior_precision": pa.list_(_entry),
         "vehicle": _word,  # digest of the vehicle file's content without comments
         "vehicle_file": _word,
@@ -69,7 +70,7 @@ SCHEMA = pa.schema(
 def of_diagnosis(found: Mapping[str, Any], vehicle: str) -> Row:
     """The columns that follow from the answer and the vehicle file."""
     place, which, far = found["where"], found["which"], found["how_far"]
-    joint = found.get("joint") or {"unknowns": [], "precision": [], "prior_precision": []}
+    joint = found.get("joint") or {"unknowns": [], "precision": [], "precision_exact": [], "prior_precision": []}
     return {
         "verdict": found["verdict"],
         "confidence": found.get("confidence"),
@@ -87,6 +88,7 @@ def of_diagnosis(found: Mapping[str, Any], vehicle: str) -> Row:
         "explanations": [{key: one[key] for key in ("effects", "missing_law", "probability")} for one in which.get("explanations", [])],
         "unknowns": [_flat(one) for one in joint["unknowns"]],
         "precision": [value for line in joint["precision"] for value in line],
+        "precision_exact": [value for line in joint["precision_exact"] for value in line],
         "prior_precision": [dict(zip(("row", "column", "value"), entry, strict=True)) for entry in joint["prior_precision"]],
         "vehicle": digest_of_vehicle(vehicle),
         "vehicle_file": vehicle,

@@ -36,6 +36,8 @@ pub struct Fit {
     /// Variances of the shared coordinates but for functions, the mean over the accuracies that an explanation may have; none before they are weighed, or where the
     /// recordings bound nothing.
     pub variances: Option<Vec<f64>>,
+    /// The curvature that is left of `shared` without functions where the likelihood is taken whole, as if laws were exact.
+    pub exact: DMatrix<f64>,
 }
 
 /// The variances of fits of one explanation, one for each accuracy that it may have.
@@ -225,7 +227,7 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
     }
     let parts = by_phase(problem, &columns, &residuals);
     let equations = assemble(&point, &frame, &to_powers(&parts, WHOLE), 0.0);
-    let (curvature, log_evidence) = match equations {
+    let (curvature, log_evidence): (DMatrix<f64>, f64) = match equations {
         Some(e) => {
             let evidence = laplace(now, &e, &frame);
             (e.curvature, evidence)
@@ -240,6 +242,7 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
         residuals,
         misfits,
         shared,
+        exact: curvature.clone(),
         curvature,
         log_evidence,
         columns: Arc::new(columns),

@@ -47,7 +47,8 @@ impl Hypothesis {
         let all = problem.powers.map(at);
         let by_accuracy = all.each_ref().map(|(believed, _)| *believed);
         let variances = mean_variances(all.map(|(_, fit)| fit));
-        let fit = Fit { point: sharp.point, variances, ..coarse }.marginal();
+        let exact = sharp.marginal().curvature;
+        let fit = Fit { point: sharp.point, variances, exact, ..coarse }.marginal();
         Self { effects, fit, formed, basis, lead, log_posterior, by_accuracy }
     }
 

@@ -153,7 +153,8 @@ pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, kn
         let (evidence, fit) = fitted.weighed(problem, count, powers);
         (evidence + prior + moments(&fit, effects), fit)
     };
-    let lead = at(WHOLE).0;
+    let (lead, sharp) = at(WHOLE);
+    let exact = sharp.marginal().curvature;
     let all = problem.powers.map(at);
     let by_accuracy = all.each_ref().map(|(believed, _)| *believed);
     let variances = mean_variances(all.map(|(_, fit)| fit));
@@ -163,7 +164,7 @@ pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, kn
     let functions = fitted.shared.len() - kept;
     let without = |c: &Columns| Columns { matrix: c.matrix.clone().remove_columns(kept, functions) };
     let columns = Arc::new(fitted.columns.iter().map(without).collect());
-    let fit = Fit { columns, parts: Arc::default(), variances, ..fitted.marginal() };
+    let fit = Fit { columns, parts: Arc::default(), variances, exact, ..fitted.marginal() };
     Unknown { effects: effects.to_vec(), law: law.clone(), lead, log_posterior, by_accuracy, fit: Some(fit) }
 }
 
