@@ -17,7 +17,7 @@ logarithm of the posterior there, by differences of its exact gradient. Weak pri
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,9 @@ CANDIDATE = 3.0
 """Nats by which "off" may be behind "not off" for a number to be weighed anew at every step; the rest keep the ratio that they had at the start."""
 MOST = 3
 """Numbers of one member that may be off: as many effects as a diagnosis names."""
+
+BLOCK = 1000
+"""Choices that are worked on at a time: their matrices take some tens of megabytes."""
 
 
 @dataclass
@@ -78,6 +81,17 @@ class Population:
     """Probability that a number of a member does not belong, N × J."""
 
 
+class _Evaluated(NamedTuple):
+    log: Array
+    """Logarithm of (3) of each choice."""
+    values: Array
+    variances: Array
+    """Posterior mean and variances of its numbers."""
+    slope: Array
+    by_variance: Array
+    """Derivatives of (3) by the population's mean and by its variances."""
+
+
 class _Model:
     def __init__(self, members: Members, robust: bool) -> None:
         self.h, self.D, self.c = members.information, members.precision, members.covariates
@@ -107,8 +121,12 @@ class _Model:
         k = self.J * self.C
         return theta[:k].reshape(self.J, self.C), np.exp(theta[k : k + self.J]), float(theta[-2]), float(np.exp(theta[-1]))
 
-    def evaluate(self, theta: Array, member: Any, choice: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array]:
-        """Logarithm of (3), posterior mean and covariance, and mean of the population, of each choice."""
+    def evaluate(self, theta: Array, member: NDArray[np.int_], choice: NDArray[np.bool_]) -> "_Evaluated":
+        """Of each choice; block by block, or the matrices of some thousand members would take gigabytes."""
+        blocks = [self.block(theta, member[k : k + BLOCK], choice[k : k + BLOCK]) for k in range(0, len(member), BLOCK)]
+        return _Evaluated(*(np.concatenate(one) for one in zip(*blocks, strict=True)))
+
+    def block(self, theta: Array, member: NDArray[np.int_], choice: NDArray[np.bool_]) -> tuple[Array, ...]:
         B, spread, _, width = self.split(theta)
         h, D = self.h[member], self.D[member]
         m = self.c[member] @ B.T
@@ -124,17 +142,21 @@ class _Model:
             + 0.5 * np.einsum("nj,nj->n", root * r, y)
             - np.log(np.einsum("njj->nj", L)).sum(axis=1)
         )
-        return log, m + root * y, root[:, :, None] * inverse * root[:, None, :], m
+        x, cov = m + root * y, root[:, :, None] * inverse * root[:, None, :]
+        slope = h - np.einsum("nij,nj->ni", D, x)
+        # Derivative of (3) by a variance: half of the squared slope less the precision of what is observed.
+        gram = np.einsum("njj->nj", D) - np.einsum("nji,nij->nj", D @ cov, D)
+        return log, x, np.einsum("njj->nj", cov), slope, 0.5 * (slope**2 - gram)
 
     def choose(self, theta: Array) -> None:
         """Lists the choices of outliers that are worth weighing, at these parameters."""
         everybody = np.arange(self.N)
         none = np.zeros((self.N, self.J), bool)
-        log, *_ = self.evaluate(theta, everybody, none)
+        log = self.evaluate(theta, everybody, none).log
         for j in range(self.J):
             single = none.copy()
             single[:, j] = True
-            self.ratio[:, j] = self.evaluate(theta, everybody, single)[0] - log
+            self.ratio[:, j] = self.evaluate(theta, everybody, single).log - log
         self.candidate = self.ratio > theta[-2] * -1 - CANDIDATE
         # Of these, the likeliest few one after the other: the best, the best beside it, and so on.
         chosen, here = [none], none.copy()
@@ -147,7 +169,7 @@ class _Model:
                     continue
                 tried = here[who].copy()
                 tried[:, j] = True
-                value = self.evaluate(theta, who, tried)[0] - log_here[who]
+                value = self.evaluate(theta, who, tried).log - log_here[who]
                 better = value > gain[who]
                 best[who[better]], gain[who[better]] = j, value[better]
             found = best >= 0
@@ -189,14 +211,10 @@ class _Model:
     def objective(self, theta: Array) -> tuple[float, Array]:
         """Minus the logarithm of the posterior of the parameters, and its gradient."""
         _, spread, logit, width = self.split(theta)
-        log, x, cov, m = self.evaluate(theta, self.member, self.choice)
-        evidence, weight = self.weights(theta, log)
-        D = self.D[self.member]
-        slope = self.h[self.member] - np.einsum("nij,nj->ni", D, x)
-        # Derivative of (3) by a variance: half of the squared slope less the precision of what is observed.
-        gram = np.einsum("njj->nj", D) - np.einsum("nij,nik,nkj->nj", D, cov, D)
-        by_variance = 0.5 * (slope**2 - gram) * weight[:, None]
-        by_mean = np.einsum("nj,nc->jc", slope * weight[:, None], self.c[self.member])
+        found = self.evaluate(theta, self.member, self.choice)
+        evidence, weight = self.weights(theta, found.log)
+        by_variance = found.by_variance * weight[:, None]
+        by_mean = np.einsum("nj,nc->jc", found.slope * weight[:, None], self.c[self.member])
         by_spread = by_variance.sum(axis=0) * 2 * spread**2
         by_width = (by_variance * self.choice).sum() * 2 * width**2
         p = expit(logit)
@@ -279,11 +297,12 @@ def _positive(matrix: Array) -> Array:
 
 
 def _members(model: _Model, theta: Array) -> tuple[Array, Array, Array]:
-    log, x, cov, _ = model.evaluate(theta, model.member, model.choice)
-    _, weight = model.weights(theta, log)
+    found = model.evaluate(theta, model.member, model.choice)
+    x = found.values
+    _, weight = model.weights(theta, found.log)
     values, second, offs = (np.zeros((model.N, model.J)) for _ in range(3))
     np.add.at(values, model.member, weight[:, None] * x)
-    np.add.at(second, model.member, weight[:, None] * (x**2 + np.einsum("njj->nj", cov)))
+    np.add.at(second, model.member, weight[:, None] * (x**2 + found.variances))
     np.add.at(offs, model.member, weight[:, None] * model.choice)
     if model.robust:
         logit = theta[-2]
