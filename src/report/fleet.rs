@@ -163,7 +163,7 @@ fn numbers(population: &Value) -> String {
         String::new()
     };
     format!(
-        "<p>Each number of the vehicle file over all cars, in standard deviations of its declared tolerance: where its mean lies (point, 95 % interval) and how much cars differ (band, ± one spread). \
+        "<p>Each number of the vehicle file over all cars, in standard deviations of its declared tolerance, or of the default where the file declares none: where its mean lies (point, 95 % interval) and how much cars differ (band, ± one spread). \
          The tolerance assumed in each car's own fit is divided out.</p>{others}\n<div class=\"scroll\"><table class=\"plain numbers\"><thead><tr><th scope=\"col\">Number</th><th scope=\"col\" class=\"num\">Off by</th>\
          <th scope=\"col\">−{REACH} to {REACH} σ</th><th scope=\"col\" class=\"num\">Spread / tolerance</th><th scope=\"col\">Says</th></tr></thead><tbody>{body}</tbody></table></div>\n"
     )
@@ -197,9 +197,10 @@ fn one_number(n: &Value) -> String {
     if flag(n, "off") {
         says.push("<span class=\"pill warn\">off for all</span>".to_owned());
     }
+    let declared = if text(n, "kind") == Some("logger") { "default" } else { "tolerance" };
     match text(n, "tolerance") {
-        Some("too_wide") => says.push("<span class=\"pill\">tolerance too wide</span>".to_owned()),
-        Some("too_narrow") => says.push("<span class=\"pill warn\">tolerance too narrow</span>".to_owned()),
+        Some("too_wide") => says.push(format!("<span class=\"pill\">{declared} too wide</span>")),
+        Some("too_narrow") => says.push(format!("<span class=\"pill warn\">{declared} too narrow</span>")),
         _ => {}
     }
     for d in list(n, "drift").iter().filter(|d| flag(d, "significant")) {
