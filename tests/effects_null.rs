@@ -102,13 +102,29 @@ fn every_start_of_every_effect_changes_the_plant() {
     let nominal = nominal();
     for entry in effects::all() {
         assert!(!entry.effect.starts.is_empty(), "{} has no start", entry.id);
-        for start in entry.effect.starts {
+        for (n, start) in entry.effect.starts.iter().enumerate() {
             let mut p = effects::null();
             start.iter().for_each(|&(k, value)| p[k] = value);
             assert!(!entry.is_null(&p), "{}: a start is null", entry.id);
+            assert!(!entry.effect.starts[..n].contains(start), "{}: {start:?} is there twice", entry.id);
             assert!(run(&p, |_| None).0 != nominal, "{}: {start:?} changes nothing", entry.id);
         }
     }
+}
+
+/// A search that starts on one side of nothing alone does not see what lies on the other.
+#[test]
+fn a_start_below_zero_has_its_mirror_above() {
+    let mut mirrored = 0;
+    for entry in effects::all() {
+        let turns = |k: usize| entry.effect.amplitudes.contains(&k) && PARAMETERS[k].null == 0.0;
+        for start in entry.effect.starts.iter().filter(|start| start.iter().any(|&(k, value)| turns(k) && value < 0.0)) {
+            let mirror: Vec<(usize, f64)> = start.iter().map(|&(k, value)| (k, if turns(k) { -value } else { value })).collect();
+            assert!(entry.effect.starts.contains(&mirror.as_slice()), "{}: {start:?} has no mirror", entry.id);
+            mirrored += 1;
+        }
+    }
+    assert!(mirrored >= 8, "{mirrored}");
 }
 
 /// Laws that were learned: each curve changes the plant, and none of them leaves a trace once it is zero again.

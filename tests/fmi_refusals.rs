@@ -115,3 +115,54 @@ fn shafts_are_rigid_or_soft_enough_to_be_followed() {
     }
     fmi2FreeInstance(c);
 }
+
+/// Words from 1 to 5 are no numbers of a plant or a controller, but flags, counts and choices, of which none has a 7.
+#[test]
+fn a_state_with_a_choice_that_does_not_exist_is_refused() {
+    for (guid, settings) in [
+        (plant::GUID, &[(plant::vr::x_to, 6.0), (plant::vr::omega_f_start, 100.0)][..]),
+        (controller::GUID, &[(controller::vr::omega_f, 100.0), (controller::vr::T_e, 20.0)][..]),
+    ] {
+        let c = instance(guid);
+        settings.iter().for_each(|&(vr, value)| assert_eq!(set(c, vr, value), Status::Ok));
+        initialize(c);
+        assert_eq!(fmi2DoStep(c, 0.0, 0.3, 1), Status::Ok);
+        let payload = words::payload(guid, &serialized(c)).unwrap();
+        let choices: Vec<usize> = (0..payload.len()).filter(|k| (1..=5).contains(&payload[*k])).collect();
+        assert!(choices.first() == Some(&0) && (guid != controller::GUID || choices.len() > 4), "{choices:?}");
+        for k in choices {
+            for (word, status) in [(payload[k], Status::Ok), (7, Status::Error)] {
+                let mut changed = payload.clone();
+                changed[k] = word;
+                let bytes: Vec<u8> = words::bytes(guid, &changed).collect();
+                let mut state = ptr::null_mut();
+                assert_eq!(
+                    fmi2DeSerializeFMUstate(c, bytes.as_ptr().cast::<c_char>(), bytes.len(), &mut state),
+                    status,
+                    "word {k} is {word}"
+                );
+                assert_eq!(fmi2FreeFMUstate(c, &mut state), Status::Ok);
+            }
+        }
+        fmi2FreeInstance(c);
+    }
+}
+
+#[test]
+fn the_longest_step_is_a_thousand_seconds() {
+    let c = instance(controller::GUID);
+    initialize(c);
+    assert_eq!(fmi2DoStep(c, 0.0, 1000.1, 1), Status::Error);
+    assert_eq!(fmi2DoStep(c, 0.0, 1000.0, 1), Status::Ok);
+    fmi2FreeInstance(c);
+}
+
+#[test]
+fn a_guid_with_characters_between_interface_and_tail_is_none() {
+    use kisspoint::fmi2::guid::OF_INTERFACE;
+    let (interface, tail) = plant::GUID.split_at(OF_INTERFACE);
+    for between in ["0", "00", "-"] {
+        let guid = CString::new(format!("{interface}{between}{tail}")).unwrap();
+        assert!(fmi2Instantiate(c"x".as_ptr(), CO_SIMULATION, guid.as_ptr(), ptr::null(), &CallbackFunctions::NONE, 0, 0).is_null());
+    }
+}

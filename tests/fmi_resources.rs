@@ -1,8 +1,8 @@
 //! The GUID tells cars apart: an FMU starts as the car that its GUID names, or not at all.
 
 use kisspoint::effects;
-use kisspoint::fmi2::{controller, exports::*, plant, types::*};
-use kisspoint::fmu::{Model, description};
+use kisspoint::fmi2::model::{MODELS, Registered, put_vehicle};
+use kisspoint::fmi2::{controller, exports::*, guid, plant, types::*};
 use kisspoint::vehicle::Vehicle;
 use std::ffi::{CString, c_void};
 use std::path::{Path, PathBuf};
@@ -24,9 +24,26 @@ fn resources(folder: &Path, vehicle: &Vehicle) {
     fs::write(folder.join("vehicle.json"), vehicle.to_value().to_string()).unwrap();
 }
 
-fn guid(model: &Model, vehicle: &Vehicle) -> String {
-    let xml = description::complete(model, vehicle, &effects::null());
-    xml.lines().find_map(|line| description::attribute(line, "guid")).unwrap().to_owned()
+/// The GUID of an FMU with this car: that of its interface, and what tells its start values.
+fn guid(model: &Registered, vehicle: &Vehicle) -> String {
+    let mut values: Vec<f64> = model.description.variables.iter().map(|v| v.start).collect();
+    put_vehicle(model.description, vehicle, &effects::null(), &mut values);
+    let tail = guid::tail(values.into_iter());
+    format!("{}{}", &model.description.guid[..guid::OF_INTERFACE], std::str::from_utf8(&tail).unwrap())
+}
+
+#[cfg(feature = "cli")]
+#[test]
+fn a_model_description_bears_the_guid_of_its_start_values() {
+    use kisspoint::fmu::description;
+    let (_, other) = other_car("described");
+    for model in &kisspoint::fmu::MODELS {
+        for vehicle in [Vehicle::paper(), other] {
+            let xml = description::complete(model, &vehicle, &effects::null());
+            let written = xml.lines().find_map(|line| description::attribute(line, "guid")).unwrap();
+            assert!(MODELS.iter().any(|model| guid(model, &vehicle) == written), "{written}");
+        }
+    }
 }
 
 fn instantiate(guid: &str, location: Option<&[u8]>) -> *mut c_void {
@@ -58,7 +75,7 @@ fn an_fmu_starts_as_its_own_car_or_not_at_all() {
     let paper_folder = folder.with_file_name("paper");
     resources(&paper_folder, &Vehicle::paper());
     let paper_j_c = Vehicle::paper().driveline.J_c;
-    for model in &kisspoint::fmu::MODELS {
+    for model in &MODELS {
         let (of_paper, of_other) = (guid(model, &Vehicle::paper()), guid(model, &other));
         assert_eq!(inertia(&of_other, Some(&uri(&folder))), Some(OTHER_J_C));
         assert_eq!(inertia(&of_paper, Some(&uri(&paper_folder))), Some(paper_j_c));
@@ -77,7 +94,7 @@ fn an_fmu_starts_as_its_own_car_or_not_at_all() {
 #[test]
 fn a_vehicle_file_that_changes_between_instances_is_read_again() {
     let (folder, other) = other_car("changed");
-    let of_other = guid(&kisspoint::fmu::MODELS[0], &other);
+    let of_other = guid(&MODELS[0], &other);
     let location = uri(&folder);
     // What was read is kept as long as there are instances.
     let held = instantiate(&of_other, Some(&location));
@@ -103,7 +120,7 @@ fn a_folder_named_in_latin_1_is_found() {
     let (folder, other) = other_car("latin");
     let latin = folder.join(std::ffi::OsStr::from_bytes(b"m\xfcll"));
     resources(&latin, &other);
-    let (model, plain) = (&kisspoint::fmu::MODELS[1], uri(&folder));
+    let (model, plain) = (&MODELS[1], uri(&folder));
     let guid = guid(model, &other);
     assert_eq!(inertia(&guid, Some(&[&plain[..], b"/m\xfcll"].concat())), Some(OTHER_J_C));
     assert_eq!(inertia(&guid, Some(&[&plain[..], b"/m%FCll"].concat())), Some(OTHER_J_C));
@@ -124,7 +141,7 @@ fn measurements_take_any_value_and_commands_do_not() {
 
 #[test]
 fn every_bit_of_every_start_value_tells_in_the_guid() {
-    use kisspoint::fmi2::guid::tail;
+    use guid::tail;
     let starts = [0.189, 0.0, 25.0, -7.06e-6, 3.1];
     let mut tails = std::collections::HashSet::from([tail(starts.into_iter())]);
     for place in 0..starts.len() {

@@ -8,6 +8,7 @@ use kisspoint::control::Settings;
 use kisspoint::effects::{self, Parameters, param};
 use kisspoint::launch::cars::Car;
 use kisspoint::launch::drive::{self, Figures};
+#[cfg(feature = "cli")]
 use kisspoint::launch::monte_carlo;
 use kisspoint::plant::Phase;
 use kisspoint::vehicle::Vehicle;
@@ -48,6 +49,7 @@ fn shafts_do_not_shake() {
     }
 }
 
+#[cfg(feature = "cli")]
 #[test]
 fn map_errors_spread_the_time_little_and_learning_takes_most_of_that() {
     let spread = monte_carlo::learning(&Vehicle::paper(), Settings::robust().learning_rate);
@@ -146,6 +148,7 @@ fn the_driver_may_be_gentle_or_quick_and_the_car_creeps() {
     assert_eq!(run.last().1.phase, Phase::Locked);
 }
 
+#[cfg(feature = "cli")]
 #[test]
 fn drawn_cars_launch_well() {
     let ([governed, learned, figure_3, _], _) = monte_carlo::run(&Vehicle::paper(), 100, 20);

@@ -1,8 +1,9 @@
 //! Single equations against numbers worked out by hand, where no scenario of the plant singles them out.
 
-use kisspoint::effects::{self, PARAMETERS, REGISTRY, SIMULATED, SignalDelay, Subsystem, param};
+use kisspoint::effects::{self, PARAMETERS, REGISTRY, SIMULATED, SignalDelay, Subsystem, Tyre, param};
 use kisspoint::physics::cushion::{self, CushionSpring};
 use kisspoint::physics::friction::{self, Friction};
+use kisspoint::physics::lag::{self, Lag, LagState};
 use kisspoint::physics::{driveline, map, thermal};
 use kisspoint::plant::history::{CAPACITY, History, SIGNALS, Signal};
 use kisspoint::plant::{Inputs, Plant, Start};
@@ -37,6 +38,24 @@ fn a_spring_is_inverted_within_its_travel() {
     close("more than it has", cushion::inverse(&spring, 0.2, 6000.0), 1.0);
     close("below contact", cushion::force(&spring, 0.2, 0.2), 0.0);
     close("above contact", cushion::force(&spring, 0.2, 0.4), 320.0);
+}
+
+#[test]
+fn the_inverse_map_gives_the_slope_of_the_torque_where_it_sends_the_bearing() {
+    let v = Vehicle::paper();
+    let xi_0 = cushion::contact_point(&v.cushion_spring);
+    for (torque, omega, theta) in [(5.0, 40.0, 25.0), (60.0, 3.0, 140.0), (150.0, 90.0, 80.0)] {
+        let carried = |x: f64| {
+            let xi = map::normalised_position(map::contact(&v.actuator, theta), x);
+            map::torque_capacity(&v.friction, cushion::force(&v.cushion_spring, xi_0, xi), omega, theta)
+        };
+        let (x, slope) = map::inverse_with_slope(&v.friction, &v.actuator, &v.cushion_spring, xi_0, torque, omega, theta);
+        assert!((carried(x) - torque).abs() < 1e-9, "{} of {torque} N·m", carried(x));
+        let by_differences = (carried(x + 1e-4) - carried(x - 1e-4)) / 2e-4;
+        assert!((slope - by_differences).abs() < 1e-6 * slope, "{slope} against {by_differences} N·m/mm at {torque} N·m");
+    }
+    // F = 5000 ξ³.
+    close("slope of a cube", cushion::slope(&CushionSpring { beta_1: 0.0, beta_2: 0.0, beta_3: 5000.0 }, 0.4), 15_000.0 * 0.16);
 }
 
 #[test]
@@ -86,6 +105,18 @@ fn the_rolling_load_is_a_tanh_to_the_last_places() {
 }
 
 #[test]
+fn the_rate_of_a_lag_is_the_slope_of_its_output() {
+    let from = LagState { value: 0.2, rate: 3.0 };
+    for curvature in [0.0, 0.1, 0.25, 1.0] {
+        for slope in [0.0, 2.0] {
+            let at = |t: f64| lag::advance(&Lag { time_constant: 0.1, curvature, asymmetry: 0.0 }, from, 1.0, slope, t);
+            let by_differences = (at(0.05 + 1e-5).value - at(0.05 - 1e-5).value) / 2e-5;
+            assert!((at(0.05).rate - by_differences).abs() < 1e-6, "κ = {curvature}: {} against {by_differences}", at(0.05).rate);
+        }
+    }
+}
+
+#[test]
 fn balances_are_those_of_equation_7() {
     let d = Vehicle::paper().driveline;
     let hold = driveline::holding_torque(&d, 0.5, 100.0, 60.0, 12.0);
@@ -102,13 +133,28 @@ fn two_discs_and_a_body_exchange_what_they_lose() {
     close("engaged disc", disc[0], (t.gamma_1 * (60.0 - 150.0) + t.gamma_3 * 800.0) / t.C_1);
     close("open disc", disc[1], t.gamma_2 * (25.0 - 90.0) / t.C_1);
     close("body", body, (t.gamma_1 * 90.0 + t.gamma_2 * (25.0 - 60.0) + (1.0 - t.gamma_3) * 800.0) / t.C_b);
+    let losing = thermal::DualThermal { body_loss: 7.0, C_2: 2.0 * t.C_1, ..thermal::DualThermal::equal(&t) };
+    let (slower, cooler) = thermal::dual_rates(&losing, [150.0, 90.0], 60.0, 25.0, [true, false], [800.0, 0.0]);
+    close("a body that gives to the air by itself", cooler, body + 7.0 * (25.0 - 60.0) / t.C_b);
+    close("a second disc of twice the capacity", slower[1], 0.5 * disc[1]);
     let closed = thermal::Thermal { gamma_2: 0.0, gamma_3: 0.3, ..t };
     let (disc, body) = thermal::dual_rates(&thermal::DualThermal::equal(&closed), [150.0, 90.0], 60.0, 25.0, [true, true], [800.0, 300.0]);
     close("all heat is kept", t.C_1 * (disc[0] + disc[1]) + t.C_b * body, 1100.0);
 }
 
 #[test]
+fn a_tyre_gives_way_the_more_the_nearer_its_grip() {
+    let tyre = Tyre { softness: 2e-3, relaxation: 15.0, grip: 100.0 };
+    for (torque, deflection) in
+        [(0.0, 0.0), (20.0, 0.04 / 0.8), (50.0, 0.1 / 0.5), (-50.0, -0.1 / 0.5), (99.0, 0.198 / 0.01), (200.0, 0.4 / 0.01)]
+    {
+        close("deflection", tyre.deflection(torque), deflection);
+    }
+}
+
+#[test]
 fn a_signal_without_dead_time_and_filter_is_not_late() {
+    close("mean age", SignalDelay { dead_time: 0.02, smoothing: 0.01 }.mean(), 0.03);
     assert!(SignalDelay::default().is_none() && !SignalDelay { dead_time: 0.01, smoothing: 0.0 }.is_none());
     assert!(!SignalDelay { dead_time: 0.0, smoothing: 0.01 }.is_none());
 }

@@ -92,6 +92,24 @@ fn lags_too_short_for_any_step_are_none() {
     }
 }
 
+/// Lags of 1 ms, which 30 N·m and 1 mm have to within 10⁻⁹ after ln(3·10¹⁰) and ln(10⁹) of their time: 24.1 and 20.7 ms.
+#[test]
+fn a_lag_is_followed_in_pieces_until_it_has_arrived() {
+    for (lag, from, to) in [(param::engine_torque_lag::time_constant, 20, 26), (param::actuator_lag::time_constant, 18, 22)] {
+        let bench = Bench::held(100.0, 50.0, 25.0, 0.0);
+        let moved = Inputs { t_e_ref: 30.0, x_to: 1.0, ..bench.rest };
+        let mut plant = Plant::new(&bench.vehicle, &with(&[(lag, 1e-3)]), &bench.start, &bench.rest);
+        for k in 1..=30 {
+            plant.step(&moved, 1e-3);
+            assert!(
+                if k <= from { plant.iterations() > 5 } else { k < to || plant.iterations() == 1 },
+                "{} in step {k}",
+                plant.iterations()
+            );
+        }
+    }
+}
+
 #[test]
 fn the_approach_of_a_limited_bearing_is_exact_in_long_substeps() {
     let limited = with(&[(param::actuator_rate_limit::inverse_speed, 0.1), (param::actuator_rate_limit::approach, 0.4)]);
@@ -190,6 +208,27 @@ fn tyres_that_are_switched_on_carry_what_there_is() {
     }
 }
 
+/// Between shafts with lash and tyres nothing is carried until the lash is used up: the car that is pushed runs ahead of its disc alone.
+#[test]
+fn lash_before_a_tyre_carries_nothing() {
+    use param::{driveline_compliance as shafts, tyre_slip as tyre};
+    let (mut bench, _) = elastic(100.0, 100.0, 0.0);
+    bench.rest.t_load = -20.0;
+    let lash = [
+        (shafts::compliance, 2e-3),
+        (shafts::disc_share, 0.2),
+        (shafts::damping, 0.0),
+        (shafts::soft_angle, 0.02),
+        (shafts::soft_share, 0.0),
+    ];
+    for set in [&lash[..], &[&lash[..], &[(tyre::slip_per_torque, 3e-4), (tyre::relaxation, 15.0), (tyre::grip, 300.0)]].concat()] {
+        let y = bench.run(&with(set), 0.02).state().y;
+        assert_eq!(y[index::OMEGA_C], 100.0);
+        close("car", y[index::OMEGA_V], 100.0 + 20.0 / 0.4 * 0.02, 1e-9);
+        close("twist", y[index::TWIST], -0.5 * 20.0 / 0.4 * 4e-4, 1e-9);
+    }
+}
+
 #[test]
 fn corrections_move_both_sides_apart_or_together() {
     let mut bench = Bench::held(100.0, 50.0, 25.0, 5.0);
@@ -208,6 +247,48 @@ fn corrections_move_both_sides_apart_or_together() {
     for speed in [stuck.outputs().omega_f, stuck.outputs().omega_c, stuck.state().y[index::OMEGA_V]] {
         close("common speed", speed, 101.75, 1e-12);
     }
+}
+
+/// A disc and a car of together 0.5 kg·m² behind shafts without damping; the flywheel has 0.2 kg·m².
+fn elastic(omega_f: f64, omega_c: f64, x_to: f64) -> (Bench, effects::Parameters) {
+    use param::driveline_compliance::{compliance, damping, disc_share};
+    let mut bench = Bench::held(omega_f, omega_c, 25.0, x_to);
+    (bench.vehicle.driveline.J_f, bench.vehicle.driveline.J_c) = (0.2, 0.5);
+    (bench, with(&[(compliance, 2e-3), (disc_share, 0.2), (damping, 0.0)]))
+}
+
+/// Shafts that are told of a torque on the car are twisted as they are once the whole car accelerates by it: nothing is left to swing.
+#[test]
+fn shafts_that_are_told_of_a_torque_on_the_car_do_not_swing() {
+    for (x_to, together) in [(0.0, 0.5), (8.0, 0.7)] {
+        let (bench, effects) = elastic(100.0, 100.0, x_to);
+        let mut plant = Plant::new(&bench.vehicle, &effects, &bench.start, &bench.rest);
+        plant.correct_shafts(30.0);
+        let pushed = Inputs { t_load: -30.0, ..bench.rest };
+        for k in 1..=50 {
+            plant.step(&pushed, 1e-3);
+            let expected = 100.0 + 30.0 / together * 1e-3 * f64::from(k);
+            close("disc", plant.state().y[index::OMEGA_C], expected, 1e-6);
+            close("car", plant.state().y[index::OMEGA_V], expected, 1e-6);
+        }
+        // Rigid shafts have no twist to be corrected.
+        let mut rigid = bench.run(&effects::null(), 0.0);
+        rigid.correct_shafts(30.0);
+        assert_eq!(rigid.state().y[index::TWIST], 0.0);
+    }
+}
+
+#[test]
+fn a_car_that_is_held_stands_and_its_shafts_carry_what_the_clutch_does() {
+    let (bench, effects) = elastic(100.0, 4.0, 5.0);
+    let mut plant = Plant::new(&bench.vehicle, &effects, &bench.start, &bench.rest);
+    plant.hold_car();
+    assert_eq!(plant.state().y[index::OMEGA_V], 0.0);
+    close("twist", plant.state().y[index::TWIST], 2e-3 * torque(5.0, MU), 1e-12);
+    // A rigid car turns with its disc: there is nothing to hold it by.
+    let mut rigid = bench.run(&effects::null(), 0.0);
+    rigid.hold_car();
+    assert_eq!((rigid.state().y[index::OMEGA_V], rigid.state().y[index::TWIST]), (4.0, 0.0));
 }
 
 /// An observer that sees a late speed finds how far it was off then, and that it has been getting worse: a sensor with a filter shows the error of then at once, and grows by

@@ -35,29 +35,31 @@ fn brakes_hold_a_car_on_a_grade_bit_for_bit_up_to_their_torque() {
     }
 }
 
-/// J_c ω̇ = −T_B − b_c ω − T_L(ω): the time to the stand by quadrature.
+/// J_c ω̇ = −T_B − b_c ω − T_L(ω): the time to the stand by quadrature, forwards and backwards.
 #[test]
 fn brakes_stop_a_rolling_car_and_keep_it() {
     let (brake, from) = (80.0, 20.0);
-    let (mut plant, inputs) = plant(100.0, from, OPEN, |_| ());
-    plant.set_brake(brake);
-    let d = Vehicle::paper().driveline;
-    let slowing = |w: f64| (brake + kisspoint::physics::driveline::resistance(&d, w, 0.0)) / d.J_c;
-    let n = 20_000;
-    let expected: f64 = (0..n).map(|k| from / f64::from(n) / slowing(from * (f64::from(k) + 0.5) / f64::from(n))).sum();
-    let mut time = None;
-    for k in 0..10_000 {
-        plant.step(&inputs, 1e-4);
-        if plant.state().y[index::OMEGA_C] == 0.0 {
-            time = time.or(Some(f64::from(k + 1) * 1e-4));
-        } else {
-            assert!(time.is_none(), "moves again");
+    for direction in [1.0, -1.0] {
+        let (mut plant, inputs) = plant(100.0, direction * from, OPEN, |_| ());
+        plant.set_brake(brake);
+        let d = Vehicle::paper().driveline;
+        let slowing = |w: f64| (brake + kisspoint::physics::driveline::resistance(&d, w, 0.0)) / d.J_c;
+        let n = 20_000;
+        let expected: f64 = (0..n).map(|k| from / f64::from(n) / slowing(from * (f64::from(k) + 0.5) / f64::from(n))).sum();
+        let mut time = None;
+        for k in 0..10_000 {
+            plant.step(&inputs, 1e-4);
+            if plant.state().y[index::OMEGA_C] == 0.0 {
+                time = time.or(Some(f64::from(k + 1) * 1e-4));
+            } else {
+                assert!(time.is_none(), "moves again");
+            }
         }
+        let time = time.expect("stops");
+        assert!((time - expected).abs() < 1.5e-4, "{time} against {expected}");
+        let e = plant.energy();
+        assert!((e.work_in - e.dissipated - e.losses - (e.stored - 0.5 * (d.J_f * 1e4 + d.J_c * from * from))).abs() < 1e-6, "{e:?}");
     }
-    let time = time.expect("stops");
-    assert!((time - expected).abs() < 1.5e-4, "{time} against {expected}");
-    let e = plant.energy();
-    assert!((e.work_in - e.dissipated - e.losses - (e.stored - 0.5 * (d.J_f * 1e4 + d.J_c * from * from))).abs() < 1e-6, "{e:?}");
 }
 
 /// A locked car that a grade pulls back stalls its engine, which then stands in the clutch and does not run backwards.

@@ -98,3 +98,92 @@ impl Controller {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::filter::Lags;
+    use super::super::landing::Landing;
+    use super::super::settings::Settings;
+    use super::*;
+    use crate::vehicle::Vehicle;
+
+    /// ẋ_fb = p (expected − observed)/K, with the bandwidth of 2 over the time since the clutch was open and what has been delivered of it.
+    #[test]
+    fn the_feedback_follows_what_is_lacking_and_rests_in_a_landing_that_has_enough() {
+        let (asked, h, before) = (50.0, 1e-2, 0.1);
+        for (landing, bitten_for, observed, moves) in [
+            (false, 0.5, 25.0, true),
+            (true, 0.5, 25.0, true),
+            (true, 0.5, 29.0, true),
+            (true, 0.5, 31.0, false),
+            (false, 0.5, 31.0, true),
+            (false, 0.0, 25.0, false),
+        ] {
+            let mut c = Controller::new(&Vehicle::paper(), &Settings::robust());
+            let lacking = asked - observed;
+            let g = &mut c.state.governed;
+            (g.expected, g.lacking, g.engaged_for, g.bitten_for, g.floor) = (Lags::at(asked), Lags::at(lacking), 1.0, bitten_for, 20.0);
+            g.landing = if landing { Landing { slip: 50.0, torque: 60.0 } } else { Landing::default() };
+            (c.state.estimate.t_fc, c.state.feedback.integral) = (observed, before);
+            c.place(asked, 1.0, 30.0, c.settings.x_open, h);
+            let (delivered, slope) = ((2.0 - lacking / 22.5).clamp(0.1, 1.0), c.state.governed.slope);
+            assert!(slope > 15.0 && c.settings.torque_bandwidth < 2.0);
+            let rate = (2.0 * delivered * lacking / slope).min(1.0);
+            let expected = before + if moves { rate * h } else { 0.0 };
+            let found = c.state.outputs.x_to_fb;
+            assert!((found - expected).abs() < 1e-12, "{observed} N·m in a landing ({landing}): {found} against {expected} mm");
+        }
+    }
+
+    /// What the clutch carries beyond the map as the landing begins goes into the feedback, where the map takes it from: x(T − d) − x(T).
+    #[test]
+    fn the_torque_that_a_landing_takes_over_moves_to_the_feedback() {
+        let mut c = Controller::new(&Vehicle::paper(), &Settings::robust());
+        let g = &mut c.state.governed;
+        (g.expected, g.engaged_for, g.landing, g.takes_over) = (Lags::at(60.0), 1.0, Landing { slip: 50.0, torque: 60.0 }, 6.0);
+        c.state.estimate.t_fc = 60.0;
+        let v = Vehicle::paper();
+        let x = |t: f64| map::inverse(&v.friction, &v.actuator, &v.cushion_spring, t, 30.0, c.state.temperatures.theta_c);
+        let expected = x(54.0) - x(60.0);
+        c.place(60.0, 1.0, 30.0, c.settings.x_open, 1e-2);
+        assert!((c.state.outputs.x_to_fb - expected).abs() < 1e-9, "{} against {expected} mm", c.state.outputs.x_to_fb);
+        assert_eq!(c.state.governed.takes_over, 0.0, "once");
+    }
+
+    /// Locked, the torque rises at `closing_rate`, which itself begins softly; after a quarter of a second the position goes at 20 mm/s at least.
+    #[test]
+    fn a_locked_clutch_closes_softly() {
+        let h = 1e-2;
+        for (closing_for, slope, rise) in
+            [(0.04, 30.0, 300.0 * 0.2 * h / 30.0), (0.14, 5.0, 300.0 * 0.6 * h / 15.0), (0.3, 30.0, 20.0 * h), (0.3, 15.0, 20.0 * h)]
+        {
+            let s = Settings { closing_rate: 300.0, ..Settings::robust() };
+            let mut c = Controller::new(&Vehicle::paper(), &s);
+            c.state.mode = Mode::Closing;
+            c.state.plan.duration = 1.0;
+            c.state.outputs.x_to = 6.0;
+            let g = &mut c.state.governed;
+            (g.closing_for, g.slope, g.rate) = (closing_for, slope, 1e6);
+            c.close_softly(&c.state.guard.good.clone(), h);
+            assert!((c.state.outputs.x_to - 6.0 - rise).abs() < 1e-12, "{} mm, {rise} expected", c.state.outputs.x_to - 6.0);
+            assert_eq!(c.state.mode, Mode::Closing);
+            c.state.outputs.x_to = s.x_max;
+            c.close_softly(&c.state.guard.good.clone(), h);
+            assert_eq!(c.state.mode, Mode::Closed, "at its maximum it is closed");
+        }
+    }
+
+    /// A touch point that moves by −0.01 mm/K: of 0.2 mm that a launch shows nine tenths are a temperature, −18 K.
+    #[test]
+    fn a_launch_corrects_the_temperature_along_the_touch_point_s_slope() {
+        let mut vehicle = Vehicle::paper();
+        let a = &mut vehicle.actuator;
+        (a.x_cnt_1, a.x_cls_1, a.x_cnt_2, a.x_cls_2) = (-0.01, -0.01, 0.0, 0.0);
+        let mut c = Controller::new(&vehicle, &Settings { learning_rate: 1.0, ..Settings::robust() });
+        c.state.temperatures.theta_c = 80.0;
+        // The sums outweigh what was known.
+        c.state.learning.sums = [1e12, 0.0, 0.0, -0.2e12, 0.0];
+        c.conclude_learning();
+        assert!((c.state.temperatures.theta_c - 62.0).abs() < 1e-6, "{} °C", c.state.temperatures.theta_c);
+    }
+}

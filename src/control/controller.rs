@@ -435,3 +435,68 @@ fn start(s: &Settings) -> State {
 pub(super) fn engine_limits(s: &Settings) -> Limits {
     Limits { low: s.engine_torque_min, high: s.engine_torque_max }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn speeds_may_stand_still_until_the_facings_touch() {
+        let s = Settings { freeze_time: 0.05, rate_close: 20.0, ..Settings::robust() };
+        let mut c = Controller::new(&Vehicle::paper(), &s);
+        let told = Inputs { omega_f: 100.0, engage: true, ..c.state.guard.good };
+        // More than 4 mm to the contact.
+        (0..200).for_each(|_| c.step(&told, 1e-3));
+        assert_eq!((c.state.mode, c.outputs().phase, c.outputs().fault), (Mode::Engaging, Phase::Open, Fault::None));
+        (0..200).for_each(|_| c.step(&told, 1e-3));
+        assert_eq!(c.outputs().fault, Fault::Frozen);
+    }
+
+    /// A locked driveline is held by twice the gains, and its inertia on top lessens the integral one's; the paper's law has the gains as they are.
+    #[test]
+    fn a_locked_driveline_is_held_by_gains_for_its_inertia() {
+        let (d, h) = (Vehicle::paper().driveline, 1e-3);
+        for (s, times) in [(Settings::robust(), 2.0), (Settings::figure_3(), 1.0)] {
+            let mut c = Controller::new(&Vehicle::paper(), &s);
+            c.state.plan = reference::plan(&s, 100.0, 20.0);
+            c.state.elapsed = 2.0 * c.state.plan.duration;
+            (c.state.guard.believed, c.state.engine.integral, c.state.estimate.t_fc) = (true, 10.0, 33.0);
+            // 3 rad/s below the end of the plan, by either sensor.
+            let omega = c.state.plan.end - 3.0;
+            c.state.governed.settle(omega, 0.0);
+            c.hold_speed(&Inputs { omega_f: omega, omega_c: omega, ..c.state.guard.good }, h);
+            let expected = 10.0 + times * (s.kp_engine + s.ki_engine * d.J_f / (d.J_f + d.J_c) * h) * 3.0;
+            assert!((c.outputs().t_e_ref - expected).abs() < 1e-9, "{} against {expected} N·m", c.outputs().t_e_ref);
+            assert_eq!((c.outputs().t_c_ref, c.outputs().x_to_fb), (33.0, 0.0));
+        }
+    }
+
+    #[test]
+    fn a_clutch_at_its_contact_is_open_and_slips_beyond() {
+        let mut c = Controller::new(&Vehicle::paper(), &Settings::robust());
+        let contact = c.contact();
+        for (x, phase) in [(contact, Phase::Open), (contact.next_up(), Phase::Slipping)] {
+            c.state.outputs.x_to = x;
+            c.report(5.0);
+            assert_eq!(c.state.outputs.phase, phase);
+        }
+    }
+
+    /// An engine whose speed signal has dropped, or is not believed, gets the torque of idling and no more.
+    #[test]
+    fn an_engine_that_seems_to_stand_is_not_raced() {
+        let idling = Vehicle::paper().driveline.b_f * Settings::robust().idle_speed;
+        let asked = |share: f64, believed: bool| {
+            let mut c = Controller::new(&Vehicle::paper(), &Settings::robust());
+            c.state.guard.believed = believed;
+            let omega_f = share * c.settings.stall_speed;
+            c.open(&Inputs { omega_f, ..c.state.guard.good }, 1e-3);
+            c.state.outputs.t_e_ref
+        };
+        assert_eq!([asked(0.49, true), asked(0.0, true), asked(1.5, false)], [idling; 3]);
+        let s = Settings::robust();
+        let error = s.idle_speed - 0.51 * s.stall_speed;
+        let expected = (s.kp_engine + s.ki_engine * 1e-3) * error;
+        assert!((asked(0.51, true) - expected.min(s.engine_torque_max)).abs() < 1e-9, "{} against {expected} N·m", asked(0.51, true));
+    }
+}

@@ -41,3 +41,24 @@ pub(super) fn clutch_limits(s: &Settings, omega_f: f64, slip: f64) -> (f64, Limi
     let fade = ((omega_f - s.stall_speed) / s.stall_margin).clamp(0.0, 1.0);
     (1.0, Limits { low: 0.0, high: fade * s.torque_max })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn torque_is_allowed_against_the_slip_and_less_as_the_engine_slows() {
+        let s = Settings { torque_max: 200.0, stall_speed: 50.0, stall_margin: 20.0, ..Settings::robust() };
+        for (omega_f, slip, direction, low, high) in [
+            (100.0, 5.0, 1.0, 0.0, 200.0),
+            (100.0, 0.0, 1.0, 0.0, 200.0),
+            (60.0, 5.0, 1.0, 0.0, 100.0),
+            (55.0, 5.0, 1.0, 0.0, 50.0),
+            (40.0, 5.0, 1.0, 0.0, 0.0),
+            (100.0, -5.0, -1.0, -200.0, 0.0),
+            (40.0, -5.0, -1.0, -200.0, 0.0),
+        ] {
+            assert_eq!(clutch_limits(&s, omega_f, slip), (direction, Limits { low, high }), "{omega_f} rad/s, slip of {slip} rad/s");
+        }
+    }
+}

@@ -46,3 +46,20 @@ impl<const N: usize> Lags<N> {
         self.0[N - 1]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_lag_goes_its_share_of_the_way_to_the_one_before_it() {
+        assert_eq!((share(0.03, 0.01), share(0.0, 0.01)), (0.25, 1.0));
+        let mut lags = Lags::<2>::at(1.0);
+        assert_eq!(lags.out(), 1.0);
+        // From 1 half of the way to 5, then a quarter of the way to that.
+        assert_eq!((lags.advance(5.0, [0.5, 0.25]), lags.out()), (1.5, 1.5));
+        assert_eq!(lags.0, [3.0, 1.5]);
+        lags.shift(-2.0);
+        assert_eq!((lags.0, Lags::<3>::default().out()), ([1.0, -0.5], 0.0));
+    }
+}

@@ -313,3 +313,187 @@ fn begin_landing(state: &mut State, slip_there: f64) -> f64 {
     state.outputs.t_c_ref += departs;
     departs.max(0.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::guard::{Guard, Wish};
+    use super::super::reference;
+    use super::*;
+    use crate::vehicle::Vehicle;
+
+    const H: f64 = 1e-2;
+
+    /// A controller that engages at 60 rad/s of the disc, whose car has 7 N·m of load beyond the file's.
+    fn engaging() -> Controller {
+        let mut c = Controller::new(&Vehicle::paper(), &Settings::robust());
+        c.state.mode = Mode::Engaging;
+        c.state.plan = reference::plan(&c.settings, 110.0, 20.0);
+        let g = &mut c.state.governed;
+        (g.speed, g.wanted, g.from) = (Lags::at(60.0), Lags::at(60.0), 1.0);
+        (g.load.omega, g.load.torque, g.hold_back, g.rate) = (60.0, 7.0, OUT_OF_THE_WAY, OUT_OF_THE_WAY);
+        c
+    }
+
+    /// Resistance of that car in N·m.
+    fn resistance() -> f64 {
+        let d = Vehicle::paper().driveline;
+        d.b_c * 60.0 + d.T_L0 * (60.0 / d.omega_L).tanh() + d.k_L * 3600.0 + 7.0
+    }
+
+    fn told(omega_f: f64, omega_c: f64) -> Inputs {
+        Inputs { omega_f, omega_c, wish: Wish::default(), ..Guard::new(25.0).good }
+    }
+
+    /// T = T_l + (T_h − T_l) u (2 − u) at the slip that will be there once actuator and filter have moved.
+    #[test]
+    fn a_landing_asks_for_the_torque_of_the_slip_to_come() {
+        for last in [55.0, 70.0] {
+            let mut c = engaging();
+            c.state.elapsed = 2.0 * c.state.plan.duration;
+            let (s, j) = (c.settings, c.vehicle.driveline.J_c);
+            let closes = (last - resistance()) / j;
+            let there = 25.0 - (s.actuator_time + 1.2 * s.filter_time) * closes;
+            let needed = resistance() + 3.0 * j * c.state.plan.slope;
+            let u = there / 50.0;
+            assert!(there > 5.0 && needed < last);
+            // One N·m less than before, which its rate allows.
+            let wanted = last - 1.0;
+            let g = &mut c.state.governed;
+            g.landing = Landing { slip: 50.0, torque: needed + (wanted - needed) / (u * (2.0 - u)) };
+            (g.slip, g.bitten_for, g.engaged_for, g.expected) = (Lags::at(25.0), 0.5, 0.8, Lags::at(last));
+            (c.state.outputs.t_c_ref, c.state.estimate.t_fc) = (last, last);
+            c.engage_governed(&told(120.0, 95.0), H);
+            assert!((c.state.outputs.t_c_ref - wanted).abs() < 1e-9, "{} against {wanted} N·m", c.state.outputs.t_c_ref);
+            assert!((c.state.governed.floor - resistance() - 0.13 * 3.0 * j * c.state.plan.slope).abs() < 1e-9);
+        }
+    }
+
+    /// From half of the slip on, with facings that have been felt and a torque that has not been taken back; what the clutch carries beyond what was asked of it is taken over.
+    #[test]
+    fn a_landing_begins_at_half_of_the_slip_with_the_torque_that_is_there() {
+        for (bitten_for, last, expected, slip_there, begins) in [
+            (0.11, 50.0, 60.0, 44.9, true),
+            (0.11, 50.0, 60.0, 45.0, false),
+            (0.10, 50.0, 60.0, 44.9, false),
+            (0.11, 42.1, 60.0, 44.9, true),
+            (0.11, 42.0, 60.0, 44.9, false),
+        ] {
+            let mut c = engaging();
+            (c.state.plan.end, c.state.plan.omega_c_start) = (110.0, 20.0);
+            let g = &mut c.state.governed;
+            (g.bitten_for, g.expected, g.carried, g.hold_back) = (bitten_for, Lags::at(expected), Lags::at(1.0), 80.0);
+            (c.state.outputs.t_c_ref, c.state.estimate.t_fc) = (last, 66.0);
+            let more = begin_landing(&mut c.state, slip_there);
+            let (g, asked) = (&c.state.governed, c.state.outputs.t_c_ref);
+            let found = (more, g.landing, g.expected.out(), g.carried.out(), g.hold_back, g.takes_over, asked);
+            let none = (0.0, Landing::default(), expected, 1.0, 80.0, 0.0, last);
+            let begun = (6.0, Landing { slip: slip_there, torque: last + 6.0 }, 66.0, 7.0, 86.0, 6.0, last + 6.0);
+            assert_eq!(found, if begins { begun } else { none }, "{bitten_for} s, {last} of {expected} N·m, {slip_there} rad/s");
+        }
+    }
+
+    /// The bite tells the bearing's speed; one that was slow is sent back to where it is.
+    #[test]
+    fn a_late_bite_sends_the_command_back_to_the_bearing() {
+        for (engaged_for, late) in [(0.5, false), (2.0, true)] {
+            let mut c = engaging();
+            c.state.elapsed = 0.5 * c.state.plan.duration;
+            let g = &mut c.state.governed;
+            (g.slip, g.expected, g.engaged_for) = (Lags::at(60.0), Lags::at(9.0), engaged_for);
+            (c.state.outputs.t_c_ref, c.state.estimate.t_fc) = (40.0, 9.0);
+            let lags = c.settings.actuator_time + c.observer.lag();
+            let speed = (c.contact() - c.settings.x_open) / (engaged_for - lags);
+            c.engage_governed(&told(120.0, 60.0), H);
+            let (g, asked) = (&c.state.governed, c.state.outputs.t_c_ref);
+            assert!(g.bitten_for == H && (g.rate - 0.7 * speed).abs() < 1e-9, "{} against 0.7 · {speed} mm/s", g.rate);
+            // 8 N·m have bitten, and what lies within the lags at 15 N·m/mm is still to come.
+            assert!(if late { (asked - 8.0 - 15.0 * speed * lags).abs() < 1e-9 } else { asked >= 40.0 }, "{asked} N·m");
+        }
+    }
+
+    /// An engine that is late imitates a bite: one that is not felt any more is forgotten four times as fast as it was felt.
+    #[test]
+    fn a_bite_that_is_not_felt_any_more_is_taken_back() {
+        let out = OUT_OF_THE_WAY;
+        for (before, felt, expected, after, rate) in [
+            (0.2, 1.9, 40.0, 0.16, 3.0),
+            (0.03, 1.9, 40.0, 0.0, out),
+            (0.2, 2.1, 40.0, 0.21, 3.0),
+            (0.2, 1.9, 15.0, 0.21, 3.0),
+            (0.0, 7.9, 40.0, 0.0, out),
+        ] {
+            let mut c = engaging();
+            let g = &mut c.state.governed;
+            (g.bitten_for, g.expected, g.engaged_for, g.slip) = (before, Lags::at(expected), 0.8, Lags::at(60.0));
+            g.rate = if before > 0.0 { 3.0 } else { out };
+            (c.state.outputs.t_c_ref, c.state.estimate.t_fc) = (expected, felt);
+            c.engage_governed(&told(120.0, 60.0), H);
+            let g = &c.state.governed;
+            assert!((g.bitten_for - after).abs() < 1e-12 && g.rate == rate, "{felt} N·m felt: {} s at {} mm/s", g.bitten_for, g.rate);
+        }
+    }
+
+    /// 5 N·m more than the model's are a load of 5 N·m, of which a sample takes (p h/(1 + p h))²; p is 3 over the time, between 20 1/s and the set's.
+    #[test]
+    fn the_load_observer_is_quick_at_first() {
+        let set = Settings::robust().load_bandwidth;
+        for (mode, free_for, p) in [
+            (Mode::Open, 9.0, 20.0),
+            (Mode::Closed, 0.05, 20.0),
+            (Mode::Closing, 0.29, 10.0),
+            (Mode::Closed, 0.49, 6.0),
+            (Mode::Closed, 1e3, set),
+        ] {
+            let mut c = engaging();
+            c.state.mode = mode;
+            let carried = if mode == Mode::Open { 0.0 } else { resistance() + 5.0 };
+            let g = &mut c.state.governed;
+            (g.carried, g.free_for) = (Lags::at(carried), free_for);
+            // An open clutch carries nothing: a load that is so much less explains it.
+            g.load.torque = if mode == Mode::Open { 7.0 - resistance() - 5.0 } else { 7.0 };
+            let before = g.load.torque;
+            c.state.estimate.t_fc = carried;
+            c.observe_load(&told(100.0, 60.0), 40.0, H);
+            let expected = before + 5.0 * (p * H / (1.0 + p * H)).powi(2);
+            let found = c.state.governed.load.torque;
+            assert!((found - expected).abs() < 1e-9, "{mode:?} after {free_for} s: {found} against {expected} N·m");
+        }
+    }
+
+    /// 30 N·m are expected: within 10 N·m and a quarter of them all is well, at twice as much nothing has come.
+    #[test]
+    fn a_torque_is_delivered_while_it_is_near_the_one_expected() {
+        let g = Governed { expected: Lags::at(30.0), ..Governed::default() };
+        for (off, delivered) in [(0.0, 1.0), (17.5, 1.0), (26.25, 0.5), (35.0, 0.0), (60.0, 0.0)] {
+            assert_eq!((g.delivery(30.0 - off), g.delivery(30.0 + off)), (delivered, delivered), "{off} N·m apart");
+        }
+    }
+
+    #[test]
+    fn a_clutch_has_locked_when_its_slip_is_gone_for_a_while_or_small_long_after_the_plan() {
+        let s = Settings { slip_lock: 2.0, lock_time: 0.1, landing_time: 0.5, ..Settings::robust() };
+        let locked = |near_for: f64, landing_for: f64, slip: f64| {
+            Governed { near_for, landing_for, slip: Lags::at(slip), ..Governed::default() }.has_locked(&s, -100.0)
+        };
+        assert!(!locked(0.0, 0.0, 0.0) && !locked(0.1, 0.0, 0.0) && locked(0.11, 0.0, 50.0));
+        // 2 rad/s, and 6 % of 100 rad/s for a sensor that is off.
+        assert!(locked(0.0, 0.51, 8.0) && locked(0.0, 0.51, -8.0) && !locked(0.0, 0.51, 8.1) && !locked(0.0, 0.5, 0.0));
+        let mut g = Governed { slip: Lags::at(-30.0), from: 1.0, ..Governed::default() };
+        g.watch_slip(&s, 0.01);
+        assert_eq!(g.near_for, 0.01, "slip that went through zero is gone");
+        g.slip = Lags::at(2.0);
+        g.watch_slip(&s, 0.01);
+        assert_eq!(g.near_for, 0.02);
+        g.slip = Lags::at(2.1);
+        g.watch_slip(&s, 0.01);
+        assert_eq!(g.near_for, 0.0);
+        g.from = -1.0;
+        g.watch_slip(&s, 0.01);
+        assert_eq!(g.near_for, 0.01);
+    }
+
+    #[test]
+    fn the_speed_of_both_is_their_mean() {
+        assert_eq!(Governed { speed: Lags::at(50.0), slip: Lags::at(4.0), ..Governed::default() }.speed_of_both(), 52.0);
+    }
+}

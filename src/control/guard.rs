@@ -166,3 +166,35 @@ impl Guard {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Takes the same speeds, or such that move, for `seconds`.
+    fn told(guard: &mut Guard, s: &Settings, slipping: bool, moving: bool, seconds: f64) {
+        for k in 0..(seconds / 1e-3).round() as u32 {
+            let omega_f = 100.0 + if moving { 0.01 * f64::from(k % 7 + 1) } else { 0.0 };
+            guard.take(s, &Inputs { omega_f, omega_c: 20.0, t_e: 5.0, ..Guard::new(25.0).good }, slipping, 1e-3);
+        }
+    }
+
+    #[test]
+    fn speeds_that_stand_still_are_frozen_where_they_should_move() {
+        let s = Settings { freeze_time: 0.2, fault_recover: 0.5, ..Settings::robust() };
+        let mut guard = Guard::new(25.0);
+        told(&mut guard, &s, false, false, 3.0);
+        assert!(guard.fault == Fault::None && guard.trusted(&s), "without slip a car may stand still");
+        told(&mut guard, &s, true, false, 0.19);
+        assert_eq!(guard.fault, Fault::None);
+        told(&mut guard, &s, true, false, 0.02);
+        assert!(guard.fault == Fault::Frozen && !guard.believed && !guard.trusted(&s));
+        // Open again, they still do not move.
+        told(&mut guard, &s, false, false, 1.0);
+        assert!(guard.fault == Fault::Frozen && !guard.believed);
+        told(&mut guard, &s, false, true, 0.49);
+        assert_eq!(guard.fault, Fault::Frozen, "they have moved for a moment alone");
+        told(&mut guard, &s, false, true, 0.02);
+        assert!(guard.fault == Fault::None && guard.trusted(&s));
+    }
+}

@@ -36,3 +36,52 @@ impl Controller {
         state.outputs.t_brake = if g.held { BRAKES * grade } else { 0.0 };
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::filter::Lags;
+    use super::super::guard::{Guard, Wish};
+    use super::super::settings::Settings;
+    use super::*;
+    use crate::vehicle::Vehicle;
+
+    #[test]
+    fn brakes_hold_a_standing_car_until_the_clutch_carries_its_grade() {
+        use Mode::{Closed, Closing, Engaging, Open};
+        let grade = 40.0;
+        // Mode, speed, held before, observed clutch torque, grade: held.
+        for (k, (mode, speed, before, carried, grade, held)) in [
+            (Open, 0.0, false, 0.0, grade, true),
+            (Open, 3.0, false, 0.0, grade, true),
+            (Open, -3.0, false, 0.0, grade, true),
+            (Open, 3.01, true, 0.0, grade, false),
+            (Open, -3.01, true, 0.0, grade, false),
+            (Open, 0.0, true, 0.0, 0.0, false),
+            (Open, 0.0, true, 0.0, -grade, false),
+            (Engaging, 0.0, true, 33.9, grade, true),
+            (Engaging, 0.0, true, 34.0, grade, false),
+            (Engaging, 3.0, true, 0.0, grade, true),
+            (Engaging, 3.01, true, 0.0, grade, false),
+            (Engaging, 0.0, false, 0.0, grade, false),
+            (Engaging, -3.0, false, 0.0, grade, false),
+            (Engaging, -3.01, false, 90.0, grade, true),
+            (Closing, 0.0, true, 0.0, grade, false),
+            (Closed, 0.0, true, 0.0, grade, false),
+        ]
+        .into_iter()
+        .enumerate()
+        {
+            let mut c = Controller::new(&Vehicle::paper(), &Settings::robust());
+            c.state.mode = mode;
+            c.state.estimate.t_fc = carried;
+            let g = &mut c.state.governed;
+            (g.speed, g.held, g.free_for) = (Lags::at(speed), before, 0.7);
+            (g.load.torque, g.load.omega) = (5.0, 9.0);
+            c.hold_on_hill(&Inputs { wish: Wish { t_grade: grade, ..Wish::default() }, ..Guard::new(25.0).good });
+            let g = &c.state.governed;
+            assert_eq!((g.held, c.state.outputs.t_brake), (held, if held { 80.0 } else { 0.0 }), "row {k}");
+            let known = if held { (40.0, speed, 0.0) } else { (5.0, 9.0, 0.7) };
+            assert_eq!((g.load.torque, g.load.omega, g.free_for), known, "row {k}");
+        }
+    }
+}

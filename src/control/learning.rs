@@ -130,6 +130,60 @@ mod tests {
         assert!(kelvin < -10.0 && learning.touch_point.abs() < 0.1, "{kelvin} K, {learning:?}");
     }
 
+    /// 16 ms weigh 0.01 at a residual of 4 N·m that is independent after 0.1 s.
+    #[test]
+    fn samples_count_by_their_time_unless_there_is_no_torque() {
+        let mut learning = Learning::new(&Settings::robust());
+        learning.observe(10.0, 2.0, 13.0, [1.0; 3], 0.016);
+        for (sum, expected) in learning.sums.into_iter().zip([0.04, 0.2, 1.0, 0.06, 0.3]) {
+            assert!((sum - expected).abs() < 1e-12, "{sum} against {expected}");
+        }
+        let counts = |torque: f64, observed: f64| {
+            let mut learning = Learning::new(&Settings::robust());
+            learning.observe(torque, 2.0, observed, [1.0; 3], 0.016);
+            learning.sums[0] > 0.0
+        };
+        assert!(!counts(2.9, 2.9) && counts(3.0, 0.0) && counts(0.0, 3.0));
+    }
+
+    /// r = −K Δx + T Δμ by least squares with the priors of 0.3 mm and 0.2: both normal equations hold.
+    #[test]
+    fn a_launch_is_weighed_against_what_was_known() {
+        let concluded = |sums: [f64; 5], rate: f64| {
+            let mut learning = Learning::new(&Settings::robust());
+            let (touch_point, friction) = (learning.touch_point, learning.friction);
+            learning.sums = sums;
+            assert_eq!(learning.conclude(rate, 0.0), 0.0, "nothing is known of the temperature");
+            assert_eq!(learning.sums, [0.0; 5], "the next launch begins anew");
+            (learning.touch_point - touch_point, learning.friction / friction - 1.0)
+        };
+        let (a, b) = (30.0 + 1.0 / 0.09, 60.0 + 25.0);
+        for (kt, kr, tr) in [(0.0, -5.0, 6.0), (20.0, -5.0, 6.0), (20.0, 4.0, -9.0)] {
+            let found = concluded([30.0, kt, 60.0, kr, tr], 0.5);
+            let (x, mu) = (found.0 / 0.5, found.1 / 0.5);
+            assert!((a * x - kt * mu + kr).abs() < 1e-9 && (b * mu - kt * x - tr).abs() < 1e-9, "{x} mm and {mu}");
+        }
+        // No launch takes more than a step.
+        assert!((concluded([1e3, 0.0, 0.0, -1e3, 0.0], 0.5).0 - 0.25).abs() < 1e-12);
+        assert!((concluded([0.0, 0.0, 1e3, 0.0, 1e3], 0.5).1 - 0.15).abs() < 1e-12);
+        // Sums that contradict each other teach nothing.
+        assert_eq!(concluded([1.0, 1e3, 1.0, -5.0, 6.0], 0.5), (0.0, 0.0));
+    }
+
+    /// 30 K at 0.01 mm/K are 0.3 mm, beside a wear of 0.1 mm: nine tenths are the temperature's.
+    #[test]
+    fn temperature_takes_its_share_of_the_touch_point_and_no_more_than_its_step() {
+        let mut learning = Learning::new(&Settings::robust());
+        let before = learning.touch_point;
+        // 0.2 mm to the last place: the sums outweigh what was known.
+        learning.sums = [1e12, 0.0, 0.0, -0.2e12, 0.0];
+        let kelvin = learning.conclude(1.0, -0.01);
+        assert!((kelvin + 18.0).abs() < 1e-6 && (learning.touch_point - before - 0.02).abs() < 1e-9, "{kelvin} K, {learning:?}");
+        learning.sums = [1e12, 0.0, 0.0, -0.5e12, 0.0];
+        let kelvin = learning.conclude(1.0, 0.003);
+        assert_eq!(kelvin, 50.0, "0.45 of 0.5 mm would be 74 K");
+    }
+
     #[test]
     fn absurd_sums_stay_within_the_bounds() {
         let mut learning = Learning::new(&Settings::robust());

@@ -237,6 +237,19 @@ mod tests {
     }
 
     #[test]
+    fn every_subsystem_that_has_a_law_has_its_curves_in_their_unit() {
+        let of = |s: Subsystem| curves(s).map(|c| (c.name, c.unit())).collect::<Vec<_>>();
+        assert_eq!(
+            of(Friction),
+            [("friction_slip", "1"), ("friction_temperature", "1"), ("friction_pressure", "1"), ("friction_work", "1")]
+        );
+        assert_eq!(of(ClutchForce), [("force_position", "1"), ("force_direction", "1"), ("force_temperature", "1")]);
+        assert_eq!(of(Engine), [("engine_speed", "N.m"), ("engine_torque", "N.m")]);
+        assert_eq!(of(Driveline), [("load_speed", "N.m")]);
+        assert_eq!(of(Subsystem::Thermal), []);
+    }
+
+    #[test]
     fn a_table_is_linear_between_its_breakpoints_and_constant_outside() {
         let mut p = null();
         (p[at::load_speed_1], p[at::load_speed_2], p[at::load_speed_3]) = (2.0, 4.0, -5.0);

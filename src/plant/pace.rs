@@ -246,6 +246,29 @@ mod tests {
         assert!((rolling * 0.5 - 0.02 - 16.0).abs() < 1e-4, "{rolling}");
     }
 
+    /// Nothing up to 50 rad/s and 6 N·m from 100 on: no speed that is always looked at lies between.
+    #[test]
+    fn a_learned_load_is_as_steep_as_between_its_breakpoints() {
+        use param::empirical::{load_speed_5, load_speed_6, load_speed_7};
+        let learned = pace(|_| (), &[(load_speed_5, 6.0), (load_speed_6, 6.0), (load_speed_7, 6.0)]);
+        close(learned.motion[1], (0.02 + 6.0 / 50.0) / 0.5);
+    }
+
+    /// A tenth of a radian of all phases together, or a whole one in a fit.
+    #[test]
+    fn pulsations_bound_the_substep_by_the_turn_of_their_phases() {
+        let pulse = |orders: [f64; 3], speeds: [f64; 2], most: f64| Pace { orders, ..Pace::STILL }.pulse(speeds, most);
+        close(pulse([4.0, 0.0, 0.0], [100.0, 50.0], 1e-3), 0.1 / 200.0);
+        close(pulse([4.0, 0.0, 0.0], [50.0, 100.0], 1e-3), 0.1 / 200.0);
+        close(pulse([0.0, 2.0, 0.0], [-150.0, 50.0], 1e-3), 0.1 / 300.0);
+        close(pulse([0.0, 0.0, 3.0], [100.0, -50.0], 1e-3), 0.1 / 150.0);
+        close(pulse([4.0, 2.0, 3.0], [100.0, 50.0], 1e-3), 0.1 / (200.0 + 200.0 + 150.0));
+        close(pulse([4.0, 2.0, 3.0], [100.0, 50.0], 1e-2), 1.0 / (200.0 + 200.0 + 150.0));
+        close(pulse([4.0, 0.0, 0.0], [1e5, 0.0], 1e-3), SHORTEST_SUBSTEP);
+        assert_eq!(pulse([0.0; 3], [300.0, 50.0], 1e-3), f64::MAX);
+        assert_eq!(pulse([1.0, 0.0, 0.0], [110.0, 20.0], 1e-3), f64::MAX, "0.09 rad within what is asked for");
+    }
+
     #[test]
     fn shafts_divide_the_driveline() {
         use param::driveline_compliance::{compliance, damping, disc_share};
