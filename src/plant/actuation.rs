@@ -83,26 +83,47 @@ fn engine_target(config: &Config, report: f64) -> f64 {
 /// Chain after `h` seconds with the (delayed) command `x_cmd` held.
 #[inline]
 pub fn advance(config: &Config, state: &State, x_cmd: f64, h: f64) -> Chain {
-    let c = &config.constants;
+    let Actuated { limited, lagged, bearing } = actuate(config, state, x_cmd, h);
+    Chain { engine: engine(config, state, h), limited, lagged, bearing }
+}
+
+/// Torque on the crankshaft after `h` seconds.
+#[inline]
+fn engine(config: &Config, state: &State, h: f64) -> LagState {
+    let lag = &config.constants.engine_lag;
     let target = engine_target(config, state.inputs.t_e_ref);
-    let engine = if c.engine_lag.time_constant > 0.0 {
-        lag::advance(&c.engine_lag, state.engine, target, 0.0, h)
-    } else {
-        LagState { value: target, rate: 0.0 }
-    };
+    match lag.time_constant > 0.0 {
+        true if h == 0.0 => state.engine,
+        true => lag::advance(lag, state.engine, target, 0.0, h),
+        false => LagState { value: target, rate: 0.0 },
+    }
+}
+
+/// The chain's part behind the command.
+struct Actuated {
+    limited: f64,
+    lagged: LagState,
+    bearing: f64,
+}
+
+/// Actuator and bearing after `h` seconds with the (delayed) command `x_cmd` held.
+#[inline]
+fn actuate(config: &Config, state: &State, x_cmd: f64, h: f64) -> Actuated {
+    let c = &config.constants;
     let limited = rate_limited(c.inverse_speed, c.approach, state.limited, x_cmd, h);
-    let lagged = if c.actuator_lag.time_constant > 0.0 {
-        let slope = if h > 0.0 { (limited - state.limited) / h } else { 0.0 };
-        // A command that jumps at the start of the substep counts as held; one that the rate limit slows is a ramp.
-        let (u, slope) = if c.inverse_speed > 0.0 { (state.limited, slope) } else { (x_cmd, 0.0) };
-        lag::advance(&c.actuator_lag, state.lagged, u, slope, h)
-    } else {
-        LagState { value: limited, rate: 0.0 }
+    let lagged = match c.actuator_lag.time_constant > 0.0 {
+        true if h == 0.0 => state.lagged,
+        true => {
+            // A command that jumps at the start of the substep counts as held; one that the rate limit slows is a ramp.
+            let (u, slope) = if c.inverse_speed > 0.0 { (state.limited, (limited - state.limited) / h) } else { (x_cmd, 0.0) };
+            lag::advance(&c.actuator_lag, state.lagged, u, slope, h)
+        }
+        false => LagState { value: limited, rate: 0.0 },
     };
     let pushed =
         if c.release.width > 0.0 { lagged.value - held_back(config, follow(config, state.presliding, lagged.value)) } else { lagged.value };
     let bearing = if c.play > 0.0 { drag_along(state.bearing, pushed, 0.5 * c.play) } else { pushed };
-    Chain { engine, limited, lagged, bearing }
+    Actuated { limited, lagged, bearing }
 }
 
 /// Memory of the release bearing's friction: where the actuator had it, and how far both parts of the friction have gone, −1 to 1.
@@ -150,23 +171,30 @@ const ARRIVAL: f64 = 4.0;
 /// A lag that is over within the step would be seen by its first stage as if a sixth of the step had passed before anything moved; its start is then the one
 /// with which the stages give the mean over the step. So a lag that goes to zero becomes none, also in steps as long as a fit's.
 pub fn stages(config: &Config, state: &State, x_cmd: f64, h: f64, way: &Way) -> [Drive; 3] {
-    let at = |t: f64| advance(config, state, x_cmd, t).drive();
-    let [begin, middle, end] = [way.begin, way.middle, way.end].map(|c| c.drive());
-    let shortest = |lag: &lag::Lag| {
-        let tau = lag.time_constant * (1.0 - lag.asymmetry.abs());
-        if lag.time_constant > 0.0 && tau < SHORT_LAG * h { tau } else { f64::MAX }
-    };
+    let [mut begin, middle, end] = [way.begin, way.middle, way.end].map(|c| c.drive());
     let c = &config.constants;
-    let begin_of = |tau: f64, get: fn(&Drive) -> f64| {
-        if tau == f64::MAX {
-            return get(&begin);
-        }
-        let over = (ARRIVAL * tau).min(h);
-        let simpson = |from: f64, to: f64| (to - from) / 6.0 * (get(&at(from)) + 4.0 * get(&at(0.5 * (from + to))) + get(&at(to)));
-        6.0 * (simpson(0.0, over) + simpson(over, h)) / h - 4.0 * get(&middle) - get(&end)
-    };
-    let begin = Drive { t_e: begin_of(shortest(&c.engine_lag), |d| d.t_e), x: begin_of(shortest(&c.actuator_lag), |d| d.x) };
+    if let Some(over) = over_within(&c.engine_lag, h) {
+        begin.t_e = first_stage([begin.t_e, middle.t_e, end.t_e], |t| engine(config, state, t).value, over, h);
+    }
+    if let Some(over) = over_within(&c.actuator_lag, h) {
+        begin.x = first_stage([begin.x, middle.x, end.x], |t| actuate(config, state, x_cmd, t).bearing, over, h);
+    }
     [begin, middle, end]
+}
+
+/// Time in s within which a lag that is short for a step of `h` seconds is over; none for one that is not.
+#[inline]
+fn over_within(lag: &lag::Lag, h: f64) -> Option<f64> {
+    let tau = lag.time_constant * (1.0 - lag.asymmetry.abs());
+    (lag.time_constant > 0.0 && tau < SHORT_LAG * h).then(|| (ARRIVAL * tau).min(h))
+}
+
+/// The first of three stages with which they give the mean over `h` seconds, by Simpson's rule before and after what is `over` until then.
+fn first_stage([begin, middle, end]: [f64; 3], at: impl Fn(f64) -> f64, over: f64, h: f64) -> f64 {
+    let between = at(over);
+    let simpson = |from: f64, a: f64, b: f64, to: f64| (to - from) / 6.0 * (a + 4.0 * at(0.5 * (from + to)) + b);
+    let rest = if over < h { simpson(over, between, end, h) } else { 0.0 };
+    6.0 * (simpson(0.0, begin, between, over) + rest) / h - 4.0 * middle - end
 }
 
 /// What moves along once it is further than `reach` from `leader`. Unlike `clamp`, this passes on what is no number instead of panicking:

@@ -154,7 +154,7 @@ fn screen_at(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)], sha
     let information = Information { curvature: &anchor.equations.curvature - &prior, cross: cross.clone(), gram: gram.clone() };
     let root = anchor.equations.curvature.clone().cholesky().expect("the anchor's curvature is positive");
     let solved = root.solve(&cross);
-    gram -= cross.tr_mul(&solved);
+    gram -= cross.transpose() * &solved;
     slope -= solved.tr_mul(&anchor.equations.gradient);
     for (k, c) in candidates.iter().enumerate() {
         gram[(k, k)] += c.share * c.share;
@@ -228,11 +228,11 @@ fn part(problem: &Problem, anchor: &Anchor, candidates: &[Candidate], r: usize) 
     a.column_iter_mut().for_each(|mut c| c.component_mul_assign(&w));
     let weighted = DVector::from_iterator(n, here.iter().zip(&roots).map(|(r, w)| r * w));
     let (s, o) = (anchor.frame.shared.len(), anchor.frame.own.len());
-    let products = a.tr_mul(&v);
+    let products = a.transpose() * &v;
     let (shared, own) = (products.rows(0, s).into_owned(), products.rows(s, o).into_owned());
     let e = &anchor.equations.eliminated[r];
     let solved = e.solve(&own);
-    let gram = v.tr_mul(&v) - own.tr_mul(&solved);
+    let gram = v.transpose() * &v - own.tr_mul(&solved);
     let slope = v.tr_mul(&weighted) - own.tr_mul(e.offset());
     let cross = shared - e.coupling().tr_mul(&own);
     Part { gram, slope, cross, misfit }
