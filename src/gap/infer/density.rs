@@ -204,9 +204,7 @@ impl Problem {
         let acts = law.filter(|l| !l.is_linear());
         let track = &self.tracks[k];
         self.work.add(if steps == Steps::Rows { track.rows() } else { track.observations() });
-        let mut all = replay::innovations_in(steps, track, &self.filters[k], &self.car(point, Some(k)), self.temperatures(point, k), acts);
-        all.iter_mut().zip(law.into_iter().flat_map(|l| &l.innovations)).for_each(|(r, x)| *r += x);
-        all
+        replay::innovations_in(steps, track, &self.filters[k], &self.car(point, Some(k)), self.temperatures(point, k), acts)
     }
 
     /// Innovations of all recordings.
@@ -285,7 +283,7 @@ fn add_linear(all: &mut Residuals, basis: Option<&Basis>, k: usize, amplitude: i
     for (f, function) in basis.into_iter().flatten().enumerate().filter(|(_, function)| function[k].is_linear()) {
         let a = amplitude(f);
         if a != 0.0 {
-            all.iter_mut().zip(&function[k].innovations).for_each(|(r, x)| *r += a * x);
+            function[k].innovations.add_to(all, a);
         }
     }
 }

@@ -14,6 +14,7 @@
 
 use super::density::{Baseline, Basis, Point, Problem, Residuals};
 use crate::effects::{Act, PARAMETERS, REGISTRY};
+use crate::gap::model::column::Column;
 use crate::gap::model::replay::Missing;
 use crate::gap::model::track::Track;
 use rayon::prelude::*;
@@ -63,7 +64,7 @@ pub fn of_law(problem: &Problem, point: &Point, basis: &Basis, amplitudes: usize
 
 /// What forms are expected to change: the sum of squares of one standard deviation of each function.
 pub fn change(basis: &Basis) -> f64 {
-    basis.iter().flatten().flat_map(|f| &f.innovations).map(|x| x * x).sum()
+    basis.iter().flatten().map(|f| f.innovations.square()).sum()
 }
 
 /// The functions of changes, so that all of them together change this share of what the first one is.
@@ -72,15 +73,15 @@ fn of_changes(problem: &Problem, changes: &[Vec<Residuals>], share: f64) -> Basi
     if whole == 0.0 {
         return Basis::new();
     }
-    let functions: Vec<Vec<Residuals>> = changes.iter().flat_map(|d| modulated(problem, d)).collect();
-    let all: f64 = functions.iter().map(|f| square(f)).sum();
+    let functions: Vec<Vec<Column>> = changes.iter().flat_map(|d| modulated(problem, d)).collect();
+    let all: f64 = functions.iter().flatten().map(Column::square).sum();
     let scale = share * (whole / all.max(f64::MIN_POSITIVE)).sqrt();
-    let one = |values: Residuals| Missing { innovations: values.into_iter().map(|x| scale * x).collect(), ..Missing::default() };
+    let one = |values: Column| Missing { innovations: values.times(scale), ..Missing::default() };
     functions.into_iter().map(|f| f.into_iter().map(one).collect()).collect()
 }
 
 /// A change times the polynomials of every state.
-fn modulated(problem: &Problem, change: &[Residuals]) -> Vec<Vec<Residuals>> {
+fn modulated(problem: &Problem, change: &[Residuals]) -> Vec<Vec<Column>> {
     // Two speeds per observation, then the bench channels, one value each.
     let state = |j: usize, r: usize, i: usize| {
         let n = problem.tracks[r].observations();
@@ -91,7 +92,8 @@ fn modulated(problem: &Problem, change: &[Residuals]) -> Vec<Vec<Residuals>> {
         change.iter().enumerate().map(one).collect()
     };
     let whole = square(change);
-    let mut functions = in_time(problem, change);
+    let columns = |function: &[Residuals]| function.iter().map(|values| Column::new(values)).collect();
+    let mut functions: Vec<Vec<Column>> = in_time(problem, change).iter().map(|f| columns(f)).collect();
     for j in 0..problem.states[0].len() {
         let mean = |f: &dyn Fn(f64) -> f64| {
             let weighted = times(j, f);
@@ -104,8 +106,8 @@ fn modulated(problem: &Problem, change: &[Residuals]) -> Vec<Vec<Residuals>> {
             continue;
         }
         let u = |x: f64| ((x - centre) / spread).clamp(-FAR, FAR);
-        functions.push(times(j, &u));
-        functions.push(times(j, &|x| (u(x).powi(2) - 1.0) / std::f64::consts::SQRT_2));
+        functions.push(columns(&times(j, &u)));
+        functions.push(columns(&times(j, &|x| (u(x).powi(2) - 1.0) / std::f64::consts::SQRT_2)));
     }
     functions
 }

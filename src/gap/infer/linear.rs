@@ -11,15 +11,12 @@
 
 use super::coordinate::Coordinate;
 use super::density::{BENDS, Baseline, Basis, ByPhase, Point, Problem, Residuals, STRAINS, TEMPERATURES, weight};
+use crate::gap::model::column::Column;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
-/// Derivatives of one recording's innovations: shared coordinates first, then own ones.
-#[derive(Clone, Debug)]
-pub struct Columns {
-    /// Innovations by coordinates.
-    pub matrix: DMatrix<f64>,
-}
+/// Derivatives of one recording's innovations by coordinate: shared ones first, then own ones.
+pub type Columns = Vec<Column>;
 
 /// Coordinates of a fit.
 #[derive(Clone, Debug)]
@@ -54,28 +51,26 @@ pub fn derivatives(
     let fresh: Vec<usize> = (0..all.len()).filter(|&k| twin(k).is_none() && !(known.is_some() && fixed(all[k]))).collect();
     let tasks: Vec<(usize, usize)> = (0..problem.tracks.len()).flat_map(|r| fresh.iter().map(move |&k| (r, k))).collect();
     let from: Vec<Baseline> = residuals.par_iter().enumerate().map(|(r, known)| problem.baseline(r, point, basis, Some(known))).collect();
-    let columns: Vec<Vec<f64>> =
-        tasks.par_iter().map(|&(r, k)| derivative(problem, point, basis, r, &from[r], residuals[r].len(), all[k])).collect();
+    let columns: Vec<Column> = tasks.par_iter().map(|&(r, k)| derivative(problem, point, basis, r, &from[r], all[k])).collect();
     let mut columns = columns.into_iter();
     // Shared nuisances keep their places whatever effects are free; own ones are counted from the end.
-    let place = |known: &Columns, k: usize| if k < frame.shared.len() { k } else { known.matrix.ncols() - (all.len() - k) };
+    let place = |known: &Columns, k: usize| if k < frame.shared.len() { k } else { known.len() - (all.len() - k) };
     (0..problem.tracks.len())
         .map(|r| {
-            let mut matrix = DMatrix::zeros(residuals[r].len(), all.len());
+            let mut these: Columns = vec![Column::default(); all.len()];
             for k in 0..all.len() {
                 if fresh.contains(&k) {
-                    matrix.column_mut(k).copy_from_slice(&columns.next().expect("one for each task, in the same order"));
+                    these[k] = columns.next().expect("one for each task, in the same order");
                 } else if let Some(known) = known.map(|known| &known[r]).filter(|_| twin(k).is_none()) {
-                    matrix.set_column(k, &known.matrix.column(place(known, k)));
+                    these[k] = known[place(known, k)].clone();
                 }
             }
             for k in 0..all.len() {
                 if let Some((other, rate)) = twin(k) {
-                    let column = matrix.column(other) * rate;
-                    matrix.set_column(k, &column);
+                    these[k] = these[other].times(rate);
                 }
             }
-            Columns { matrix }
+            these
         })
         .collect()
 }
@@ -101,21 +96,11 @@ fn leaders(problem: &Problem, point: &Point, all: &[Coordinate]) -> Vec<Option<(
         .collect()
 }
 
-fn derivative(
-    problem: &Problem,
-    point: &Point,
-    basis: Option<&Basis>,
-    r: usize,
-    from: &Baseline,
-    length: usize,
-    coordinate: Coordinate,
-) -> Vec<f64> {
+fn derivative(problem: &Problem, point: &Point, basis: Option<&Basis>, r: usize, from: &Baseline, coordinate: Coordinate) -> Column {
     if let (Coordinate::Missing(k), Some(basis)) = (coordinate, basis)
         && basis[k][r].is_linear()
     {
-        let mut column = basis[k][r].innovations.clone();
-        column.resize(length, 0.0);
-        return column;
+        return basis[k][r].innovations.clone();
     }
     let mut moved = point.clone();
     coordinate.move_by(problem, &mut moved, r, coordinate.step());
@@ -125,7 +110,7 @@ fn derivative(
         coordinate.move_by(problem, &mut moved, r, -coordinate.step());
         step = coordinate.get(&moved, r) - coordinate.get(point, r);
     }
-    problem.change(r, from, &moved).into_iter().map(|change| change / step).collect()
+    Column::new(&problem.change(r, from, &moved)).times(1.0 / step)
 }
 
 /// One recording's own part of the normal equations, eliminated.
@@ -162,22 +147,44 @@ pub struct Normal {
 pub type Products = (DMatrix<f64>, DVector<f64>);
 
 /// Products of one recording's columns, weighted: AᵀWA and AᵀWr over all its coordinates.
-pub fn products(columns: &Columns, residuals: &Residuals) -> Products {
-    let roots = DVector::from_iterator(residuals.len(), residuals.iter().map(|r| weight(*r).sqrt()));
-    let mut weighted = columns.matrix.clone();
-    weighted.column_iter_mut().for_each(|mut c| c.component_mul_assign(&roots));
-    let r = DVector::from_iterator(residuals.len(), residuals.iter().map(|r| r * weight(*r).sqrt()));
-    // A product of matrices is blocked; tr_mul takes one scalar product after the other.
-    (weighted.transpose() * &weighted, weighted.tr_mul(&r))
+pub fn products(columns: &[Column], residuals: &Residuals) -> Products {
+    products_of(columns, residuals, 0..residuals.len())
+}
+
+/// Rows that are multiplied at a time: few enough to stay in the cache.
+const ROWS: usize = 1024;
+
+/// The same over these samples alone.
+fn products_of(columns: &[Column], residuals: &Residuals, mut samples: impl Iterator<Item = usize>) -> Products {
+    let there: Vec<usize> = (0..columns.len()).filter(|&k| !columns[k].is_zero()).collect();
+    let (mut p, mut g) = (DMatrix::zeros(there.len(), there.len()), DVector::zeros(there.len()));
+    loop {
+        let rows: Vec<usize> = samples.by_ref().take(ROWS).collect();
+        if rows.is_empty() {
+            break;
+        }
+        let roots: Vec<f64> = rows.iter().map(|i| weight(residuals[*i]).sqrt()).collect();
+        let mut a = DMatrix::zeros(rows.len(), there.len());
+        for (column, &k) in a.as_mut_slice().chunks_exact_mut(rows.len()).zip(&there) {
+            columns[k].gather(&rows, &roots, column);
+        }
+        let r = DVector::from_iterator(rows.len(), rows.iter().zip(&roots).map(|(i, root)| residuals[*i] * root));
+        // A product of matrices is blocked; gemm_tr takes one scalar product after the other.
+        p.gemm(1.0, &a.transpose(), &a, 1.0);
+        g.gemv_tr(1.0, &a, &r, 1.0);
+    }
+    let (mut all, mut slope) = (DMatrix::zeros(columns.len(), columns.len()), DVector::zeros(columns.len()));
+    for (i, &k) in there.iter().enumerate() {
+        slope[k] = g[i];
+        there.iter().enumerate().for_each(|(j, &l)| all[(k, l)] = p[(i, j)]);
+    }
+    (all, slope)
 }
 
 /// Products of every recording's columns, phase by phase.
 pub fn by_phase(problem: &Problem, columns: &[Columns], residuals: &[Residuals]) -> Vec<ByPhase<Products>> {
     let of = |(r, (columns, residuals)): (usize, (&Columns, &Residuals))| {
-        std::array::from_fn(|phase| {
-            let rows: Vec<usize> = (0..residuals.len()).filter(|i| problem.phase(r, *i) == phase).collect();
-            products(&Columns { matrix: columns.matrix.select_rows(&rows) }, &rows.iter().map(|i| residuals[*i]).collect())
-        })
+        std::array::from_fn(|phase| products_of(columns, residuals, (0..residuals.len()).filter(|i| problem.phase(r, *i) == phase)))
     };
     columns.par_iter().zip(residuals).enumerate().map(of).collect()
 }
@@ -292,6 +299,34 @@ mod tests {
         }
     }
 
+    fn matrix(columns: &Columns) -> DMatrix<f64> {
+        let all: Vec<DVector<f64>> = columns.iter().map(|c| DVector::from_iterator(c.values().count(), c.values())).collect();
+        DMatrix::from_columns(&all)
+    }
+
+    /// Of more samples than are multiplied at a time, with one column that is nothing, one weight that Huber's loss takes away from, and half of the samples in each of two parts.
+    #[test]
+    fn products_are_those_of_the_whole_matrices() {
+        let n = 2 * ROWS + 7;
+        let mut next = numbers(3.0);
+        let mut drawn = || (0..n).map(|_| next()).collect::<Vec<f64>>();
+        let mut residuals = drawn();
+        residuals[5] = 16.0;
+        let columns = vec![Column::new(&drawn()), Column::default(), Column::new(&drawn()).times(-3.0)];
+        let sum = |f: &dyn Fn(usize) -> f64| (0..n).map(|i| f(i) * if i == 5 { 0.25 } else { 1.0 }).sum::<f64>();
+        let value: Vec<Vec<f64>> = columns.iter().map(|c| if c.is_zero() { vec![0.0; n] } else { c.values().collect() }).collect();
+        let whole = products(&columns, &residuals);
+        let [even, odd] = [0, 1].map(|part| products_of(&columns, &residuals, (part..n).step_by(2)));
+        for k in 0..3 {
+            let expected = sum(&|i| value[k][i] * residuals[i]);
+            assert!((whole.1[k] - expected).abs() < 1e-9 && (even.1[k] + odd.1[k] - expected).abs() < 1e-9);
+            for l in 0..3 {
+                let expected = sum(&|i| value[k][i] * value[l][i]);
+                assert!((whole.0[(k, l)] - expected).abs() < 1e-9 && (even.0[(k, l)] + odd.0[(k, l)] - expected).abs() < 1e-9);
+            }
+        }
+    }
+
     /// Three shared unknowns and two of each of three recordings, all with unit normal priors, seen through unit normal noise: the evidence is that of
     /// a normal distribution with covariance 1 + AAᵀ, whose density is written down directly.
     #[test]
@@ -300,7 +335,8 @@ mod tests {
         let frame = Frame { shared: (0..s).map(Coordinate::Shared).collect(), own: (0..o).map(Coordinate::Own).collect() };
         let point = Point { shared: vec![0.0; s], own: vec![vec![0.0; o]; recordings], effects: effects::null(), missing: Vec::new() };
         let mut next = numbers(7.0);
-        let columns: Vec<Columns> = (0..recordings).map(|_| Columns { matrix: DMatrix::from_fn(n, s + o, |_, _| next()) }).collect();
+        let columns: Vec<Columns> =
+            (0..recordings).map(|_| (0..s + o).map(|_| Column::new(&(0..n).map(|_| next()).collect::<Vec<_>>())).collect()).collect();
         // Within the square part of Huber's loss.
         let residuals: Vec<Residuals> = (0..recordings).map(|_| (0..n).map(|_| 1.5 * next()).collect()).collect();
         let equations = normal(&point, &frame, &columns, &residuals, 0.0).unwrap();
@@ -312,8 +348,9 @@ mod tests {
         let unknowns = s + o * recordings;
         let mut a = DMatrix::zeros(n * recordings, unknowns);
         for (r, c) in columns.iter().enumerate() {
-            a.view_mut((r * n, 0), (n, s)).copy_from(&c.matrix.columns(0, s));
-            a.view_mut((r * n, s + r * o), (n, o)).copy_from(&c.matrix.columns(s, o));
+            let c = matrix(c);
+            a.view_mut((r * n, 0), (n, s)).copy_from(&c.columns(0, s));
+            a.view_mut((r * n, s + r * o), (n, o)).copy_from(&c.columns(s, o));
         }
         let covariance = DMatrix::identity(n * recordings, n * recordings) + &a * a.transpose();
         let root = covariance.cholesky().unwrap();
@@ -327,13 +364,14 @@ mod tests {
     fn a_step_of_the_eliminated_unknowns_solves_the_whole_problem() {
         let frame = Frame { shared: vec![Coordinate::Shared(0)], own: vec![Coordinate::Own(0)] };
         let point = Point { shared: vec![0.0], own: vec![vec![0.0]], effects: effects::null(), missing: Vec::new() };
-        let columns = [Columns { matrix: DMatrix::from_row_slice(3, 2, &[1.0, 0.5, 0.0, 1.0, 2.0, -1.0]) }];
+        let columns = [vec![Column::new(&[1.0, 0.0, 2.0]), Column::new(&[0.5, 1.0, -1.0])]];
         let residuals = [vec![1.0, -0.5, 0.25]];
         let e = normal(&point, &frame, &columns, &residuals, 0.0).unwrap();
         let shared = e.curvature.clone().cholesky().unwrap().solve(&-&e.gradient);
         let own = e.eliminated[0].step(&shared);
-        let h = columns[0].matrix.tr_mul(&columns[0].matrix) + DMatrix::identity(2, 2);
-        let g = columns[0].matrix.tr_mul(&DVector::from_column_slice(&residuals[0]));
+        let a = matrix(&columns[0]);
+        let h = a.tr_mul(&a) + DMatrix::identity(2, 2);
+        let g = a.tr_mul(&DVector::from_column_slice(&residuals[0]));
         let whole = h.cholesky().unwrap().solve(&-g);
         assert!((shared[0] - whole[0]).abs() < 1e-12 && (own[0] - whole[1]).abs() < 1e-12);
     }

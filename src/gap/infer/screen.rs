@@ -5,11 +5,12 @@
 //! and what is left is a small Gram matrix from which the gain of every set of starts follows.
 
 use super::coordinate::coordinates;
-use super::density::{Basis, Point, Problem, Residuals, cost, huber, prior, size, weight};
+use super::density::{Basis, Point, Problem, Residuals, cost, huber, prior, size};
 use super::fit::Fit;
 use super::limit::Visibility;
-use super::linear::{Columns, Frame, Normal, assemble, derivatives, normal};
+use super::linear::{Columns, Frame, Normal, assemble, derivatives, normal, products};
 use crate::effects::{Act, Entry, PARAMETERS, REGISTRY};
+use crate::gap::model::column::Column;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -206,34 +207,25 @@ struct Part {
 /// One recording's part: products among the candidates' columns, with the residuals, and with the shared coordinates, own unknowns eliminated.
 fn part(problem: &Problem, anchor: &Anchor, candidates: &[Candidate], r: usize) -> Part {
     let here = &anchor.residuals[r];
-    let roots: Vec<f64> = here.iter().map(|r| weight(*r).sqrt()).collect();
     let from = problem.baseline(r, &anchor.point, anchor.basis.as_ref(), Some(here));
-    let (columns, misfit): (Vec<Vec<f64>>, Vec<f64>) = candidates
+    let (changes, misfit): (Columns, Vec<f64>) = candidates
         .par_iter()
         .map(|c| {
             if let Some((tolerance, sigmas)) = c.twin {
-                let column = anchor.columns[r].matrix.column(tolerance);
-                return (column.iter().zip(&roots).map(|(x, w)| sigmas * x * w).collect::<Vec<f64>>(), f64::NAN);
+                return (anchor.columns[r][tolerance].times(sigmas), f64::NAN);
             }
             let change = problem.change(r, &from, &c.point);
             let misfit = change.iter().zip(here).map(|(change, here)| huber(here + change)).sum::<f64>();
-            (change.iter().zip(&roots).map(|(change, w)| change * w).collect::<Vec<f64>>(), misfit)
+            (Column::new(&change), misfit)
         })
         .unzip();
-    let (n, m) = (here.len(), candidates.len());
-    let mut v = DMatrix::zeros(n, m);
-    columns.iter().enumerate().for_each(|(k, c)| v.column_mut(k).copy_from_slice(c));
-    let mut a = anchor.columns[r].matrix.clone();
-    let w = DVector::from_column_slice(&roots);
-    a.column_iter_mut().for_each(|mut c| c.component_mul_assign(&w));
-    let weighted = DVector::from_iterator(n, here.iter().zip(&roots).map(|(r, w)| r * w));
-    let (s, o) = (anchor.frame.shared.len(), anchor.frame.own.len());
-    let products = a.transpose() * &v;
-    let (shared, own) = (products.rows(0, s).into_owned(), products.rows(s, o).into_owned());
+    let (s, o, m) = (anchor.frame.shared.len(), anchor.frame.own.len(), candidates.len());
+    let all: Columns = anchor.columns[r].iter().cloned().chain(changes).collect();
+    let (p, g) = products(&all, here);
+    let (shared, own) = (p.view((0, s + o), (s, m)), p.view((s, s + o), (o, m)).into_owned());
     let e = &anchor.equations.eliminated[r];
-    let solved = e.solve(&own);
-    let gram = v.transpose() * &v - own.tr_mul(&solved);
-    let slope = v.tr_mul(&weighted) - own.tr_mul(e.offset());
+    let gram = p.view((s + o, s + o), (m, m)) - own.tr_mul(&e.solve(&own));
+    let slope = g.rows(s + o, m) - own.tr_mul(e.offset());
     let cross = shared - e.coupling().tr_mul(&own);
     Part { gram, slope, cross, misfit }
 }

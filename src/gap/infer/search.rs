@@ -14,6 +14,7 @@ use super::pulsation;
 use super::screen::{Anchor, Promise, Screening, screen};
 use crate::effects::{Act, PARAMETERS, Parameters, REGISTRY};
 use rayon::prelude::*;
+use std::collections::HashSet;
 use std::sync::Arc;
 
 /// A set of effects, fitted.
@@ -153,10 +154,10 @@ impl Search {
     }
     /// Lets go of the derivatives and functions of the least probable sets when all of them together take too much memory.
     fn let_go(&mut self) {
-        let mut held = 0;
+        let (mut held, mut seen) = (0, HashSet::new());
         for h in &mut self.hypotheses {
-            held += h.formed.columns.iter().map(|c| 8 * c.matrix.len()).sum::<usize>();
-            held += h.basis.iter().flatten().map(|f| 8 * f.innovations.len()).sum::<usize>();
+            held += h.formed.columns.iter().flatten().map(|c| c.bytes(&mut seen)).sum::<usize>();
+            held += h.basis.iter().flatten().map(|f| f.innovations.bytes(&mut seen)).sum::<usize>();
             if held > MOST_BYTES && !h.effects.is_empty() {
                 (h.fit.columns, h.formed.columns, h.basis) = (Arc::default(), Arc::default(), Basis::new());
             }

@@ -5,12 +5,13 @@
 //! size of a fault worth the name or some times that; sizes are summed over, and the places that gain most are fitted, with a form of their own.
 
 use super::coordinate::Coordinate;
-use super::density::{Baseline, Basis, ByAccuracy, ByPhase, Point, Problem, Residuals, WHOLE, overall, weight};
+use super::density::{Baseline, Basis, ByAccuracy, ByPhase, Point, Problem, WHOLE, overall};
 use super::fit::{Fit, Free, LOOK, fit, mean_variances};
 use super::form::{forms, of_law};
-use super::linear::{Columns, Frame, Normal, assemble, to_powers};
+use super::linear::{Columns, Frame, Normal, Products, assemble, by_phase, to_powers};
 use super::search::{DRAGGED, Hypothesis, log_prior, moments};
 use crate::effects::Subsystem;
+use crate::gap::model::column::Column;
 use crate::gap::model::missing;
 use crate::gap::model::replay::Missing;
 use crate::gap::model::unknown_clutch::hides;
@@ -115,9 +116,10 @@ fn promised(problem: &Problem, of: &Hypothesis, [sharp, coarse]: [&Mode; 2], pla
     }
     let mut basis = functions(problem, &of.fit.point, place);
     let changes = sharp.with_times(place, sharp.columns(&basis));
-    let (sharp, coarse) = (sharp.information(&changes), coarse.information(&changes));
+    let parts = sharp.products(&changes);
+    let (sharp, coarse) = (sharp.information(&parts), coarse.information(&parts));
     let of_size = |states: f64, time: f64| {
-        let by = DVector::from_fn(changes[0].ncols(), |f, _| if f < basis.len() { states } else { time });
+        let by = DVector::from_fn(changes[0].len(), |f, _| if f < basis.len() { states } else { time });
         OfSize { states, time, gain: sharp.gain(&by, 1.0), coarse: coarse.gain(&by, 1.0) }
     };
     let all: Vec<OfSize> = SIZES.iter().flat_map(|&size| OF_TIME.map(|share| of_size(size, share * size))).collect();
@@ -131,7 +133,7 @@ fn promised(problem: &Problem, of: &Hypothesis, [sharp, coarse]: [&Mode; 2], pla
     basis.extend(timed);
     let (lead, log_posterior) = (of.lead + best.gain + log_odds, of.log_posterior + best.coarse + log_odds);
     // With another accuracy all phases have nearly the same share of their power.
-    let by = DVector::from_fn(changes[0].ncols(), |f, _| if f < states { best.states } else { best.time });
+    let by = DVector::from_fn(changes[0].len(), |f, _| if f < states { best.states } else { best.time });
     let gain = |powers: ByPhase<f64>| coarse.gain(&by, overall(powers) / problem.power());
     let by_accuracy = std::array::from_fn(|c| of.by_accuracy[c] + gain(problem.powers[c]) + log_odds);
     let law = Law { place, basis, log_odds };
@@ -162,7 +164,7 @@ pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, kn
     // Functions are eliminated, and their derivatives are let go: there may be hundreds.
     let kept = fitted.shared.iter().filter(|c| !matches!(c, Coordinate::Missing(_))).count();
     let functions = fitted.shared.len() - kept;
-    let without = |c: &Columns| Columns { matrix: c.matrix.clone().remove_columns(kept, functions) };
+    let without = |c: &Columns| c[..kept].iter().chain(&c[kept + functions..]).cloned().collect();
     let columns = Arc::new(fitted.columns.iter().map(without).collect());
     let fit = Fit { columns, parts: Arc::default(), variances, exact, ..fitted.marginal() };
     Unknown { effects: effects.to_vec(), law: law.clone(), lead, log_posterior, by_accuracy, fit: Some(fit) }
@@ -182,13 +184,9 @@ fn functions(problem: &Problem, point: &Point, place: Subsystem) -> Basis {
 }
 
 /// Functions from this one on as what they change in the innovations, for which nothing has to be replayed.
-fn linear(changes: &[Changes], from: usize) -> Basis {
-    let one = |c: &Changes, f: usize| {
-        let column = c.column(f);
-        let moves = column.iter().any(|x| *x != 0.0);
-        Missing { innovations: if moves { column.iter().copied().collect() } else { Vec::new() }, ..Missing::default() }
-    };
-    (from..changes.first().map_or(0, DMatrix::ncols)).map(|f| changes.iter().map(|c| one(c, f)).collect()).collect()
+fn linear(changes: &[Columns], from: usize) -> Basis {
+    let one = |c: &Columns, f: usize| Missing { innovations: c[f].clone(), ..Missing::default() };
+    (from..changes.first().map_or(0, Vec::len)).map(|f| changes.iter().map(|c| one(c, f)).collect()).collect()
 }
 
 /// Amplitude, in standard deviations, at which a function is replayed.
@@ -223,9 +221,6 @@ impl Information {
     }
 }
 
-/// Changes of one recording's innovations for one standard deviation of each function.
-type Changes = DMatrix<f64>;
-
 impl<'a> Mode<'a> {
     fn new(problem: &'a Problem, of: &'a Hypothesis, powers: ByPhase<f64>) -> Option<Self> {
         let fit = &of.formed;
@@ -235,8 +230,8 @@ impl<'a> Mode<'a> {
         Some(Self { problem, fit, basis: &of.basis, columns, equations, powers })
     }
 
-    /// What each function changes, by recording.
-    fn columns(&self, further: &Basis) -> Vec<Changes> {
+    /// What one standard deviation of each function changes, by recording.
+    fn columns(&self, further: &Basis) -> Vec<Columns> {
         let there: Basis = self.basis.iter().chain(further).cloned().collect();
         let fitted = self.basis.len();
         let mut point = self.fit.point.clone();
@@ -244,21 +239,18 @@ impl<'a> Mode<'a> {
         let one = |r: usize| {
             let here = &self.fit.residuals[r];
             let from = self.problem.baseline(r, &point, Some(&there), Some(here));
-            let columns: Vec<Vec<f64>> = (0..further.len())
-                .into_par_iter()
-                .map(|k| {
-                    let mut moved = point.clone();
-                    moved.missing[fitted + k] = STEP;
-                    self.problem.change(r, &from, &moved).into_iter().map(|change| change / STEP).collect()
-                })
-                .collect();
-            DMatrix::from_fn(here.len(), further.len(), |i, k| columns[k][i])
+            let change = |k: usize| {
+                let mut moved = point.clone();
+                moved.missing[fitted + k] = STEP;
+                Column::new(&self.problem.change(r, &from, &moved)).times(1.0 / STEP)
+            };
+            (0..further.len()).into_par_iter().map(change).collect()
         };
         (0..self.problem.tracks.len()).into_par_iter().map(one).collect()
     }
 
     /// The same changes, and those of functions of time alone at a place: bumps, each in one recording. What bumps of a comb change is taken apart by time.
-    fn with_times(&self, place: Subsystem, changes: Vec<Changes>) -> Vec<Changes> {
+    fn with_times(&self, place: Subsystem, changes: Vec<Columns>) -> Vec<Columns> {
         let (problem, point) = (self.problem, &self.fit.point);
         let span = |r: usize| problem.tracks[r].time[problem.tracks[r].time.len() - 1] - problem.tracks[r].time[0];
         let total: f64 = (0..changes.len()).map(span).sum();
@@ -267,7 +259,7 @@ impl<'a> Mode<'a> {
             return changes;
         }
         let teeth = (FORGOTTEN_S / width).ceil() as usize;
-        let of_recording = |r: usize| -> Vec<Vec<f64>> {
+        let of_recording = |r: usize| -> Columns {
             let track = &problem.tracks[r];
             let combs = missing::combs(
                 place,
@@ -295,16 +287,15 @@ impl<'a> Mode<'a> {
                     }
                 }
             }
-            all.retain(|column| column.iter().any(|x| *x != 0.0));
-            all
+            all.iter().map(|column| Column::new(column)).filter(|column| !column.is_zero()).collect()
         };
-        let timed: Vec<Vec<Vec<f64>>> = (0..changes.len()).into_par_iter().map(of_recording).collect();
+        let timed: Vec<Columns> = (0..changes.len()).into_par_iter().map(of_recording).collect();
         let count: usize = timed.iter().map(Vec::len).sum();
-        let mut next = changes.first().map_or(0, DMatrix::ncols);
-        let with = |(matrix, timed): (Changes, Vec<Vec<f64>>)| {
-            let mut all = matrix.clone().resize_horizontally(matrix.ncols() + count, 0.0);
+        let mut next = changes.first().map_or(0, Vec::len);
+        let with = |(mut all, timed): (Columns, Columns)| {
+            all.resize(all.len() + count, Column::default());
             for column in timed {
-                all.column_mut(next).copy_from_slice(&column);
+                all[next] = column;
                 next += 1;
             }
             all
@@ -318,16 +309,23 @@ impl<'a> Mode<'a> {
         self.problem.change_under(r, from, function).into_iter().map(|change| change / STEP).collect()
     }
 
-    /// What the recordings say of functions with these changes.
-    fn information(&self, changes: &[Changes]) -> Information {
+    /// Products of everything that is free at the mode and of these changes, by recording and phase.
+    fn products(&self, changes: &[Columns]) -> Vec<ByPhase<Products>> {
+        let all: Vec<Columns> = self.columns.iter().zip(changes).map(|(free, more)| free.iter().chain(more).cloned().collect()).collect();
+        by_phase(self.problem, &all, &self.fit.residuals)
+    }
+
+    /// What the recordings say of functions, from these products.
+    fn information(&self, parts: &[ByPhase<Products>]) -> Information {
         let curvature = &self.equations.curvature;
-        let m = changes.first().map_or(0, DMatrix::ncols);
-        let (mut gram, mut slope, mut cross) = (DMatrix::zeros(m, m), DVector::zeros(m), DMatrix::zeros(curvature.nrows(), m));
-        let parts: Vec<(DMatrix<f64>, DVector<f64>, DMatrix<f64>)> = changes.par_iter().enumerate().map(|(r, v)| self.part(r, v)).collect();
-        for (g, s, c) in parts {
-            gram += g;
-            slope += s;
-            cross += c;
+        let (s, free) = (curvature.nrows(), self.columns.first().map_or(0, Vec::len));
+        let m = parts.first().map_or(0, |part| part[0].1.len() - free);
+        let (mut gram, mut slope, mut cross) = (DMatrix::zeros(m, m), DVector::zeros(m), DMatrix::zeros(s, m));
+        for (e, (p, g)) in self.equations.eliminated.iter().zip(to_powers(parts, self.powers)) {
+            let own = p.view((s, free), (free - s, m)).into_owned();
+            gram += p.view((free, free), (m, m)) - own.transpose() * e.solve(&own);
+            slope += g.rows(free, m) - own.tr_mul(e.offset());
+            cross += p.view((0, free), (s, m)) - e.coupling().transpose() * &own;
         }
         if let Some(root) = curvature.clone().cholesky() {
             let solved = root.solve(&cross);
@@ -335,30 +333,5 @@ impl<'a> Mode<'a> {
             slope -= solved.tr_mul(&self.equations.gradient);
         }
         Information { gram, slope }
-    }
-
-    /// One recording's products of the changes among themselves, with its residuals, and with the shared coordinates, own unknowns eliminated.
-    fn part(&self, r: usize, changes: &Changes) -> (DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
-        let here: &Residuals = &self.fit.residuals[r];
-        let w = DVector::from_iterator(
-            here.len(),
-            here.iter().enumerate().map(|(i, x)| (self.powers[self.problem.phase(r, i)] * weight(*x)).sqrt()),
-        );
-        let weigh = |m: &DMatrix<f64>| {
-            let mut m = m.clone();
-            m.column_iter_mut().for_each(|mut c| c.component_mul_assign(&w));
-            m
-        };
-        let known: &Columns = &self.columns[r];
-        let (v, a) = (weigh(changes), weigh(&known.matrix));
-        let weighted = DVector::from_column_slice(here).component_mul(&w);
-        let s = self.equations.curvature.nrows();
-        let products = a.transpose() * &v;
-        let (shared, own) = (products.rows(0, s).into_owned(), products.rows(s, products.nrows() - s).into_owned());
-        let e = &self.equations.eliminated[r];
-        let gram = v.transpose() * &v - own.tr_mul(&e.solve(&own));
-        let slope = v.tr_mul(&weighted) - own.tr_mul(e.offset());
-        let cross = shared - e.coupling().tr_mul(&own);
-        (gram, slope, cross)
     }
 }

@@ -1,5 +1,6 @@
 //! Replays: the plant driven by a recording's inputs, free or corrected by the filter.
 
+use super::column::Column;
 use super::filter::{Filter, STATES, state};
 use super::tolerance::{Car, Signal};
 use super::track::{Channel, Track};
@@ -29,18 +30,19 @@ pub struct Missing {
     pub sensed: [Vec<f64>; 2],
     /// What it adds to the bench channels, by row: bearing in mm, clutch torque in N·m, disc temperature in °C; empty for none.
     pub bench: [Vec<f64>; 3],
-    /// What it adds to the whitened innovations; empty for none.
-    pub innovations: Vec<f64>,
+    /// What it adds to the whitened innovations by itself, without a replay: of a law that is nothing else.
+    pub innovations: Column,
 }
 
 impl Missing {
     /// Makes the law that many times as large.
     pub fn scale(&mut self, by: f64) {
         let replayed = self.torque.iter_mut().chain(&mut self.sensed).chain(&mut self.bench);
-        replayed.chain([&mut self.innovations]).flatten().for_each(|x| *x *= by);
+        replayed.flatten().for_each(|x| *x *= by);
+        self.innovations = self.innovations.times(by);
     }
 
-    /// Adds a law of this amplitude.
+    /// Adds a law of this amplitude, as a replay knows of it.
     pub fn add(&mut self, law: &Self, amplitude: f64) {
         let add = |sum: &mut Vec<f64>, one: &[f64]| {
             if sum.len() < one.len() {
@@ -53,7 +55,6 @@ impl Missing {
             add(&mut self.sensed[side], &law.sensed[side]);
         }
         self.bench.iter_mut().zip(&law.bench).for_each(|(sum, one)| add(sum, one));
-        add(&mut self.innovations, &law.innovations);
     }
 
     /// Whether it moves the innovations alone: then no replay has to know of it.
