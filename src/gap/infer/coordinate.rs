@@ -87,6 +87,15 @@ impl Coordinate {
         if factor && to > 0.0 { from * (to / from).ln() } else { to - from }
     }
 
+    /// Whether it is a value of a law that is learned, or an amplitude of one that is missing.
+    pub fn is_of_law(self) -> bool {
+        match self {
+            Self::Missing(_) => true,
+            Self::Effect(k) => effects::owner(k).is_none(),
+            Self::Shared(_) | Self::Own(_) => false,
+        }
+    }
+
     /// Precision of the prior, 1/variance.
     pub fn precision(self) -> f64 {
         if let Self::Effect(k) = self { size(k).powi(-2) } else { 1.0 }

@@ -4,7 +4,7 @@
 
 use super::coordinate::{Coordinate, coordinates};
 use super::density::{Basis, ByAccuracy, ByPhase, Point, Problem, Residuals, WHOLE, cost, prior};
-use super::linear::{Columns, Frame, Normal, Products, all_products, assemble, by_phase, derivatives, to_powers};
+use super::linear::{Columns, Frame, Known, Normal, Products, all_products, assemble, by_phase, derivatives, to_powers};
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
@@ -57,9 +57,14 @@ impl Fit {
         self.columns.clone()
     }
 
-    /// Derivatives as another fit takes them over.
-    pub fn known(&self) -> Option<&[Columns]> {
-        (!self.columns.is_empty()).then_some(self.columns.as_slice())
+    /// Derivatives as a fit of something else takes them over.
+    pub fn known(&self) -> Option<Known<'_>> {
+        (!self.columns.is_empty()).then_some(Known::Nuisances(&self.columns))
+    }
+
+    /// The same as a fit of the same effects with more of the same law does.
+    pub fn known_with_law(&self) -> Option<Known<'_>> {
+        (!self.columns.is_empty()).then_some(Known::Law(&self.columns))
     }
 
     /// Mean square of the shared nuisances.
@@ -161,8 +166,8 @@ pub struct Free<'a> {
     pub basis: Option<&'a Basis>,
 }
 
-/// Maximises the density from `start`. `known` are derivatives along nuisances of a place nearby.
-pub fn fit(problem: &Problem, free: Free, start: &Point, iterations: usize, known: Option<&[Columns]>) -> Fit {
+/// Maximises the density from `start`. `known` are derivatives of a place nearby.
+pub fn fit(problem: &Problem, free: Free, start: &Point, iterations: usize, known: Option<Known>) -> Fit {
     let missing = free.basis.map_or(0, Vec::len);
     let (shared, own) = coordinates(problem, free.effects, missing);
     let mut start = start.clone();
@@ -171,7 +176,7 @@ pub fn fit(problem: &Problem, free: Free, start: &Point, iterations: usize, know
 }
 
 /// As [`fit`], along these coordinates alone.
-pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Point, iterations: usize, known: Option<&[Columns]>) -> Fit {
+pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Point, iterations: usize, known: Option<Known>) -> Fit {
     let mut point = start.clone();
     let mut residuals = problem.all_residuals(&point, basis);
     let mut now = cost(&point, &residuals);
@@ -183,7 +188,7 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
     while done < iterations {
         let old = match known {
             Some(known) if columns.is_empty() => known,
-            _ => &columns,
+            _ => Known::Law(&columns),
         };
         columns = derivatives(problem, &point, basis, &residuals, &frame, kept.then_some(old));
         let (before, mut promised) = (now, f64::INFINITY);

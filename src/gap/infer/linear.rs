@@ -33,8 +33,17 @@ impl Frame {
     }
 }
 
-/// Derivatives of every recording along all coordinates, as finite differences of whole replays. Columns of nuisances are taken over from `known`
-/// ones of a place nearby. A tolerance that moves the same number as a free effect has that effect's column: differences of their own would hide the
+/// Derivatives that are known of a place nearby.
+#[derive(Clone, Copy, Debug)]
+pub enum Known<'a> {
+    /// Of another frame: nuisances are the same there.
+    Nuisances(&'a [Columns]),
+    /// Of the same effects and the first functions or curves of the same law, which change as little as nuisances do: it is a sum of them.
+    Law(&'a [Columns]),
+}
+
+/// Derivatives of every recording along all coordinates, as finite differences of whole replays. Columns of what hardly changes are taken over from `known`
+/// ones. A tolerance that moves the same number as a free effect has that effect's column: differences of their own would hide the
 /// valley between the two.
 pub fn derivatives(
     problem: &Problem,
@@ -42,19 +51,27 @@ pub fn derivatives(
     basis: Option<&Basis>,
     residuals: &[Residuals],
     frame: &Frame,
-    known: Option<&[Columns]>,
+    known: Option<Known>,
 ) -> Vec<Columns> {
     let all: Vec<Coordinate> = frame.all().collect();
     let leaders = leaders(problem, point, &all);
     let twin = |k: usize| leaders[k];
-    let fixed = |c: Coordinate| matches!(c, Coordinate::Shared(_) | Coordinate::Own(_));
-    let fresh: Vec<usize> = (0..all.len()).filter(|&k| twin(k).is_none() && !(known.is_some() && fixed(all[k]))).collect();
+    let taken = |k: usize| match (known, all[k]) {
+        (None, _) => false,
+        (Some(_), Coordinate::Shared(_) | Coordinate::Own(_)) => true,
+        (Some(Known::Nuisances(_)), _) => false,
+        (Some(Known::Law(columns)), c) => c.is_of_law() && columns.first().is_some_and(|known| k + frame.own.len() < known.len()),
+    };
+    let fresh: Vec<usize> = (0..all.len()).filter(|&k| twin(k).is_none() && !taken(k)).collect();
     let tasks: Vec<(usize, usize)> = (0..problem.tracks.len()).flat_map(|r| fresh.iter().map(move |&k| (r, k))).collect();
     let from: Vec<Baseline> = residuals.par_iter().enumerate().map(|(r, known)| problem.baseline(r, point, basis, Some(known))).collect();
     let columns: Vec<Column> = tasks.par_iter().map(|&(r, k)| derivative(problem, point, basis, r, &from[r], all[k])).collect();
     let mut columns = columns.into_iter();
     // Shared nuisances keep their places whatever effects are free; own ones are counted from the end.
     let place = |known: &Columns, k: usize| if k < frame.shared.len() { k } else { known.len() - (all.len() - k) };
+    let known = known.map(|known| match known {
+        Known::Nuisances(columns) | Known::Law(columns) => columns,
+    });
     (0..problem.tracks.len())
         .map(|r| {
             let mut these: Columns = vec![Column::default(); all.len()];

@@ -37,7 +37,7 @@ impl Anchor {
         let (shared, own) = coordinates(problem, effects, point.missing.len());
         let frame = Frame { shared, own };
         let anew = || Arc::new(derivatives(problem, point, basis, &residuals, &frame, None));
-        let columns = known.filter(|f| f.known().is_some()).map_or_else(anew, |f| f.columns.clone());
+        let columns = known.filter(|f| !f.columns.is_empty()).map_or_else(anew, |f| f.columns.clone());
         let equations = normal(point, &frame, &columns, &residuals, 0.0)?;
         let cost = cost(point, &residuals);
         Some(Self { point: point.clone(), effects: effects.to_vec(), basis: basis.cloned(), residuals, frame, columns, equations, cost })

@@ -9,7 +9,7 @@ use super::coordinate::Coordinate;
 use super::density::{Basis, ByAccuracy, Point, Problem, STRAINS, WHOLE, cost, size};
 use super::fit::{Fit, Free, LOOK, fit, mean_variances};
 use super::form::{self, forms};
-use super::linear::Columns;
+use super::linear::{Columns, Known};
 use super::pulsation;
 use super::screen::{Anchor, Promise, Screening, screen};
 use crate::effects::{Act, PARAMETERS, Parameters, REGISTRY};
@@ -59,8 +59,8 @@ impl Hypothesis {
         if let_go { Self::fitted(problem, self.effects.clone(), &self.formed.point, LOOK, None) } else { self.clone() }
     }
 
-    /// Fits a set with the forms of its effects. `known` are derivatives along nuisances of a place nearby.
-    pub fn fitted(problem: &Problem, effects: Vec<usize>, start: &Point, iterations: usize, known: Option<&[Columns]>) -> Self {
+    /// Fits a set with the forms of its effects. `known` are derivatives of a place nearby.
+    pub fn fitted(problem: &Problem, effects: Vec<usize>, start: &Point, iterations: usize, known: Option<Known>) -> Self {
         let basis = forms(problem, start, &effects);
         let start = Point { missing: Vec::new(), ..start.clone() };
         let formed = fit(problem, Free { effects: &effects, basis: Some(&basis) }, &start, iterations, known);
@@ -279,7 +279,7 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
     let mut looked: Vec<(Hypothesis, f64)> = starts
         .into_par_iter()
         .map(|(effects, start, promise, anchor)| {
-            let known = columns.get(anchor).map(|c| c.as_slice());
+            let known = columns.get(anchor).map(|c| Known::Nuisances(c));
             // From the nominal car it is further.
             let iterations = if anchor == 0 { LOOK } else { 2 * LOOK };
             (Hypothesis::fitted(problem, effects, &start, iterations, known), promise)

@@ -8,7 +8,7 @@ use super::coordinate::Coordinate;
 use super::density::{Baseline, Basis, ByAccuracy, ByPhase, Point, Problem, WHOLE, overall};
 use super::fit::{Fit, Free, LOOK, fit, mean_variances};
 use super::form::{forms, of_law};
-use super::linear::{Columns, Frame, Normal, Products, assemble, by_phase, to_powers};
+use super::linear::{Columns, Frame, Known, Normal, Products, assemble, by_phase, to_powers};
 use super::search::{DRAGGED, Hypothesis, log_prior, moments};
 use crate::effects::Subsystem;
 use crate::gap::model::column::Column;
@@ -75,21 +75,25 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
     let (Some(sharp), Some(coarse)) = (Mode::new(problem, of, WHOLE), Mode::new(problem, of, problem.steering())) else {
         return Vec::new();
     };
-    let mut found: Vec<(Unknown, f64)> = Subsystem::ALL
-        .into_iter()
-        .filter(|p| !hides(&problem.tracks, *p))
-        .map(|place| promised(problem, of, [&sharp, &coarse], place))
-        .collect();
+    let mut found: Vec<Promised> = Vec::new();
+    for place in Subsystem::ALL.into_iter().filter(|p| !hides(&problem.tracks, *p)) {
+        found.push(promised(problem, of, [&sharp, &coarse], place));
+        found.sort_by(|a, b| b.unknown.lead.total_cmp(&a.unknown.lead));
+        // Those of all places would take more memory than anything else.
+        found.iter_mut().skip(FITTED).for_each(|p| p.known = Vec::new());
+    }
     // Tolerances that the gap bent are no good start for a law that explains it.
     let bent = of.fit.pull() > DRAGGED;
     let straight = Point { effects: of.fit.point.effects, ..problem.nominal() };
     // A fit may fall short of its promise: the most promising is fitted until the first two are.
     for _ in 0..MOST_FITTED {
-        found.sort_by(|a, b| b.0.lead.total_cmp(&a.0.lead));
-        let best = found[0].0.lead;
+        found.sort_by(|a, b| b.unknown.lead.total_cmp(&a.unknown.lead));
+        let best = found[0].unknown.lead;
         let worthwhile = |u: &Unknown| u.fit.is_none() && best > least && best - u.lead < FITTED_NATS;
-        let Some((u, size)) = found.iter_mut().take(FITTED).find(|(u, _)| worthwhile(u)) else { break };
-        *u = beside(problem, &of.effects, &u.law, &of.fit.point, of.formed.known());
+        let Some(Promised { unknown: u, size, known }) = found.iter_mut().take(FITTED).find(|p| worthwhile(&p.unknown)) else { break };
+        let known = std::mem::take(known);
+        let known = if known.is_empty() { of.formed.known() } else { Some(Known::Law(&known)) };
+        *u = beside(problem, &of.effects, &u.law, &of.fit.point, known);
         if bent {
             let mut basis = functions(problem, &straight, u.law.place);
             basis.iter_mut().flatten().for_each(|f| f.scale(*size));
@@ -100,14 +104,23 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
             }
         }
     }
-    let mut found: Vec<Unknown> = found.into_iter().map(|(u, _)| u).collect();
+    let mut found: Vec<Unknown> = found.into_iter().map(|p| p.unknown).collect();
     found.iter_mut().filter(|u| u.fit.is_none()).for_each(|u| u.law.basis = Basis::new());
     found.sort_by(|a, b| b.lead.total_cmp(&a.lead));
     found
 }
 
-/// What a law promises at a place by the linear models with the whole likelihood and with its power, and the size of its functions of states that suits best.
-fn promised(problem: &Problem, of: &Hypothesis, [sharp, coarse]: [&Mode; 2], place: Subsystem) -> (Unknown, f64) {
+/// What a law promises at a place.
+struct Promised {
+    unknown: Unknown,
+    /// Size of its functions of states that suits best.
+    size: f64,
+    /// Derivatives there, those along the law's functions of states last among what recordings share; none once they were let go.
+    known: Vec<Columns>,
+}
+
+/// What a law promises at a place by the linear models with the whole likelihood and with its power.
+fn promised(problem: &Problem, of: &Hypothesis, [sharp, coarse]: [&Mode; 2], place: Subsystem) -> Promised {
     struct OfSize {
         states: f64,
         time: f64,
@@ -116,7 +129,8 @@ fn promised(problem: &Problem, of: &Hypothesis, [sharp, coarse]: [&Mode; 2], pla
     }
     let mut basis = functions(problem, &of.fit.point, place);
     let changes = sharp.with_times(place, sharp.columns(&basis));
-    let parts = sharp.products(&changes);
+    let mode = sharp;
+    let parts = mode.products(&changes);
     let (sharp, coarse) = (sharp.information(&parts), coarse.information(&parts));
     let of_size = |states: f64, time: f64| {
         let by = DVector::from_fn(changes[0].len(), |f, _| if f < basis.len() { states } else { time });
@@ -137,11 +151,17 @@ fn promised(problem: &Problem, of: &Hypothesis, [sharp, coarse]: [&Mode; 2], pla
     let gain = |powers: ByPhase<f64>| coarse.gain(&by, overall(powers) / problem.power());
     let by_accuracy = std::array::from_fn(|c| of.by_accuracy[c] + gain(problem.powers[c]) + log_odds);
     let law = Law { place, basis, log_odds };
-    (Unknown { effects: of.effects.clone(), law, lead, log_posterior, by_accuracy, fit: None }, best.states)
+    let unknown = Unknown { effects: of.effects.clone(), law, lead, log_posterior, by_accuracy, fit: None };
+    let (own, kept) = (of.formed.own.len(), of.fit.shared.len());
+    let known = mode.columns.iter().zip(&changes).map(|(free, law)| {
+        let law = law[..states].iter().map(|c| c.times(best.states));
+        free[..kept].iter().cloned().chain(law).chain(free[free.len() - own..].iter().cloned()).collect()
+    });
+    Promised { unknown, size: best.states, known: known.collect() }
 }
 
-/// A missing law at a place beside a set with the forms of its effects, fitted from a point. `known` are derivatives along nuisances there.
-pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, known: Option<&[Columns]>) -> Unknown {
+/// A missing law at a place beside a set with the forms of its effects, fitted from a point. `known` are derivatives there.
+pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, known: Option<Known>) -> Unknown {
     let count = law.basis.len();
     let all: Basis = law.basis.iter().cloned().chain(forms(problem, start, effects)).collect();
     let mut start = start.clone();
@@ -149,7 +169,7 @@ pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, kn
     let formless = fit(problem, Free { effects, basis: Some(&all) }, &start, LOOK + 2, known);
     let form = of_law(problem, &formless.point, &all, count);
     let all: Basis = all.into_iter().chain(form).collect();
-    let fitted = fit(problem, Free { effects, basis: Some(&all) }, &formless.point, LOOK, formless.known());
+    let fitted = fit(problem, Free { effects, basis: Some(&all) }, &formless.point, LOOK, formless.known_with_law());
     let prior = log_prior(effects.len()) + law.log_odds;
     let at = |powers| {
         let (evidence, fit) = fitted.weighed(problem, count, powers);
