@@ -215,7 +215,7 @@ fn derivatives_that_are_kept_lead_to_the_same_mode() {
     let level = [effects::find("friction_level").unwrap()];
     let base = fit(&problem, Free::default(), &problem.nominal(), 12, None);
     let fresh = fit(&problem, Free { effects: &level, basis: None }, &problem.nominal(), 12, None);
-    let kept = fit(&problem, Free { effects: &level, basis: None }, &base.point, 12, Some(&base.columns));
+    let kept = fit(&problem, Free { effects: &level, basis: None }, &base.point, 12, base.known());
     assert!((fresh.cost - kept.cost).abs() < 1.0, "{} {}", fresh.cost, kept.cost);
     let factor = |f: &kisspoint::gap::infer::fit::Fit| f.point.effects[param::friction_level::factor];
     assert!((factor(&fresh) - factor(&kept)).abs() < 0.01 && (factor(&fresh) - 1.15).abs() < 0.05);
