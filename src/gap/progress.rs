@@ -26,7 +26,8 @@ impl Work {
         self.0.fetch_add(rows as u64, Ordering::Relaxed);
     }
 
-    fn rows(&self) -> u64 {
+    /// Rows replayed so far.
+    pub fn rows(&self) -> u64 {
         self.0.load(Ordering::Relaxed)
     }
 }

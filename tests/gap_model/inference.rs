@@ -2,14 +2,15 @@
 
 use crate::made_up::{example, made_up, made_up_under};
 use kisspoint::effects::{self, REGISTRY, Subsystem, param};
-use kisspoint::gap::infer::density::{Problem, WHOLE, cost, misfit};
-use kisspoint::gap::infer::fit::{Fit, Free, fit};
+use kisspoint::gap::infer::density::{Basis, Problem, WHOLE, cost, misfit};
+use kisspoint::gap::infer::fit::{Fit, Free, LOOK, fit};
 use kisspoint::gap::infer::form::forms;
 use kisspoint::gap::infer::irregular::irregular;
 use kisspoint::gap::infer::posterior::posterior;
 use kisspoint::gap::infer::pulsation;
 use kisspoint::gap::infer::search::{Hypothesis, search};
-use kisspoint::gap::model::{prepare, tolerance};
+use kisspoint::gap::model::replay::Missing;
+use kisspoint::gap::model::{missing, prepare, tolerance};
 use kisspoint::gap::verdict::{Verdict, conclude};
 
 #[test]
@@ -220,6 +221,37 @@ fn derivatives_that_are_kept_lead_to_the_same_mode() {
     let factor = |f: &kisspoint::gap::infer::fit::Fit| f.point.effects[param::friction_level::factor];
     assert!((factor(&fresh) - factor(&kept)).abs() < 0.01 && (factor(&fresh) - 1.15).abs() < 0.05);
     assert_eq!(REGISTRY[level[0]].id, "friction_level");
+}
+
+/// The car's friction is too high, and the fit has a law of friction for it: with more of the law it comes to the same mode from derivatives of the first part as from new ones.
+#[test]
+fn derivatives_of_a_law_that_are_kept_lead_to_the_same_mode() {
+    let problem = made_up(|e| e[param::friction_level::factor] = 1.15);
+    let nominal = problem.nominal();
+    let by_track = problem.tracks.iter().enumerate().map(|(k, track)| {
+        missing::functions(
+            Subsystem::Friction,
+            track,
+            &problem.filters[k],
+            &problem.car(&nominal, Some(k)),
+            problem.temperatures(&nominal, k),
+        )
+    });
+    let by_track: Vec<Vec<Missing>> = by_track.collect();
+    let mut law: Basis = (0..by_track[0].len()).map(|f| by_track.iter().map(|t| t[f].clone()).collect()).collect();
+    let part = fit(&problem, Free { effects: &[], basis: Some(&law) }, &nominal, 6, None);
+    // More of it that is linear.
+    let more = |r: usize| Missing { innovations: part.columns[r][0].times(0.1), ..Missing::default() };
+    law.push((0..problem.tracks.len()).map(more).collect());
+    let whole = |known| fit(&problem, Free { effects: &[], basis: Some(&law) }, &part.point, LOOK, known);
+    let work = |known| {
+        let before = problem.work.rows();
+        let fit = whole(known);
+        (fit, problem.work.rows() - before)
+    };
+    let ((fresh, much), (kept, little)) = (work(None), work(part.known_with_law()));
+    assert!((fresh.cost - kept.cost).abs() < 0.5, "{} {}", fresh.cost, kept.cost);
+    assert!(2 * little < much, "{little} of {much} rows");
 }
 
 #[test]
