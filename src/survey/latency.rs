@@ -15,6 +15,10 @@ const FINE_S: f64 = 0.002;
 /// Width of the means, s.
 const MEAN_S: f64 = 0.5;
 
+/// Least distance in s of the instants at which rates of change are compared, and most of them: the means of neighbours are nearly the same.
+const APART_S: f64 = 0.02;
+const MOST: f64 = 20_000.0;
+
 /// A trace with the integrals up to its samples.
 struct Sums<'a> {
     trace: Trace<'a>,
@@ -61,26 +65,28 @@ pub fn between(engine: Trace<'_>, road: Trace<'_>, gears: &Gears, engagements: &
     let steps = (MOST_S / FINE_S) as i32;
     let (engine, road) = (Sums::of(engine), Sums::of(road));
     let change = |sums: &Sums<'_>, t: f64| sums.mean(t, t + MEAN_S) - sums.mean(t - MEAN_S, t);
-    let mut errors: Vec<(f64, f64)> = Vec::new();
-    let mut count = 0_usize;
-    for shift in (-steps..=steps).map(|k| f64::from(k) * FINE_S) {
-        let mut sum = 0.0;
-        count = 0;
-        for &(gear, from, to) in &locked {
-            for k in road.trace.within(from + MOST_S + MEAN_S, to - MOST_S - MEAN_S) {
-                let t = road.trace.time[k];
-                sum += (change(&engine, t - shift) - gears.factor(gear) * change(&road, t)).powi(2);
-                count += 1;
+    let seconds_seen: f64 = locked.iter().map(|(_, a, b)| b - a).sum();
+    let apart = APART_S.max(seconds_seen / MOST);
+    // When, and how the engine's speed ought to change there.
+    let mut instants: Vec<(f64, f64)> = Vec::new();
+    for &(gear, from, to) in &locked {
+        let mut next = from;
+        for k in road.trace.within(from + MOST_S + MEAN_S, to - MOST_S - MEAN_S) {
+            let t = road.trace.time[k];
+            if t >= next {
+                instants.push((t, gears.factor(gear) * change(&road, t)));
+                // Samples that come a little early count.
+                next = t + 0.9 * apart;
             }
         }
-        errors.push((shift, sum));
     }
-    if count < 100 {
+    if instants.len() < 100 {
         return None;
     }
+    let error = |shift: f64| instants.iter().map(|(t, expected)| (change(&engine, t - shift) - expected).powi(2)).sum();
+    let errors: Vec<(f64, f64)> = (-steps..=steps).map(|k| f64::from(k) * FINE_S).map(|shift| (shift, error(shift))).collect();
     let &(seconds, least) = errors.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
     // Neighbouring means share most of their samples: one counts for each of their width.
-    let seconds_seen: f64 = locked.iter().map(|(_, a, b)| b - a).sum();
     let enough = least * (1.0 + 3.84 / (seconds_seen / MEAN_S).max(2.0));
     let good: Vec<f64> = errors.iter().filter(|(_, e)| *e <= enough).map(|(s, _)| *s).collect();
     let interval = (good[0], good[good.len() - 1]);

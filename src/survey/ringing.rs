@@ -17,6 +17,8 @@ const FINE: f64 = 0.02;
 const LONGEST_S: f64 = 2.0;
 /// Width of the running mean, s.
 const MEAN_S: f64 = 0.5;
+/// What comes faster than this is averaged over it, s: far above the band.
+const BIN_S: f64 = 0.01;
 /// Least share of the variance that is called an oscillation.
 const LEAST: f64 = 0.15;
 
@@ -40,6 +42,7 @@ pub fn after(engine: Trace<'_>, road: Trace<'_>, factor: f64, met: f64, until: f
     }
     let slip = |k: usize| (road.time[k], engine.at(road.time[k]) - factor * road.values[k]);
     let around: Vec<(f64, f64)> = road.within(met - MEAN_S, end + MEAN_S).map(slip).filter(|(t, _)| *t >= met && *t <= until).collect();
+    let around: Vec<(f64, f64)> = around.chunk_by(|a, b| bin(a.0 - met) == bin(b.0 - met)).map(mean).collect();
     let points: Vec<(f64, f64)> = around.iter().filter(|(t, _)| *t <= end).map(|&(t, s)| (t - met, s - mean_around(&around, t))).collect();
     let total: f64 = points.iter().map(|p| p.1 * p.1).sum();
     if points.len() < 20 || total == 0.0 {
@@ -60,6 +63,16 @@ pub fn after(engine: Trace<'_>, road: Trace<'_>, factor: f64, met: f64, until: f
         }
     }
     (best >= LEAST).then_some(Ringing { frequency, share: best, set })
+}
+
+/// Bin of a time since the speeds met; half a microsecond later than it begins, for stamps are rounded.
+fn bin(since: f64) -> i64 {
+    ((since + 5e-7) / BIN_S).floor() as i64
+}
+
+fn mean(points: &[(f64, f64)]) -> (f64, f64) {
+    let n = points.len() as f64;
+    (points.iter().map(|p| p.0).sum::<f64>() / n, points.iter().map(|p| p.1).sum::<f64>() / n)
 }
 
 fn mean_around(points: &[(f64, f64)], t: f64) -> f64 {
