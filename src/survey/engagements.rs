@@ -25,10 +25,10 @@ pub struct Engagement {
 
 /// All engagements, in order.
 pub fn find(engine: Trace<'_>, road: Trace<'_>, gears: &Gears) -> Vec<Engagement> {
-    let merged = merge(engine, road, gears);
+    let (merged, standing) = (merge(engine, road, gears), road.standing());
     let one = |(k, stretch): (usize, &Stretch)| {
         let before = k.checked_sub(1).map(|b| &merged[b]);
-        let rest = standstill_before(road, stretch.from).filter(|t| before.is_none_or(|b| *t > b.to));
+        let rest = standstill_before(road, standing, stretch.from).filter(|t| before.is_none_or(|b| *t > b.to));
         let from = match (rest, before) {
             (Some(rest), _) => rest,
             (None, Some(b)) => b.to,
@@ -60,9 +60,9 @@ fn merge(engine: Trace<'_>, road: Trace<'_>, gears: &Gears) -> Vec<Stretch> {
     out
 }
 
-/// The last time without speed before `t`, if nothing but a launch lies between.
-fn standstill_before(road: Trace<'_>, t: f64) -> Option<f64> {
-    let (end, standing) = (road.time.partition_point(|s| *s < t), road.standing());
+/// The last time at most at a speed of `standing` before `t`, if nothing but a launch lies between.
+fn standstill_before(road: Trace<'_>, standing: f64, t: f64) -> Option<f64> {
+    let end = road.time.partition_point(|s| *s < t);
     (0..end).rev().find(|&k| road.values[k] <= standing).map(|k| road.time[k])
 }
 

@@ -17,7 +17,7 @@ const MEAN_S: f64 = 0.5;
 
 /// Least distance in s of the instants at which rates of change are compared, and most of them: the means of neighbours are nearly the same.
 const APART_S: f64 = 0.02;
-const MOST: f64 = 20_000.0;
+const MOST: f64 = 10_000.0;
 
 /// A trace with the integrals up to its samples.
 struct Sums<'a> {
