@@ -1,6 +1,6 @@
 //! How much is read: what is larger ends with a message and not with a machine that is out of memory.
 //!
-//! A row of a campaign takes 0.6 kB of memory in a replay and 2 kB or more in a diagnosis, so that a campaign at its limit takes some gigabytes.
+//! A row of a campaign takes 0.6 kB of memory in a replay and 3 to 5 kB in a diagnosis, so that a campaign at its limit takes up to 10 GB; where there is less, the commands that diagnose say so and end.
 
 /// Bytes of one line of a text file, and of vehicle.json or recordings.json, at most.
 pub(crate) const TEXT_BYTES: usize = 16 << 20;

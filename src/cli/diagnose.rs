@@ -149,6 +149,7 @@ fn one(
     let campaign = read?;
     // Standard output may be a machine's.
     eprint!("{}", campaign.remarks());
+    super::memory::has_room(path, &campaign)?;
     let bar = Progress::new();
     let found = pool.install(|| diagnose(&campaign, &|what, share| bar.tell(&format!("{label}{what}"), share)));
     let refused = |source| CommandError::Diagnosis { path: path.to_owned(), source, left_out: campaign.left_out.clone() };

@@ -17,6 +17,7 @@ mod known;
 pub mod launch;
 pub mod launch_drawn;
 mod laws;
+mod memory;
 pub mod output;
 pub mod plan;
 pub mod plausible;

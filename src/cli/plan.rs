@@ -210,6 +210,7 @@ fn after(args: &Args, path: &Path, pool: &rayon::ThreadPool) -> Result<(), Comma
     bar.finish();
     let campaign = read?;
     eprint!("{}", campaign.remarks());
+    super::memory::has_room(path, &campaign)?;
     let file = read_vehicle(&campaign.vehicle_path)?;
     let manoeuvres = manoeuvres(args, &file.vehicle)?;
     let bar = Progress::new();

@@ -79,8 +79,8 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
     for place in Subsystem::ALL.into_iter().filter(|p| !hides(&problem.tracks, *p)) {
         found.push(promised(problem, of, [&sharp, &coarse], place));
         found.sort_by(|a, b| b.unknown.lead.total_cmp(&a.unknown.lead));
-        // Those of all places would take more memory than anything else.
-        found.iter_mut().skip(FITTED).for_each(|p| p.known = Vec::new());
+        // The functions of all places would take more memory than anything else.
+        found.iter_mut().skip(FITTED).for_each(Promised::let_go);
     }
     // Tolerances that the gap bent are no good start for a law that explains it.
     let bent = of.fit.pull() > DRAGGED;
@@ -90,10 +90,12 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
         found.sort_by(|a, b| b.unknown.lead.total_cmp(&a.unknown.lead));
         let best = found[0].unknown.lead;
         let worthwhile = |u: &Unknown| u.fit.is_none() && best > least && best - u.lead < FITTED_NATS;
-        let Some(Promised { unknown: u, size, known }) = found.iter_mut().take(FITTED).find(|p| worthwhile(&p.unknown)) else { break };
-        let known = std::mem::take(known);
-        let known = if known.is_empty() { of.formed.known() } else { Some(Known::Law(&known)) };
-        *u = beside(problem, &of.effects, &u.law, &of.fit.point, known);
+        let Some(promise) = found.iter_mut().take(FITTED).find(|p| worthwhile(&p.unknown)) else { break };
+        if promise.known.is_empty() {
+            *promise = promised(problem, of, [&sharp, &coarse], promise.unknown.law.place);
+        }
+        let Promised { unknown: u, size, known } = promise;
+        *u = beside(problem, &of.effects, &u.law, &of.fit.point, Some(Known::Law(&std::mem::take(known))));
         if bent {
             let mut basis = functions(problem, &straight, u.law.place);
             basis.iter_mut().flatten().for_each(|f| f.scale(*size));
@@ -104,8 +106,8 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
             }
         }
     }
+    found.iter_mut().filter(|p| p.unknown.fit.is_none()).for_each(Promised::let_go);
     let mut found: Vec<Unknown> = found.into_iter().map(|p| p.unknown).collect();
-    found.iter_mut().filter(|u| u.fit.is_none()).for_each(|u| u.law.basis = Basis::new());
     found.sort_by(|a, b| b.lead.total_cmp(&a.lead));
     found
 }
@@ -117,6 +119,13 @@ struct Promised {
     size: f64,
     /// Derivatives there, those along the law's functions of states last among what recordings share; none once they were let go.
     known: Vec<Columns>,
+}
+
+impl Promised {
+    /// Lets go of the functions and derivatives.
+    fn let_go(&mut self) {
+        (self.unknown.law.basis, self.known) = (Basis::new(), Vec::new());
+    }
 }
 
 /// What a law promises at a place by the linear models with the whole likelihood and with its power.
