@@ -226,6 +226,13 @@ impl Information {
 /// Changes of one recording's innovations for one standard deviation of each function.
 type Changes = DMatrix<f64>;
 
+/// One recording's products.
+struct Part {
+    gram: DMatrix<f64>,
+    slope: DVector<f64>,
+    cross: DMatrix<f64>,
+}
+
 impl<'a> Mode<'a> {
     fn new(problem: &'a Problem, of: &'a Hypothesis, powers: ByPhase<f64>) -> Option<Self> {
         let fit = &of.formed;
@@ -323,11 +330,11 @@ impl<'a> Mode<'a> {
         let curvature = &self.equations.curvature;
         let m = changes.first().map_or(0, DMatrix::ncols);
         let (mut gram, mut slope, mut cross) = (DMatrix::zeros(m, m), DVector::zeros(m), DMatrix::zeros(curvature.nrows(), m));
-        let parts: Vec<(DMatrix<f64>, DVector<f64>, DMatrix<f64>)> = changes.par_iter().enumerate().map(|(r, v)| self.part(r, v)).collect();
-        for (g, s, c) in parts {
-            gram += g;
-            slope += s;
-            cross += c;
+        let parts: Vec<Part> = changes.par_iter().enumerate().map(|(r, v)| self.part(r, v)).collect();
+        for part in parts {
+            gram += part.gram;
+            slope += part.slope;
+            cross += part.cross;
         }
         if let Some(root) = curvature.clone().cholesky() {
             let solved = root.solve(&cross);
@@ -338,7 +345,7 @@ impl<'a> Mode<'a> {
     }
 
     /// One recording's products of the changes among themselves, with its residuals, and with the shared coordinates, own unknowns eliminated.
-    fn part(&self, r: usize, changes: &Changes) -> (DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
+    fn part(&self, r: usize, changes: &Changes) -> Part {
         let here: &Residuals = &self.fit.residuals[r];
         let w = DVector::from_iterator(
             here.len(),
@@ -359,6 +366,6 @@ impl<'a> Mode<'a> {
         let gram = v.transpose() * &v - own.tr_mul(&e.solve(&own));
         let slope = v.tr_mul(&weighted) - own.tr_mul(e.offset());
         let cross = shared - e.coupling().tr_mul(&own);
-        (gram, slope, cross)
+        Part { gram, slope, cross }
     }
 }
