@@ -154,6 +154,8 @@ fn two_recordings_are_enough_and_one_is_held_out() {
     let found = answer(&Folder::of("two", &two_launches()).read()).json;
     assert_eq!(found["verdict"], "no_gap", "{}", found["which"]);
     assert_eq!(found["how_far"]["held_out"].as_array().unwrap().len(), 1);
+    let blind = |id: &str| found["which"]["not_assessable"].as_array().unwrap().iter().any(|n| n["id"] == id);
+    assert!(blind("clutch_cooling") && !blind("friction_level"), "{}", found["which"]["not_assessable"]);
     check_structure(&found);
 }
 
@@ -265,8 +267,27 @@ fn check_structure(found: &Value) {
             assert!(low <= value && value <= high, "{name}: {p}");
         }
     }
+    // What is believed is the sum over the explanations that say it.
+    let explanations = found["which"]["explanations"].as_array().unwrap();
+    let number = |v: &Value| v.as_f64().unwrap_or(f64::NAN);
+    let same = |e: &&Value| match found["verdict"].as_str() {
+        Some("unexplained") => e["missing_law"] == explanations[0]["missing_law"],
+        Some("no_gap") => e["effects"] == explanations[0]["effects"] && e["missing_law"].is_null(),
+        _ => e["effects"] == explanations[0]["effects"],
+    };
+    let (believed, rest): (f64, f64) = (
+        explanations.iter().filter(same).map(|e| number(&e["probability"])).sum(),
+        1.0 - explanations.iter().map(|e| number(&e["probability"])).sum::<f64>(),
+    );
+    let confidence = number(&found["confidence"]);
+    assert!(confidence > believed - 1e-4 && confidence < believed + rest + 1e-4, "{confidence} {believed} {rest}");
     let ranked = found["which"]["ranked"].as_array().unwrap();
     assert_eq!(ranked.len(), REGISTRY.len(), "every effect of the library is weighed");
+    // An effect that recordings would show from three usual ones on alone is not assessable by them.
+    for r in ranked.iter().filter(|r| r["smallest_visible"].is_object()) {
+        let (size, usual) = (number(&r["smallest_visible"]["size"]), number(&r["smallest_visible"]["usual"]));
+        assert!((r["verdict"] == "not assessable") == (size > 3.0 * usual) || r["verdict"] == "chosen", "{r}");
+    }
     assert!(ranked.iter().all(|r| r["id"].is_string() && r["verdict"].is_string() && r["reason"].is_string()));
 }
 
