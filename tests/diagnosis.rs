@@ -154,8 +154,6 @@ fn two_recordings_are_enough_and_one_is_held_out() {
     let found = answer(&Folder::of("two", &two_launches()).read()).json;
     assert_eq!(found["verdict"], "no_gap", "{}", found["which"]);
     assert_eq!(found["how_far"]["held_out"].as_array().unwrap().len(), 1);
-    let blind = |id: &str| found["which"]["not_assessable"].as_array().unwrap().iter().any(|n| n["id"] == id);
-    assert!(blind("clutch_cooling") && !blind("friction_level"), "{}", found["which"]["not_assessable"]);
     check_structure(&found);
 }
 
