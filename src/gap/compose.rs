@@ -177,7 +177,7 @@ fn correlations(f: &Findings) -> Vec<Correlation> {
 
 fn which(f: &Findings) -> Which {
     let point = &f.conclusion.explanation.fit.as_ref().expect("the best was fitted").point;
-    let too_large = |e: usize| Reach::of(&f.outlook.limits, e).is_some_and(|l| l.in_sizes() > TOO_LARGE);
+    let too_large = |e: usize| Reach::hides(&f.outlook.limits, e);
     let best = f.posterior.best().log_posterior;
     Which {
         effects: named(f).into_iter().map(|e| effect(f, e)).collect(),

@@ -115,15 +115,19 @@ fn gap(recording: &Recording, before: measure::Car, after: measure::Car) -> [f64
     [c.before, c.after]
 }
 
+/// Whether a law is tried after this verdict, where effects that explain leave this share of the gap.
+fn is_worthwhile(verdict: Verdict, left: impl FnOnce() -> f64) -> bool {
+    match verdict {
+        Verdict::Unexplained | Verdict::PartlyExplained => true,
+        Verdict::Explained => left() > WORTH_A_LAW,
+        Verdict::NoGap | Verdict::InputsDoNotFit => false,
+    }
+}
+
 /// Learns a law where something is left, by a verdict that says so or by effects on what was held out; none if nothing is, or if no law acts there. `start` is the point that goes with the tuned car,
 /// `near` a fit from whose derivatives along nuisances the work may begin.
 pub fn learn_law(problem: &Problem, conclusion: &Conclusion, start: &Point, near: Option<&Fit>, judge: &Judge) -> Option<Tried> {
-    let worthwhile = match conclusion.verdict {
-        Verdict::Unexplained | Verdict::PartlyExplained => true,
-        Verdict::Explained => judge.leaves(judge.tuned) > WORTH_A_LAW,
-        Verdict::NoGap | Verdict::InputsDoNotFit => false,
-    };
-    if !worthwhile {
+    if !is_worthwhile(conclusion.verdict, || judge.leaves(judge.tuned)) {
         return None;
     }
     let start =
@@ -236,5 +240,14 @@ mod tests {
             (Sensors, &[]),
         ];
         expected.iter().for_each(|(place, laws)| assert_eq!(laws_for(*place), *laws));
+    }
+
+    #[test]
+    fn a_law_is_tried_where_something_is_left() {
+        for verdict in [Verdict::Unexplained, Verdict::PartlyExplained] {
+            assert!(is_worthwhile(verdict, || unreachable!("it does not matter how much")));
+        }
+        assert!(is_worthwhile(Verdict::Explained, || 0.031) && !is_worthwhile(Verdict::Explained, || 0.029));
+        assert!(!is_worthwhile(Verdict::NoGap, || 1.0) && !is_worthwhile(Verdict::InputsDoNotFit, || 1.0));
     }
 }

@@ -75,15 +75,8 @@ pub fn conclude(problem: &Problem, search: &Search, posterior: &Posterior) -> Co
         _ => posterior.explanations.iter().filter(|e| e.effects == best.effects).map(|e| e.probability).sum(),
     };
     let shown: Vec<Subsystem> = shares.iter().map(|s| s.0).collect();
-    let mass = |s: Subsystem| -> f64 {
-        let holds = |e: &&Explanation| e.place == Some(s) || e.effects.iter().any(|&k| REGISTRY[k].effect.subsystem == s);
-        posterior.explanations.iter().filter(holds).map(|e| e.probability).sum()
-    };
-    let or_at = if matches!(verdict, Verdict::NoGap | Verdict::InputsDoNotFit) {
-        Vec::new()
-    } else {
-        Subsystem::ALL.into_iter().filter(|s| !shown.contains(s) && mass(*s) > NAMED_BESIDE).collect()
-    };
+    let or_at =
+        if matches!(verdict, Verdict::NoGap | Verdict::InputsDoNotFit) { Vec::new() } else { doubted(&posterior.explanations, &shown) };
     let shares = if strange { Vec::new() } else { shares };
     Conclusion { verdict, probability, explanation: best, effects: named, unexplained_at, shares, or_at }
 }
@@ -129,6 +122,15 @@ impl Conclusion {
             self.shares.sort_by(|a, b| b.1.total_cmp(&a.1));
         }
     }
+}
+
+/// Subsystems beside those shown in which something may be wrong instead.
+fn doubted(all: &[Explanation], shown: &[Subsystem]) -> Vec<Subsystem> {
+    let mass = |s: Subsystem| -> f64 {
+        let holds = |e: &&Explanation| e.place == Some(s) || e.effects.iter().any(|&k| REGISTRY[k].effect.subsystem == s);
+        all.iter().filter(holds).map(|e| e.probability).sum()
+    };
+    Subsystem::ALL.into_iter().filter(|s| !shown.contains(s) && mass(*s) > NAMED_BESIDE).collect()
 }
 
 /// Whether innovations of this mean square are none of such a car.
@@ -292,5 +294,22 @@ mod tests {
             assert_eq!([with(id, 4.9), with(id, 5.1), with(id, -5.1)], [false, input, input], "{id}");
         }
         assert!(!is_beyond_a_car(&concluded(&["vehicle_mass"]).explanation));
+    }
+
+    #[test]
+    fn a_place_is_doubted_if_explanations_with_it_are_believed_together() {
+        let with = |effects: &[&str], place: Option<Subsystem>, probability: f64| {
+            let explanation = concluded(effects).explanation;
+            Explanation { place, probability, ..explanation }
+        };
+        let all = [
+            with(&["vehicle_mass"], None, 0.5),
+            with(&["friction_level"], None, 0.03),
+            with(&["vehicle_mass"], Some(Subsystem::Friction), 0.03),
+            with(&["engine_torque_gain"], None, 0.04),
+            with(&[], Some(Subsystem::Sensors), 0.06),
+        ];
+        assert_eq!(doubted(&all, &[Subsystem::Driveline]), [Subsystem::Friction, Subsystem::Sensors]);
+        assert_eq!(doubted(&all, &[Subsystem::Friction, Subsystem::Sensors]), [Subsystem::Driveline]);
     }
 }
