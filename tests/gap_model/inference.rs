@@ -324,3 +324,27 @@ fn a_member_that_does_nothing_is_dropped() {
     assert_eq!(found.best().effects, [mass]);
     assert!((found.best().fit.point.effects[param::vehicle_mass::factor] - 1.2).abs() < 0.06);
 }
+
+/// Beside a law that is missing an effect may only have come along: it is dropped, if what is left is believed more.
+#[test]
+fn an_effect_that_only_came_along_beside_a_law_is_dropped() {
+    let gusts = |t: f64| 6.0 * ((1.7 * t).sin() + (3.1 * t + 0.5).sin());
+    let mut problem = made_up_under(|e| e[param::engine_torque_gain::gain] = 1.15, gusts);
+    (problem.tracks.truncate(4), problem.filters.truncate(4), problem.states.truncate(4));
+    problem.coarsen();
+    let [gain, level] = ["engine_torque_gain", "friction_level"].map(|id| effects::find(id).unwrap());
+    let mut found = search(&problem, &|_, _| {});
+    let pair = Hypothesis::fitted(&problem, vec![gain, level], &found.best().formed.point, 12, None);
+    found.hypotheses.retain(|h| h.effects.is_empty());
+    found.hypotheses.insert(0, pair);
+    let weights = posterior(&problem, &found, &[]);
+    let beside = |set: &[usize]| weights.explanations.iter().find(|e| e.effects == set && e.place.is_some() && e.fit.is_some());
+    let mut both = [gain, level];
+    both.sort_unstable();
+    assert!(
+        beside(&both).is_some() && beside(&[gain]).is_some(),
+        "{:?}",
+        weights.explanations.iter().map(|e| (&e.effects, e.place)).collect::<Vec<_>>()
+    );
+    assert!(beside(&[gain]).unwrap().probability > beside(&both).unwrap().probability);
+}
