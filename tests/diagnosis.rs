@@ -122,6 +122,21 @@ fn a_facing_that_dries_is_found_in_friction() {
     check_structure(&found);
 }
 
+/// What no state of the car leads to is allowed for, said, and named nowhere as an effect.
+#[test]
+fn something_irregular_is_said() {
+    let car = with_only(everyday(Kind::Outside("misfire")), &[0, 5]);
+    let found = answer(&Folder::of("irregular", &car).read()).json;
+    let notes: Vec<&str> = found["notes"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
+    assert!(
+        notes.iter().any(|n| n.contains("something irregular is left")),
+        "{} {} {notes:?}",
+        found["verdict"],
+        found["where"]["unexplained_at"]
+    );
+    check_structure(&found);
+}
+
 #[test]
 fn effects_that_look_alike_are_left_open() {
     // Three launches, of which one judges: a contact that moves with temperature and a spring that changes with it are one to them.

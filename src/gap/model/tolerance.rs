@@ -407,6 +407,26 @@ mod tests {
             assert!(one(name).hand_over(z, &mut car));
             assert!((car.effects[parameter] - to).abs() < 1e-9, "{name}: {} {to}", car.effects[parameter]);
         }
+        // Each of these has its effect, whose parameter a relative number moves by its share and another by as much.
+        let names = [
+            ("engine.T_e_gain", "rel", param::engine_torque_gain::gain),
+            ("cushion_spring.beta", "rel", param::friction_level::factor),
+            ("actuator.x_cls", "abs", param::kiss_point_offset::closed_offset),
+            ("thermal.gamma_1", "rel", param::clutch_cooling::body_factor),
+            ("thermal.gamma_2", "rel", param::clutch_cooling::air_factor),
+            ("sensors.omega_f_latency", "abs", param::engine_speed_delay::delay),
+            ("sensors.omega_c_latency", "abs", param::clutch_speed_delay::delay),
+            ("engine.T_e_smoothing", "abs", param::engine_torque_lag::time_constant),
+            ("actuator.command_smoothing", "abs", param::actuator_lag::time_constant),
+        ];
+        for (name, kind, parameter) in names {
+            let n = read_of(json!({ name: { kind: 0.01 } }), Logger::UNIFORM).unwrap().shared.into_iter().find(|n| n.name == name).unwrap();
+            assert_eq!(n.same_as(&Car::nominal(&vehicle)), Some((parameter, 0.01)), "{name}");
+        }
+        // A factor says nothing of a number that moves by an amount; a relative contact moves by its share of the number.
+        let absolute = read_of(json!({"driveline.J_c": {"abs": 0.1}, "actuator.x_cnt": {"rel": 0.1}}), Logger::UNIFORM).unwrap().shared;
+        assert_eq!(absolute[1].same_as(&Car::nominal(&vehicle)), None);
+        assert_eq!(absolute[0].same_as(&Car::nominal(&vehicle)), Some((param::kiss_point_offset::offset, 0.1 * vehicle.actuator.x_cnt_0)));
         let mut car = Car::nominal(&vehicle);
         assert!(!one("driveline.J_f").hand_over(1.0, &mut car) && one("engine.T_e_timing").same_as(&car).is_none());
         car.apply(&[one("driveline.J_f").clone(), one("driveline.T_L0").clone(), one("engine.T_e_timing").clone()], &[-1.0, 2.0, 0.5]);
