@@ -348,3 +348,36 @@ fn an_effect_that_only_came_along_beside_a_law_is_dropped() {
     );
     assert!(beside(&[gain]).unwrap().probability > beside(&both).unwrap().probability);
 }
+
+/// A control unit that commands at 33 Hz, logged at 33 Hz: its commands stay from sample to sample, and the diagnosis finds that out by itself.
+#[test]
+fn commands_that_change_only_as_often_as_they_are_logged_are_held() {
+    use crate::made_up::normals;
+    use kisspoint::campaign;
+    use kisspoint::gap::diagnosis::diagnose;
+    use kisspoint::gap::model::replay::{replay, start};
+    use kisspoint::gap::model::tolerance::Car;
+    use kisspoint::gap::model::track::Track;
+    let mut campaign = campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
+    campaign.recordings.retain(|r| ["r01", "r02", "r03", "r05"].contains(&r.name.as_str()));
+    let car = Car::nominal(&kisspoint::vehicle::Vehicle::from_value(&campaign.vehicle_json).unwrap());
+    let mut normal = normals(11);
+    for r in &mut campaign.recordings {
+        for v in [&mut r.time, &mut r.omega_f, &mut r.omega_c, &mut r.t_e, &mut r.x_to_cmd, &mut r.theta_h] {
+            *v = v.iter().copied().step_by(3).collect();
+        }
+        (r.x_to, r.t_fc, r.theta_c, r.held) = (None, None, None, true);
+        r.sample_rate_hz /= 3.0;
+        let track = Track::new(r);
+        let begin = start(&track, &car, 0, track.theta_0, 0.1);
+        let mut speeds = [r.omega_f.clone(), r.omega_c.clone()];
+        replay(&track, &car, &begin, 0..track.rows(), None, |row, now, _, _| {
+            (speeds[0][row], speeds[1][row]) = (now.omega_f + 0.1 * normal(), now.omega_c + 0.1 * normal());
+        });
+        [r.omega_f, r.omega_c] = speeds;
+        r.held = false;
+    }
+    let found = diagnose(&campaign, &|_, _| {}).unwrap();
+    assert!(found.held && found.answer.verdict == Verdict::NoGap, "{} {:?}", found.held, found.answer.verdict);
+    assert!(found.answer.notes.iter().any(|n| n.contains("held from sample to sample")), "{:?}", found.answer.notes);
+}
