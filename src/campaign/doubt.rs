@@ -396,4 +396,27 @@ mod tests {
         assert_eq!(faults_of("n", &time, &mut [2.0; 400], true), None);
         assert!(!has_several([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 1.0].into_iter()) && has_several((0..8).map(f64::from)));
     }
+
+    /// A sample halfway up a step is off the lines of both sides, to opposite ones.
+    #[test]
+    fn a_step_through_its_middle_is_no_spike() {
+        let time: Vec<f64> = (0..60).map(|k| 0.01 * f64::from(k)).collect();
+        let noise = |k: usize| 0.02 * ((k * k) as f64).sin();
+        let step: Vec<f64> = (0..60)
+            .map(|k| {
+                noise(k)
+                    + if k < 30 {
+                        0.0
+                    } else if k == 30 {
+                        25.0
+                    } else {
+                        50.0
+                    }
+            })
+            .collect();
+        assert_eq!(spikes(&time, &step), [0; 0]);
+        let mut spike: Vec<f64> = (0..60).map(noise).collect();
+        spike[30] = 25.0;
+        assert_eq!(spikes(&time, &spike), [30]);
+    }
 }

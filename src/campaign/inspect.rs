@@ -283,4 +283,19 @@ mod tests {
         let back = Group { series: vec![series("time", None, vec![1.0, 0.0]), series("n", None, vec![2.0, 3.0])], ..Group::default() };
         assert!(channels_of(&back).iter().all(|c| c.rate_hz.is_none()));
     }
+
+    /// What a recording would leave out is said of the channels of the group that was guessed at, and of no namesake in another.
+    #[test]
+    fn faults_are_those_of_a_channel_that_is_used() {
+        let speed: Vec<f64> = (0..100).map(|k| if k == 40 { 900.0 } else { 0.5 * f64::from(k) }).collect();
+        let series = |name: &str, values: Vec<f64>| Series { name: name.into(), unit: None, values, text: None };
+        let time = (0..100).map(|k| 0.01 * f64::from(k)).collect();
+        let group = Group { index: 1, series: vec![series("time", time), series("n", speed)], ..Group::default() };
+        let all = [channel("n", None, 2, Some(Channel::OmegaC)), channel("n", None, 1, Some(Channel::OmegaF))];
+        let said = faults(&group, &all);
+        assert!(said.len() == 1 && said[0].contains("0.400 s"), "{said:?}");
+        assert!(faults(&group, &all[..1]).is_empty() && faults(&group, &[]).is_empty());
+        // Of a channel that is no speed a spike is a value like another.
+        assert!(faults(&group, &[channel("n", None, 1, Some(Channel::TE))]).iter().all(|f| !f.contains("contradicted")));
+    }
 }
