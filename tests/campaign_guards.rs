@@ -149,6 +149,10 @@ fn a_value_in_an_mdf_that_is_no_number_is_no_value() {
         assert!(found.omega_c.iter().all(|v| !v.is_infinite()), "{bad} was kept");
         assert_eq!(found.omega_c.iter().filter(|v| v.is_finite()).count(), 150, "{bad}: only that sample is none");
         assert!(read.notes.iter().any(|n| n.recording == "r02" && n.text.contains("omega_c")), "{bad}: it is said, {:?}", read.notes);
+        // Nor is it the least or the greatest for those who only look.
+        let seen = campaign::inspect(&folder.0.join("r02.mf4"), None, &|_| {}).unwrap();
+        assert!(seen.channels.iter().all(|c| c.min.is_none_or(f64::is_finite) && c.max.is_none_or(f64::is_finite)), "{bad}: {seen:?}");
+        assert_eq!(seen.channels.iter().map(|c| c.invalid).sum::<usize>(), 1, "{bad}");
     }
 }
 

@@ -122,6 +122,21 @@ fn a_facing_that_dries_is_found_in_friction() {
     check_structure(&found);
 }
 
+/// What no state of the car leads to is allowed for, said, and named nowhere as an effect.
+#[test]
+fn something_irregular_is_said() {
+    let car = with_only(everyday(Kind::Outside("misfire")), &[0, 5]);
+    let found = answer(&Folder::of("irregular", &car).read()).json;
+    let notes: Vec<&str> = found["notes"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
+    assert!(
+        notes.iter().any(|n| n.contains("something irregular is left")),
+        "{} {} {notes:?}",
+        found["verdict"],
+        found["where"]["unexplained_at"]
+    );
+    check_structure(&found);
+}
+
 #[test]
 fn effects_that_look_alike_are_left_open() {
     // Three launches, of which one judges: a contact that moves with temperature and a spring that changes with it are one to them.
@@ -265,8 +280,27 @@ fn check_structure(found: &Value) {
             assert!(low <= value && value <= high, "{name}: {p}");
         }
     }
+    // What is believed is the sum over the explanations that say it.
+    let explanations = found["which"]["explanations"].as_array().unwrap();
+    let number = |v: &Value| v.as_f64().unwrap_or(f64::NAN);
+    let same = |e: &&Value| match found["verdict"].as_str() {
+        Some("unexplained") => e["missing_law"] == explanations[0]["missing_law"],
+        Some("no_gap") => e["effects"] == explanations[0]["effects"] && e["missing_law"].is_null(),
+        _ => e["effects"] == explanations[0]["effects"],
+    };
+    let (believed, rest): (f64, f64) = (
+        explanations.iter().filter(same).map(|e| number(&e["probability"])).sum(),
+        1.0 - explanations.iter().map(|e| number(&e["probability"])).sum::<f64>(),
+    );
+    let confidence = number(&found["confidence"]);
+    assert!(confidence > believed - 1e-4 && confidence < believed + rest + 1e-4, "{confidence} {believed} {rest}");
     let ranked = found["which"]["ranked"].as_array().unwrap();
     assert_eq!(ranked.len(), REGISTRY.len(), "every effect of the library is weighed");
+    // An effect that recordings would show from three usual ones on alone is not assessable by them.
+    for r in ranked.iter().filter(|r| r["smallest_visible"].is_object()) {
+        let (size, usual) = (number(&r["smallest_visible"]["size"]), number(&r["smallest_visible"]["usual"]));
+        assert!((r["verdict"] == "not assessable") == (size > 3.0 * usual) || r["verdict"] == "chosen", "{r}");
+    }
     assert!(ranked.iter().all(|r| r["id"].is_string() && r["verdict"].is_string() && r["reason"].is_string()));
 }
 

@@ -188,3 +188,119 @@ fn constant(values: &[f64]) -> Option<f64> {
     let first = there.next()?;
     there.all(|v| v == first).then_some(first)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::rc::Rc;
+
+    fn told(channel: Channel, values: &[f64], theta_0: Option<[f64; 2]>) -> Option<String> {
+        let time = Rc::new((0..values.len()).map(|k| 0.01 * k as f64).collect());
+        let signal = Signal { channel, label: "it".into(), time, values: values.to_vec() };
+        plausible(&Measurement::default(), &signal, &Entry { theta_0, ..Entry::default() }).err().map(|e| e.to_string())
+    }
+
+    /// Each bound of the table from both sides: sample, what is wrong, and the unit that the values look like.
+    #[test]
+    fn bounds_lie_where_the_table_has_them() {
+        use Channel::{Brake, OmegaC, OmegaF, TE, TFc, ThetaC, ThetaH, Time, XTo, XToCmd};
+        type Told = (usize, &'static str, &'static str);
+        const SOUND: Told = (0, "", "");
+        let cases: &[(Channel, &[f64], Told)] = &[
+            (OmegaF, &[100.0, 1500.0], SOUND),
+            (OmegaF, &[100.0, 1501.0, 1501.0], (2, "1501 rad/s would be 14333 rpm", "rpm")),
+            (OmegaC, &[100.0, 0.0, -1501.0], (3, "-1501 rad/s would be -14333 rpm", "rpm")),
+            (OmegaF, &[700.0, 700.0, 100.0, 100.0], SOUND),
+            (OmegaF, &[600.0, 600.0, 600.0, 601.0], SOUND),
+            (OmegaF, &[700.0, f64::NAN, 710.0, 720.0, 100.0], (4, "most samples lie above 600 rad/s (5730 rpm)", "rpm")),
+            (OmegaF, &[-1.0, -50.0, -50.0, 100.0], (2, "the engine would turn backwards at -50 rad/s", "sign in the channel map")),
+            (OmegaF, &[-50.0, -50.0, 100.0, 100.0], SOUND),
+            (OmegaC, &[-50.0, -50.0, -50.0, 10.0], SOUND),
+            (OmegaF, &[30.0, 39.0], (2, "the engine would never turn faster than 372 rpm", "Hz")),
+            (OmegaF, &[30.0, 40.0], SOUND),
+            (TE, &[0.0, 3000.0], SOUND),
+            (TE, &[0.0, 3001.0, -3001.0], (2, "3001 N·m is more than a dry clutch carries", "N·mm")),
+            (TFc, &[0.0, -3001.0], (2, "-3001 N·m", "N·mm")),
+            (TE, &[0.1, 0.4], (2, "the engine torque never exceeds 0.4 N·m", "kN·m")),
+            (TE, &[0.1, 0.5], SOUND),
+            (TE, &[0.4, 0.4], SOUND),
+            (TFc, &[0.1, 0.4], SOUND),
+            (XToCmd, &[0.01, 0.04], (2, "the bearing would never be beyond 0.04 mm", "m")),
+            (XTo, &[0.01, 0.05], SOUND),
+            (XTo, &[0.0, 0.0], SOUND),
+            (XTo, &[0.0, 100.0], SOUND),
+            (XTo, &[0.0, -101.0], (2, "-101 mm is no travel", "um")),
+            (ThetaH, &[-60.0, 200.0], SOUND),
+            (ThetaH, &[20.0, 201.0], (2, "201 °C is no air temperature", "K")),
+            (ThetaH, &[20.0, -61.0], (2, "-61 °C is colder than any road", "sign in the channel map")),
+            (ThetaC, &[20.0, 290.0], SOUND),
+            (ThetaC, &[20.0, -61.0, -61.0], (2, "-61 °C", "sign in the channel map")),
+            (Brake, &[0.0, 1.0], SOUND),
+            (Brake, &[0.0, 1.5], (2, "1.5 is neither 0 nor 1", "sign in the channel map")),
+            (Brake, &[0.0, -0.5, 2.0], (2, "-0.5 is neither", "sign in the channel map")),
+            (Time, &[1e9], SOUND),
+            (OmegaF, &[f64::NAN], SOUND),
+        ];
+        for (channel, values, (row, what, looks_like)) in cases {
+            match told(*channel, values, None) {
+                None => assert_eq!(*row, 0, "{channel:?} {values:?}"),
+                Some(text) => {
+                    let unit = if looks_like.contains(' ') { (*looks_like).to_owned() } else { format!("It looks like {looks_like}: ") };
+                    assert!(text.contains(&format!("row {row}:")) && text.contains(what) && text.contains(&unit), "{values:?}: {text}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_disc_that_starts_273_degrees_from_what_is_stated_is_in_kelvin() {
+        let cold = Some([20.0, 60.0]);
+        for (start, kelvin) in [(273.0, false), (273.3, true), (293.0, true), (313.0, true), (313.3, false)] {
+            let told = told(Channel::ThetaC, &[start, 400.0], cold);
+            assert_eq!(told.is_some(), kelvin, "{told:?}");
+            assert!(
+                told.is_none_or(|t| t.contains(&format!("starts at {start} °C"))
+                    && t.contains("theta_c0_degC = 20")
+                    && t.contains("like K:"))
+            );
+        }
+        assert!(told(Channel::ThetaC, &[20.0, -61.0], cold).unwrap().contains("colder"));
+    }
+
+    fn shown(manoeuvre: &str, change: impl Fn(&mut Recording)) -> (Result<(), String>, Recording, Vec<String>) {
+        let ramp: Vec<f64> = (0..4).map(f64::from).collect();
+        let (mut recording, mut notes) = (Recording { manoeuvre: manoeuvre.into(), ..Recording::default() }, Vec::new());
+        for series in [&mut recording.omega_f, &mut recording.omega_c, &mut recording.t_e, &mut recording.x_to_cmd] {
+            *series = ramp.clone();
+        }
+        change(&mut recording);
+        let said = says_something("r.csv", |c| c.spec().column.to_owned(), &mut recording, &mut notes).map_err(|e| e.to_string());
+        (said, recording, notes)
+    }
+
+    #[test]
+    fn channels_that_never_change_are_told_from_those_that_may_not() {
+        let frozen = || vec![2.0, f64::NAN, 2.0, 2.0];
+        let refused = |manoeuvre: &str, change: &dyn Fn(&mut Recording)| shown(manoeuvre, change).0.err().unwrap_or_default();
+        assert!(refused("drive", &|r| r.omega_f = frozen()).contains("omega_f_rad_s: the value is 2 "));
+        assert!(refused("drive", &|r| r.omega_c = frozen()).contains("omega_c_rad_s: the value is 2 "));
+        // A disc at rest stands still with the clutch open, and never else.
+        assert!(refused("drive", &|r| r.omega_c.fill(0.0)).contains("omega_c_rad_s"));
+        assert!(refused("open_rev", &|r| r.omega_c = frozen()).contains("omega_c_rad_s"));
+        assert_eq!(refused("open_rev", &|r| r.omega_c.fill(0.0)), "");
+        // One input may stand still, not both; and no launch without a motion.
+        assert_eq!(refused("drive", &|r| r.t_e = frozen()), "");
+        assert_eq!(refused("drive", &|r| r.x_to_cmd = frozen()), "");
+        assert!(refused("drive", &|r| (r.t_e, r.x_to_cmd) = (frozen(), frozen())).contains("T_e_Nm and x_to_cmd_mm: constant input"));
+        for manoeuvre in ["launch", "creep", "modulate"] {
+            assert!(refused(manoeuvre, &|r| r.x_to_cmd = frozen()).contains(&format!("2 mm throughout, which is no {manoeuvre}")));
+        }
+        // A bench channel that stands still while the bearing moves is dropped; one that has nothing to show is not.
+        let (said, r, notes) = shown("drive", |r| (r.x_to, r.t_fc) = (Some(frozen()), Some(vec![1.0, 2.0, 3.0, 4.0])));
+        assert!(
+            said.is_ok() && r.x_to.is_none() && r.t_fc.is_some() && notes.len() == 1 && notes[0].starts_with("x_to_mm: the value is 2")
+        );
+        let (said, r, notes) = shown("drive", |r| (r.x_to_cmd, r.t_fc) = (frozen(), Some(frozen())));
+        assert!(said.is_ok() && r.t_fc.is_some() && notes.is_empty());
+    }
+}

@@ -314,4 +314,17 @@ mod tests {
         assert_eq!(all(b"t,a\n").unwrap_err().defect.as_ref(), &Defect::NoRows);
         assert_eq!(all(b"\n\n").unwrap_err().defect.as_ref(), &Defect::Empty);
     }
+
+    #[test]
+    fn a_large_file_tells_how_much_of_it_is_read() {
+        let path = std::env::temp_dir().join(format!("kisspoint-told-{}.csv", std::process::id()));
+        let rows = 600_000;
+        std::fs::write(&path, "time_s,a\n".to_owned() + &"0.123456789,1.2\n".repeat(rows)).unwrap();
+        let told = std::cell::RefCell::new(Vec::new());
+        let read = read("a.csv", &path, &|_| true, &|share| told.borrow_mut().push(share));
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(read.unwrap().groups[0].series[1].values.len(), rows);
+        let told = told.into_inner();
+        assert!(told.len() == 2 && (0.4..0.5).contains(&told[0]) && (0.8..0.95).contains(&told[1]), "{told:?}");
+    }
 }

@@ -333,4 +333,90 @@ mod tests {
         let coarse: Vec<f64> = values.iter().map(|v| (v / 0.5).round() * 0.5).collect();
         assert_eq!(dead_band(&time, &coarse, SURE), None);
     }
+
+    #[test]
+    fn the_quantum_is_the_least_step_beyond_rounding() {
+        for (values, least) in [
+            (&[0.0, 2.0, 2.5, 4.0][..], 0.5),
+            (&[4.0, 3.0, f64::NAN, 1.0], 1.0),
+            (&[2.0, 2.0], 0.0),
+            (&[], 0.0),
+            (&[1.0, 1.0 + 1e-9, 3.0], 2.0),
+        ] {
+            assert!((quantum(values) - least).abs() < 1e-8, "{values:?}: {}", quantum(values));
+        }
+    }
+
+    /// Bounds of each quantity, from both sides; what is common is no fault.
+    #[test]
+    fn what_no_car_reaches_is_rare_and_outside_its_bounds() {
+        use Channel::{Brake, OmegaC, OmegaF, TE, TFc, ThetaC, ThetaH, XTo, XToCmd};
+        let limits = [
+            (OmegaF, 1500.0),
+            (OmegaC, 1500.0),
+            (TE, 3000.0),
+            (TFc, 3000.0),
+            (XToCmd, 100.0),
+            (XTo, 100.0),
+            (ThetaH, 200.0),
+            (ThetaC, 1000.0),
+        ];
+        for (channel, most) in limits {
+            let (low, high) = bounds(channel).unwrap();
+            assert_eq!((low, high), (if matches!(channel, ThetaH | ThetaC) { -60.0 } else { -most }, most));
+            let mut values = vec![1.0; 40];
+            (values[3], values[5]) = (high, low);
+            assert_eq!(beyond((low, high), &values), [0; 0]);
+            (values[7], values[9]) = (high + 0.1, low - 0.1);
+            assert_eq!(beyond((low, high), &values), [7, 9]);
+            values[11] = high + 0.1;
+            assert_eq!(beyond((low, high), &values), [0; 0], "three of forty are common");
+        }
+        assert_eq!(bounds(Brake), None);
+    }
+
+    #[test]
+    fn what_is_left_out_is_said_with_its_first_sample() {
+        let (time, mut values) = launch();
+        (values[60], values[250]) = (5000.0, values[250] - 30.0);
+        let (first, said) = said(&take_out(&time, &mut values, Some((-1500.0, 1500.0)), true)).unwrap();
+        assert_eq!(first, 60);
+        assert!(
+            said.starts_with("2 samples are not believed") && said.contains("contradicted") && said.contains("no car reaches"),
+            "{said}"
+        );
+        assert!(values[60].is_nan() && values[250].is_nan() && values.iter().filter(|v| v.is_nan()).count() == 2);
+        let text = faults_of(
+            "n",
+            &time,
+            &mut launch().1.iter().enumerate().map(|(k, v)| v + 30.0 * f64::from(u8::from(k == 40))).collect::<Vec<_>>(),
+            true,
+        );
+        assert!(text.as_ref().is_some_and(|t| t.starts_with("n: 1 sample is not") && t.contains("the first at 0.400 s: 30")), "{text:?}");
+        assert_eq!(faults_of("n", &time, &mut [2.0; 400], true), None);
+        assert!(!has_several([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 1.0].into_iter()) && has_several((0..8).map(f64::from)));
+    }
+
+    /// A sample halfway up a step is off the lines of both sides, to opposite ones.
+    #[test]
+    fn a_step_through_its_middle_is_no_spike() {
+        let time: Vec<f64> = (0..60).map(|k| 0.01 * f64::from(k)).collect();
+        let noise = |k: usize| 0.02 * ((k * k) as f64).sin();
+        let step: Vec<f64> = (0..60)
+            .map(|k| {
+                noise(k)
+                    + if k < 30 {
+                        0.0
+                    } else if k == 30 {
+                        25.0
+                    } else {
+                        50.0
+                    }
+            })
+            .collect();
+        assert_eq!(spikes(&time, &step), [0; 0]);
+        let mut spike: Vec<f64> = (0..60).map(noise).collect();
+        spike[30] = 25.0;
+        assert_eq!(spikes(&time, &spike), [30]);
+    }
 }

@@ -243,4 +243,44 @@ mod tests {
         assert_eq!(guess(&names), expected);
         assert_eq!(guess(&[("foo", Some("rpm")), ("engine", Some("V"))])[0], None);
     }
+
+    /// A word that speaks for a channel makes it likelier, one that speaks for a sister less likely; a unit of its quantity helps, another rules it out.
+    #[test]
+    fn every_word_counts_the_way_it_is_listed() {
+        for spec in &CHANNELS[1..] {
+            let words = || VOCABULARY.iter().filter(|(c, _, _)| *c == spec.channel);
+            let alone = |word: &&str| words().all(|w| w.1 == *word || !fits(word, w.1));
+            let Some((_, base, most)) = words().filter(|w| alone(&w.1)).max_by_key(|w| w.2) else { continue };
+            let score = |name: &str, unit| score(spec.channel, name, unit);
+            assert_eq!(
+                [score(base, None), score(base, Some(spec.unit)), score(base, Some(if spec.unit == "mm" { "rpm" } else { "mm" }))],
+                [*most, most + 2, 0],
+                "{base}"
+            );
+            for (_, word, points) in words().filter(|(_, word, _)| !fits(base, word)) {
+                let also: i32 = words().filter(|w| fits(word, w.1) && w.1 != *word && !fits(base, w.1)).map(|w| w.2).sum();
+                assert_eq!(score(&format!("{base}_{word}"), None), (most + points + also).max(0), "{base} {word}");
+                assert!(points.abs() < 7 && (*points > 0 || score(&format!("{base}_{word}"), None) < *most), "{word}");
+            }
+            assert_eq!([score(spec.stem, None), score(&spec.column.to_uppercase(), None)], [50, 100]);
+        }
+        assert!(
+            fits("nengine", "engine") && !fits("target", "tq") && !fits("engine", "eng") && fits("eng", "eng") && fits("gbxtemp", "temp")
+        );
+    }
+
+    #[test]
+    fn a_tie_is_left_open_and_a_clock_is_one_by_name_and_unit() {
+        assert_eq!(guess(&[("disc_a", Some("rpm")), ("disc_b", Some("rpm"))]), [None, None]);
+        assert_eq!(guess(&[("disc_a", Some("rpm"))]), [Some(Channel::OmegaC)]);
+        for (name, unit, clock) in [
+            ("Time", None, true),
+            ("t", Some("ms"), true),
+            ("t", Some("rpm"), false),
+            ("t_oil", Some("s"), false),
+            ("zeit", Some("?"), true),
+        ] {
+            assert_eq!(is_time(name, unit), clock, "{name}");
+        }
+    }
 }

@@ -213,3 +213,89 @@ fn mark(channels: &mut [ChannelInfo]) {
         channels[i].guess = guess;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn channel(name: &str, unit: Option<&str>, group: usize, guess: Option<Channel>) -> ChannelInfo {
+        ChannelInfo {
+            name: name.into(),
+            unit: unit.map(str::to_owned),
+            group: (group, String::new()),
+            rate_hz: None,
+            count: 0,
+            invalid: 0,
+            min: None,
+            max: None,
+            text: false,
+            guess,
+        }
+    }
+
+    /// What a draft has for a channel of ours.
+    fn drafted(column: &str, channels: Vec<ChannelInfo>) -> String {
+        let draft = draft_channel_map(&Inspection { file: "a.mf4".into(), format: "MDF4", channels, notes: Vec::new() });
+        let from = draft.find(&format!("# {column} in ")).unwrap();
+        draft[from..].split("\n\n").next().unwrap().trim().to_owned()
+    }
+
+    #[test]
+    fn a_draft_has_name_unit_and_the_group_where_a_name_stands_in_several() {
+        let known = Some(Channel::OmegaF);
+        let one = drafted(
+            "omega_f_rad_s",
+            vec![channel("n", Some("rpm"), 1, known), channel("t", None, 0, Some(Channel::Time)), channel("m", None, 2, None)],
+        );
+        assert_eq!(one, "# omega_f_rad_s in rad/s\n[omega_f_rad_s]\nname = \"n\"\nunit = \"rpm\"");
+        let twice = drafted("omega_f_rad_s", vec![channel("n", Some("rpm"), 1, known), channel("n", Some("rpm"), 2, None)]);
+        assert!(twice.ends_with("unit = \"rpm\"\ngroup = \"1\""), "{twice}");
+        // A clock of the same name is no second one.
+        let clock = drafted("omega_f_rad_s", vec![channel("n", Some("rpm"), 1, known), channel("n", None, 2, Some(Channel::Time))]);
+        assert!(!clock.contains("group"), "{clock}");
+        let strange = drafted("omega_f_rad_s", vec![channel("n", Some("furlong"), 1, known)]);
+        assert!(strange.contains("# the file says \"furlong\", which is not known") && !strange.contains("\nunit"), "{strange}");
+        assert!(drafted("omega_f_rad_s", vec![channel("n", None, 1, known)]).contains("# the file states no unit"));
+        let missing = drafted(
+            "T_fc_Nm",
+            vec![channel("a", Some("Nm"), 1, None), channel("b", Some("mm"), 1, None), channel("c", Some("Nm"), 1, Some(Channel::TE))],
+        );
+        assert_eq!(missing, "# T_fc_Nm in N·m, bench only\n# not found; of that kind: a\n# [T_fc_Nm]\n# name = \"\"\n# unit = \"N·m\"");
+    }
+
+    #[test]
+    fn a_channel_is_told_with_its_rate_its_range_and_what_is_missing() {
+        let series = |name: &str, unit: Option<&str>, values: Vec<f64>| Series {
+            name: name.into(),
+            unit: unit.map(str::to_owned),
+            values,
+            text: None,
+        };
+        let group = Group {
+            index: 3,
+            series: vec![series("time", Some("ms"), vec![0.0, 20.0, 40.0, 60.0]), series("n", None, vec![2.0, f64::NAN, -1.0, 5.0])],
+            ..Group::default()
+        };
+        let all = channels_of(&group);
+        assert_eq!((all[0].guess, all[1].guess, all[0].group.0), (Some(Channel::Time), None, 3));
+        assert!((all[0].rate_hz.unwrap() - 50.0).abs() < 1e-9);
+        assert_eq!((all[1].count, all[1].invalid, all[1].min, all[1].max), (4, 1, Some(-1.0), Some(5.0)));
+        let back = Group { series: vec![series("time", None, vec![1.0, 0.0]), series("n", None, vec![2.0, 3.0])], ..Group::default() };
+        assert!(channels_of(&back).iter().all(|c| c.rate_hz.is_none()));
+    }
+
+    /// What a recording would leave out is said of the channels of the group that was guessed at, and of no namesake in another.
+    #[test]
+    fn faults_are_those_of_a_channel_that_is_used() {
+        let speed: Vec<f64> = (0..100).map(|k| if k == 40 { 900.0 } else { 0.5 * f64::from(k) }).collect();
+        let series = |name: &str, values: Vec<f64>| Series { name: name.into(), unit: None, values, text: None };
+        let time = (0..100).map(|k| 0.01 * f64::from(k)).collect();
+        let group = Group { index: 1, series: vec![series("time", time), series("n", speed)], ..Group::default() };
+        let all = [channel("n", None, 2, Some(Channel::OmegaC)), channel("n", None, 1, Some(Channel::OmegaF))];
+        let said = faults(&group, &all);
+        assert!(said.len() == 1 && said[0].contains("0.400 s"), "{said:?}");
+        assert!(faults(&group, &all[..1]).is_empty() && faults(&group, &[]).is_empty());
+        // Of a channel that is no speed a spike is a value like another.
+        assert!(faults(&group, &[channel("n", None, 1, Some(Channel::TE))]).iter().all(|f| !f.contains("contradicted")));
+    }
+}

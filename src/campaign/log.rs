@@ -135,3 +135,92 @@ fn from_name(name: &str) -> Option<units::Unit> {
     let (_, end) = name.rsplit_once('_')?;
     (end.len() > 1).then(|| units::parse(end)).flatten()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn log(starts: &[f64]) -> Log {
+        let one = |from: &f64| LogChannel {
+            name: String::new(),
+            quantity: None,
+            time: Rc::new(vec![*from, from + 1.0, from + 3.0]),
+            values: vec![0.0; 3],
+            guess: None,
+            step: 1.0,
+            jitter: 0.0,
+            gaps: vec![(from + 1.0, from + 3.0)],
+            quantum: 0.0,
+            dead_band: None,
+        };
+        Log { file: String::new(), channels: starts.iter().map(one).collect(), notes: Vec::new() }
+    }
+
+    #[test]
+    fn a_clock_of_another_age_counts_from_the_first_stamp() {
+        for (starts, from) in [
+            ([0.0, 2.0], None),
+            ([9999.0, 1e5], None),
+            ([1.7e9 + 2.0, 1.7e9], Some(1.7e9)),
+            ([1e4, 2e4], Some(1e4)),
+            ([-5.0, 0.0], Some(-5.0)),
+        ] {
+            let mut log = log(&starts);
+            count_from_start(&mut log);
+            assert_eq!(log.notes.len(), usize::from(from.is_some()), "{starts:?}");
+            for (channel, start) in log.channels.iter().zip(starts) {
+                let first = start - from.unwrap_or(0.0);
+                assert_eq!((channel.time[0], channel.time[2], channel.gaps[0]), (first, first + 3.0, (first + 1.0, first + 3.0)));
+            }
+        }
+        let mut none = log(&[]);
+        count_from_start(&mut none);
+        assert!(none.notes.is_empty());
+    }
+
+    /// A channel as a file of one group has it.
+    fn read(name: &str, unit: Option<&str>, values: Vec<f64>) -> (Option<LogChannel>, Vec<String>) {
+        let clock = Rc::new((0..values.len()).map(|k| 0.01 * k as f64).collect());
+        let series = table::Series { name: name.into(), unit: unit.map(str::to_owned), values, text: None };
+        let mut notes = Vec::new();
+        (channel(&Group { series: vec![series], ..Group::default() }, 0, &clock, &mut notes), notes)
+    }
+
+    #[test]
+    fn values_are_brought_to_our_unit_and_missing_ones_are_left_out() {
+        let ramp = |k: usize| 30.0 * k as f64;
+        let mut values: Vec<f64> = (0..200).map(ramp).collect();
+        values[10] = f64::NAN;
+        let (of_unit, of_name, bare) = (
+            read("x", Some("rpm"), values.clone()).0.unwrap(),
+            read("n_rpm", None, values.clone()).0.unwrap(),
+            read("x", None, values).0.unwrap(),
+        );
+        for c in [&of_unit, &of_name] {
+            assert_eq!(c.quantity, Some(Quantity::Speed));
+            assert!((c.values[1] - std::f64::consts::PI).abs() < 1e-9 && (c.quantum - std::f64::consts::PI).abs() < 1e-9);
+        }
+        assert_eq!((bare.quantity, bare.values[1], bare.values.len(), bare.time.len()), (None, 30.0, 199, 199));
+        assert!((bare.step - 0.01).abs() < 1e-9 && bare.gaps.len() == 1 && (bare.time[10] - 0.11).abs() < 1e-9);
+        let celsius = read("oil", Some("K"), (0..20).map(|k| 300.0 + f64::from(k)).collect()).0.unwrap();
+        assert!((celsius.values[0] - 26.85).abs() < 1e-9);
+        assert_eq!(from_name("omega_f_rad_s").map(|u| u.quantity), Some(Quantity::Speed));
+        assert!(from_name("torque").is_none() && from_name("speed_n").is_none() && from_name("a_m").is_none());
+        assert!(read("x", None, vec![f64::NAN; 5]).0.is_none());
+    }
+
+    #[test]
+    fn a_fault_is_one_where_a_unit_says_what_is_measured() {
+        let with_spike = || (0..200).map(|k| if k == 77 { 900.0 } else { 0.4 * f64::from(k) }).collect::<Vec<f64>>();
+        let (speed, notes) = read("x", Some("rad/s"), with_spike());
+        assert!(speed.unwrap().values.len() == 199 && notes.len() == 1 && notes[0].contains("0.770 s"), "{notes:?}");
+        let (counter, notes) = read("x", None, with_spike());
+        assert!(counter.unwrap().values.len() == 200 && notes.is_empty());
+        // A threshold is that of a speed.
+        let still = || (0..200).map(|k| (0.4 * f64::from(k)) * f64::from(u8::from(k > 20))).collect::<Vec<f64>>();
+        assert!(
+            read("x", Some("rad/s"), still()).0.unwrap().dead_band.is_some()
+                && read("x", Some("Nm"), still()).0.unwrap().dead_band.is_none()
+        );
+    }
+}

@@ -229,3 +229,47 @@ fn stated_units(reader: &SerializedFileReader<File>) -> HashMap<String, String> 
     }
     units
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ::parquet::schema::types::{ColumnPath, Type};
+    use std::sync::Arc;
+
+    fn column(physical: PhysicalType, converted: ConvertedType, logical: Option<LogicalType>, length: i32) -> ColumnDescriptor {
+        let builder =
+            Type::primitive_type_builder("c", physical).with_converted_type(converted).with_logical_type(logical).with_length(length);
+        ColumnDescriptor::new(Arc::new(builder.build().unwrap()), 0, 0, ColumnPath::from("c"))
+    }
+
+    /// Old writers have converted types alone, new ones logical types beside them.
+    #[test]
+    fn stamps_have_the_unit_that_either_kind_of_type_gives() {
+        let stamp = |unit| Some(LogicalType::timestamp(true, unit));
+        for (physical, converted, logical, unit) in [
+            (PhysicalType::INT64, ConvertedType::TIMESTAMP_MILLIS, None, Some("ms")),
+            (PhysicalType::INT64, ConvertedType::TIMESTAMP_MICROS, None, Some("us")),
+            (PhysicalType::INT64, ConvertedType::NONE, stamp(TimeUnit::MILLIS), Some("ms")),
+            (PhysicalType::INT64, ConvertedType::NONE, stamp(TimeUnit::MICROS), Some("us")),
+            (PhysicalType::INT64, ConvertedType::NONE, stamp(TimeUnit::NANOS), Some("ns")),
+            (PhysicalType::INT96, ConvertedType::NONE, None, Some("ns")),
+            (PhysicalType::INT64, ConvertedType::NONE, None, None),
+            (PhysicalType::DOUBLE, ConvertedType::NONE, None, None),
+        ] {
+            assert_eq!(stamp_unit(&column(physical, converted, logical, 0)), unit, "{physical} {converted}");
+        }
+        assert!(is_half(&column(PhysicalType::FIXED_LEN_BYTE_ARRAY, ConvertedType::NONE, Some(LogicalType::Float16), 2)));
+        assert!(!is_half(&column(PhysicalType::FIXED_LEN_BYTE_ARRAY, ConvertedType::NONE, None, 2)));
+        assert!(!is_decimal(&column(PhysicalType::INT32, ConvertedType::NONE, None, 0)));
+    }
+
+    #[test]
+    fn numbers_of_bytes_have_their_sign_and_order() {
+        for (bytes, value) in [(&[][..], 0.0), (&[0x7f], 127.0), (&[0x80], -128.0), (&[0xff, 0xfe], -2.0), (&[0x01, 0x02, 0x03], 66_051.0)]
+        {
+            assert_eq!(big_endian(bytes), value);
+        }
+        assert_eq!(half(&[0x00, 0x3e]), 1.5);
+        assert!(half(&[0]).is_nan());
+    }
+}

@@ -262,3 +262,85 @@ fn understood(text: &str, spec: &Spec, entry: Option<&Mapped>) -> Result<Unit, D
 fn label(series: &Series, spec: &Spec) -> String {
     if series.name == spec.column { spec.column.to_string() } else { format!("{} ({})", series.name, spec.column) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn series(name: &str, unit: Option<&str>) -> Series {
+        Series { name: name.into(), unit: unit.map(str::to_owned), values: vec![1.0, 2.0, 3.0], text: None }
+    }
+
+    fn group(name: &str, index: usize, names: &[(&str, Option<&str>)]) -> Group {
+        Group { name: name.into(), index, master: None, series: names.iter().map(|(n, u)| series(n, *u)).collect() }
+    }
+
+    const NEEDED: [(&str, Option<&str>); 3] = [("omega_f_rad_s", None), ("omega_c", Some("rpm")), ("T_e_Nm", None)];
+
+    fn picked(groups: Vec<Group>) -> Result<Picked, String> {
+        let names = groups.iter().flat_map(|g| &g.series).map(|s| s.name.clone()).collect();
+        pick(&mut Measurement { file: "r.mf4".into(), groups, names, ..Measurement::default() }, &ChannelMap::default())
+            .map_err(|e| e.to_string())
+    }
+
+    fn with(more: &[(&'static str, Option<&'static str>)]) -> Vec<(&'static str, Option<&'static str>)> {
+        NEEDED.iter().chain(more).copied().collect()
+    }
+
+    #[test]
+    fn channels_are_found_by_column_or_by_name_and_unit_and_come_in_our_unit() {
+        let p = picked(vec![group("", 0, &with(&[("time_s", None), ("theta_h", None)]))]).unwrap();
+        let found: Vec<(Channel, f64)> = p.signals.iter().map(|s| (s.channel, s.values[2])).collect();
+        // A name without a unit, of which the file states none, is not believed.
+        assert_eq!(found.len(), 3);
+        assert!(found[0] == (Channel::OmegaF, 3.0) && (found[1].1 - std::f64::consts::PI / 10.0).abs() < 1e-12, "{found:?}");
+        assert!(p.notes.len() == 1 && p.notes[0].contains("omega_c (omega_c_rad_s): rpm converted to rad/s"), "{:?}", p.notes);
+        assert!(p.signals.iter().all(|s| *s.time == [1.0, 2.0, 3.0]));
+        assert!(wanted(&ChannelMap::default(), "OMEGA_F") && !wanted(&ChannelMap::default(), "omega"));
+    }
+
+    #[test]
+    fn each_group_has_a_clock_of_its_own() {
+        let none = picked(vec![group("", 0, &NEEDED)]).err().unwrap();
+        assert!(none.contains("no channel for time_s (s)"), "{none}");
+        let other = group("slow", 1, &[("gear", None), ("time_s", None)]);
+        let several = picked(vec![group("fast", 0, &NEEDED), other]).err().unwrap();
+        assert!(several.contains("channel group `fast`: the channel's group has no time channel"), "{several}");
+        let mut with_master = group("fast", 0, &with(&[("stamp", Some("ms"))]));
+        with_master.master = Some(3);
+        assert_eq!(*picked(vec![with_master]).unwrap().signals[0].time, [0.001, 0.002, 0.003]);
+        let mut back = group("", 0, &with(&[("time_s", None)]));
+        back.series[3].values = vec![1.0, 2.0, 1.5];
+        assert!(picked(vec![back]).err().unwrap().contains("row 3: the clock runs back from 2 s to 1.5 s"));
+    }
+
+    #[test]
+    fn what_is_there_twice_or_not_at_all_is_named() {
+        let twice =
+            picked(vec![group("a", 0, &with(&[("time_s", None)])), group("b", 4, &[("time_s", None), ("T_e_Nm", None)])]).err().unwrap();
+        assert!(
+            twice.contains("the name occurs 2 times") && twice.contains("`T_e_Nm` in group 0 \"a\", `T_e_Nm` in group 4 \"b\""),
+            "{twice}"
+        );
+        let many: Vec<String> = (0..25).map(|k| format!("x{k}")).collect();
+        let names: Vec<(&str, Option<&str>)> = many.iter().map(|n| (n.as_str(), None)).collect();
+        let missing = picked(vec![group("", 0, &names)]).err().unwrap();
+        assert!(missing.contains("x18, x19 and 5 more") && !missing.contains("x20"), "{missing}");
+        assert!(picked(vec![group("", 0, &[])]).err().unwrap().contains("which has no channel"));
+        assert!(picked(vec![group("", 0, &names[..20])]).err().unwrap().contains("x19. "));
+    }
+
+    #[test]
+    fn units_that_contradict_each_other_are_refused() {
+        let of = |name: &str, unit: Option<&str>| factors(&series(name, unit), Channel::OmegaF.spec(), None);
+        assert_eq!(of("omega_f_rad_s", Some("rad/s")).unwrap().0, 1.0);
+        assert!(matches!(of("omega_f_rad_s", Some("rpm")), Err(Defect::UnitContradiction { .. })));
+        assert!((of("omega_f", Some("rpm")).unwrap().0 - std::f64::consts::PI / 30.0).abs() < 1e-12);
+        assert!(matches!(of("omega_f", Some("V")), Err(Defect::UnknownUnit { .. })));
+        assert!(matches!(of("omega_f", Some("mm")), Err(Defect::WrongQuantity { .. })));
+        assert!(matches!(of("omega_f", Some("km/h")), Err(Defect::RoadSpeed(_))));
+        assert!(matches!(factors(&series("T_e", Some("%")), Channel::TE.spec(), None), Err(Defect::Percentage)));
+        let celsius = factors(&series("theta_h", Some("K")), Channel::ThetaH.spec(), None).unwrap();
+        assert!((celsius.0, celsius.1) == (1.0, -273.15));
+    }
+}

@@ -155,3 +155,128 @@ fn too_short(m: &Measurement, tracks: &[Track], seconds: f64) -> RecordingError 
 fn first_valid(signal: &Signal) -> Option<usize> {
     signal.values.iter().position(|v| !v.is_nan())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::channels::Channel::{OmegaC, OmegaF, TE, TFc, ThetaH, XToCmd};
+    use super::*;
+    use std::rc::Rc;
+
+    /// A channel with samples at these times.
+    fn at(channel: Channel, time: Vec<f64>) -> Signal {
+        let values = vec![1.0; time.len()];
+        Signal { channel, label: channel.spec().column.into(), time: Rc::new(time), values }
+    }
+
+    /// So many samples with this step from a time on.
+    fn every(channel: Channel, from: f64, step: f64, count: usize) -> Signal {
+        at(channel, (0..count).map(|k| from + step * k as f64).collect())
+    }
+
+    /// The span of these channels or why there is none, and the notes.
+    fn spanned(signals: Vec<Signal>) -> (Result<(f64, f64), String>, Vec<String>) {
+        let (m, mut notes) = (Measurement::default(), Vec::new());
+        let found = tracks(&m, signals, &mut notes).and_then(|tracks| span(&m, &tracks, &mut notes));
+        (found.map_err(|e| e.to_string()), notes)
+    }
+
+    fn rated(step: f64, stated: Option<f64>) -> (String, Vec<String>) {
+        let (m, mut notes) = (Measurement::default(), Vec::new());
+        let tracks = tracks(&m, vec![every(OmegaF, 0.0, step, 50), every(OmegaC, 0.0, 2.0 * step, 25)], &mut notes).unwrap();
+        let said = check_rate(&m, &tracks, &Entry { sample_rate_hz: stated, ..Entry::default() }, &mut notes);
+        (said.err().map(|e| e.to_string()).unwrap_or_default(), notes)
+    }
+
+    #[test]
+    fn a_clock_is_compared_with_the_rate_that_is_stated() {
+        for (step, stated, error, note) in [
+            (0.01, None, "", ""),
+            (0.01, Some(100.0), "", ""),
+            (1.0 / 109.0, Some(100.0), "", ""),
+            (1.0 / 91.0, Some(100.0), "", ""),
+            (1.0 / 112.0, Some(100.0), "", "says 100 Hz, the speeds come at 112 Hz"),
+            (1.0 / 88.0, Some(100.0), "", "says 100 Hz, the speeds come at 88 Hz"),
+            (
+                10.0,
+                Some(100.0),
+                "ticks at 0.1000 Hz where recordings.json says 100 Hz. Check the unit of the time channel; it looks like ms",
+                "",
+            ),
+            (1e4, Some(100.0), "it looks like µs", ""),
+            (1e7, Some(100.0), "it looks like ns", ""),
+            (0.01 / 60.0, Some(100.0), "it looks like min", ""),
+            (0.049, None, "", ""),
+            (0.051, None, "below 20 Hz", ""),
+        ] {
+            let (said, notes) = rated(step, stated);
+            assert!(said.contains(error) && said.is_empty() == error.is_empty(), "{step}: {said}");
+            assert!(notes.join("").contains(note) && notes.is_empty() == note.is_empty(), "{step}: {notes:?}");
+        }
+        let m = Measurement::default();
+        let one = tracks(&m, vec![every(OmegaF, 0.0, 1.0, 1)], &mut Vec::new()).unwrap();
+        assert!(check_rate(&m, &one, &Entry::default(), &mut Vec::new()).unwrap_err().to_string().contains("ends here, 0.000 s"));
+        assert_eq!([round(99.999_96), round(1_234_567.0), round(0.012_345_678)], [100.0, 1_234_570.0, 0.012_345_7]);
+    }
+
+    #[test]
+    fn it_begins_where_all_that_is_needed_has_begun() {
+        let late = |by: f64| spanned(vec![every(OmegaF, 3.0, 0.01, 200), every(OmegaC, 3.0 + by, 0.01, 200), every(ThetaH, 9.0, 1.0, 2)]);
+        let (found, notes) = late(0.0);
+        assert!((found.unwrap().0 - 3.0).abs() < 1e-12 && notes == ["the clock starts at 3 s; time counts from there"], "{notes:?}");
+        let (found, notes) = late(0.09);
+        assert!((found.unwrap().0 - 3.09).abs() < 1e-12 && notes[1].contains("the first 90.0 ms"), "{notes:?}");
+        assert!(late(0.11).0.unwrap_err().contains("channel omega_c_rad_s, row 1: starts 0.110 s after"));
+    }
+
+    #[test]
+    fn it_ends_where_something_that_is_needed_ends() {
+        // An input is known for nearly a step beyond its last sample, a sensor up to it; a bench channel bounds nothing.
+        let (speeds, short) = (|count| every(OmegaF, 0.0, 0.01, count), |count| every(TE, 0.0, 0.1, count));
+        let (found, notes) = spanned(vec![speeds(301), short(21), every(TFc, 0.0, 0.01, 60)]);
+        assert!((found.unwrap().1 - 2.098).abs() < 1e-9);
+        assert!(notes.len() == 1 && notes[0].starts_with("T_e_Nm: no valid sample in the last 0.902 s"), "{notes:?}");
+        let (found, notes) = spanned(vec![speeds(201), short(21)]);
+        assert!((found.unwrap().1 - 2.0).abs() < 1e-9 && notes.is_empty(), "{notes:?}");
+        // Half a second is enough.
+        assert!(spanned(vec![speeds(51), short(10)]).0.is_ok());
+        let refused = spanned(vec![speeds(50), short(10)]).0.unwrap_err();
+        assert!(refused.contains("channel omega_f_rad_s, row 50: the recording ends here, 0.490 s after"), "{refused}");
+    }
+
+    #[test]
+    fn an_input_is_held_for_a_tenth_of_a_second_and_no_longer() {
+        let without = |channel: Channel, lost: std::ops::Range<usize>| {
+            at(channel, (0..300).filter(|k| !lost.contains(k)).map(|k| 0.01 * k as f64).collect())
+        };
+        let with = |input: Signal| spanned(vec![every(OmegaF, 0.0, 0.01, 300), input]);
+        for channel in [TE, XToCmd] {
+            let (found, notes) = with(without(channel, 100..110));
+            assert!((found.unwrap().1 - 2.99).abs() < 1e-9 && notes.is_empty(), "{notes:?}");
+            let (found, notes) = with(without(channel, 100..112));
+            assert!((found.unwrap().1 - 0.99).abs() < 1e-9, "{notes:?}");
+            assert!(
+                notes[0].contains(", row 101: a gap of 0.120 s") && notes[0].contains("0.990 s remain and 2.000 s are left out"),
+                "{notes:?}"
+            );
+        }
+        assert_eq!(with(without(OmegaC, 100..200)).0.map(|s| (100.0 * s.1).round()), Ok(299.0));
+        // The first of two gaps counts, and it may come too early.
+        let refused = with(without(TE, 40..60)).0.unwrap_err();
+        assert!(
+            refused.contains("row 41: the samples are missing") && refused.contains("0.200 s from here on; 0.390 s remain"),
+            "{refused}"
+        );
+        let early = spanned(vec![every(OmegaF, 0.0, 0.01, 300), without(XToCmd, 200..250), without(TE, 100..150)]);
+        assert!((early.0.unwrap().1 - 0.99).abs() < 1e-9 && early.1[0].starts_with("T_e_Nm, "), "{:?}", early.1);
+    }
+
+    #[test]
+    fn a_channel_without_a_valid_sample_is_needed_or_left_out() {
+        let nothing = |channel| Signal { values: vec![f64::NAN; 100], ..every(channel, 0.0, 0.01, 100) };
+        assert!(
+            spanned(vec![every(OmegaF, 0.0, 0.01, 100), nothing(OmegaC)]).0.unwrap_err().contains("omega_c_rad_s: not one valid sample")
+        );
+        let (found, notes) = spanned(vec![every(OmegaF, 0.0, 0.01, 100), nothing(TFc)]);
+        assert!(found.is_ok() && notes.iter().any(|n| n.contains("T_fc_Nm")), "{notes:?}");
+    }
+}

@@ -186,4 +186,20 @@ mod tests {
         c.conclude_learning();
         assert!((c.state.temperatures.theta_c - 62.0).abs() < 1e-6, "{} °C", c.state.temperatures.theta_c);
     }
+
+    /// What was learned moves the bearing as far as it says; only a clutch that slips teaches, and only one that is to learn.
+    #[test]
+    fn a_learned_touch_point_moves_the_bearing_and_only_slip_teaches() {
+        let placed = |touch_point: f64, learning_rate: f64, slip: f64| {
+            let mut c = Controller::new(&Vehicle::paper(), &Settings { learning_rate, ..Settings::robust() });
+            c.state.learning.touch_point = touch_point;
+            let (before, open) = (format!("{:?}", c.state.learning), c.settings.x_open);
+            (c.state.governed.expected, c.state.estimate.t_fc) = (Lags::at(40.0), 40.0);
+            c.place(40.0, 1.0, slip, open, 10.0);
+            (c.state.outputs.x_to, before != format!("{:?}", c.state.learning))
+        };
+        let lock = Settings::robust().slip_lock;
+        assert!((placed(0.1, 0.0, 30.0).0 - placed(0.0, 0.0, 30.0).0 - 0.1).abs() < 1e-12);
+        assert_eq!([placed(0.0, 0.5, 30.0).1, placed(0.0, 0.0, 30.0).1, placed(0.0, 0.5, 0.5 * lock).1], [true, false, false]);
+    }
 }

@@ -7,8 +7,9 @@ use super::answer::{
 use super::empirical::{LEAST_CLOSED, Refusal, Tried};
 use super::infer::coordinate::Coordinate;
 use super::infer::density::{Problem, size};
+use super::infer::fit::Fit;
 use super::infer::form::FORM;
-use super::infer::posterior::Posterior;
+use super::infer::posterior::{Explanation, Posterior};
 use super::infer::search::{Search, log_prior};
 use super::map::{Cell, FAMILY_WISE_ERROR, HOT_DEGC};
 use super::measure::{Closed, Engagement, HeldOut};
@@ -176,7 +177,7 @@ fn correlations(f: &Findings) -> Vec<Correlation> {
 
 fn which(f: &Findings) -> Which {
     let point = &f.conclusion.explanation.fit.as_ref().expect("the best was fitted").point;
-    let too_large = |e: usize| Reach::of(&f.outlook.limits, e).is_some_and(|l| l.in_sizes() > TOO_LARGE);
+    let too_large = |e: usize| Reach::hides(&f.outlook.limits, e);
     let best = f.posterior.best().log_posterior;
     Which {
         effects: named(f).into_iter().map(|e| effect(f, e)).collect(),
@@ -282,11 +283,15 @@ fn measure_next(outlook: &Outlook) -> Option<MeasureNext> {
         .then(|| MeasureNext { rivals: outlook.rivals.iter().map(rival).collect(), manoeuvres: ranked.iter().map(planned).collect() })
 }
 
-/// Effects that may be there in the place of `e`: sets that differ from the chosen one in it alone.
+/// Effects that may be there in the place of `e`.
 fn rivals(f: &Findings, e: usize) -> Vec<usize> {
-    let chosen = &f.conclusion.explanation.effects;
+    in_place_of(e, &f.conclusion.explanation.effects, &f.posterior.explanations)
+}
+
+/// Effects of sets that differ from the chosen one in `e` alone, and are believed enough to be named beside it, the most probable first.
+fn in_place_of(e: usize, chosen: &[usize], all: &[Explanation]) -> Vec<usize> {
     let mut found: Vec<(usize, f64)> = Vec::new();
-    for other in &f.posterior.explanations {
+    for other in all {
         let new: Vec<usize> = other.effects.iter().copied().filter(|k| !chosen.contains(k)).collect();
         let kept = chosen.iter().filter(|k| **k != e).all(|k| other.effects.contains(k));
         if let ([k], true, false) = (new.as_slice(), kept, other.effects.contains(&e)) {
@@ -304,13 +309,14 @@ fn rivals(f: &Findings, e: usize) -> Vec<usize> {
 fn effect(f: &Findings, e: usize) -> Effect {
     let entry = &REGISTRY[e];
     let group = rivals(f, e);
+    let fit = f.conclusion.explanation.fit.as_ref().expect("the best was fitted");
     let split = if group.is_empty() { String::new() } else { separated_by(f.outlook, e) };
     Effect {
         id: entry.id,
         probability: Real(f.posterior.of_effect(e)),
         ambiguous_with: group.iter().map(|&k| REGISTRY[k].id).collect(),
         separated_by: split,
-        parameters: entry.parameters.clone().map(|k| (PARAMETERS[k].name, interval(f, k))).collect(),
+        parameters: entry.parameters.clone().map(|k| (PARAMETERS[k].name, interval(fit, k))).collect(),
     }
 }
 
@@ -318,9 +324,7 @@ fn effect(f: &Findings, e: usize) -> Effect {
 ///
 /// The functions of a form have mean zero where the effect acts in these recordings. What the car's own number is elsewhere they do not say: the form's mean is
 /// one more unknown, as large as the form, that the data take for a part of the size.
-fn interval(f: &Findings, k: usize) -> Interval {
-    let explanation = &f.conclusion.explanation;
-    let fit = explanation.fit.as_ref().expect("the best was fitted");
+fn interval(fit: &Fit, k: usize) -> Interval {
     let value = fit.point.effects[k];
     let at = fit.shared.iter().position(|c| *c == Coordinate::Effect(k));
     // Without variances the recordings bound nothing, and the parameter's own limits are the interval.
@@ -530,5 +534,68 @@ fn sentence(f: &Findings, closed: f64) -> String {
              the channel map: what T_e_Nm means, which shafts the speeds belong to, and which way the position counts."
                 .to_owned()
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::param;
+
+    fn fitted(along: &[usize], variances: Option<Vec<f64>>, form_size: f64) -> Fit {
+        Fit { variances, form_size, ..Fit::made_up(along.iter().map(|k| Coordinate::Effect(*k)).collect()) }
+    }
+
+    /// 1.96 standard deviations, to which the mean of an effect's form adds an eighth of its departure; never beyond what the parameter can be.
+    #[test]
+    fn an_interval_holds_what_the_data_and_the_form_leave_open() {
+        let (mass, grade) = (param::vehicle_mass::factor, param::road_load::grade);
+        let mut fit = fitted(&[grade, mass], Some(vec![9.0, 0.03_f64.powi(2)]), 0.5);
+        fit.point.effects[mass] = 1.5;
+        let found = interval(&fit, mass);
+        let half = 1.96 * (0.03_f64.powi(2) + (0.12 * 0.5 * 0.5_f64).powi(2)).sqrt();
+        assert_eq!((found.value.0, found.unit), (1.5, PARAMETERS[mass].unit));
+        assert!((found.high.0 - 1.5 - half).abs() < 1e-12 && (1.5 - found.low.0 - half).abs() < 1e-12, "{found:?}");
+        // Of an effect at its null value the form says nothing.
+        fit.point.effects[mass] = 1.0;
+        assert!((interval(&fit, mass).high.0 - 1.0 - 1.96 * 0.03).abs() < 1e-12);
+        for (along, variances) in [(vec![mass], None), (Vec::new(), Some(Vec::new()))] {
+            let open = interval(&fitted(&along, variances, 1.0), mass);
+            assert_eq!((open.low.0, open.high.0), (PARAMETERS[mass].min, PARAMETERS[mass].max));
+        }
+    }
+
+    fn believed(effects: &[usize], probability: f64) -> Explanation {
+        Explanation { effects: effects.to_vec(), place: None, by_accuracy: [0.0; 3], log_posterior: 0.0, probability, fit: None }
+    }
+
+    #[test]
+    fn what_may_be_there_instead_differs_in_one_effect_and_is_believed_by_a_twentieth() {
+        let all = [
+            believed(&[1, 2], 0.5),
+            believed(&[1, 7], 0.04),
+            believed(&[1, 5], 0.07),
+            believed(&[1, 4], 0.045),
+            believed(&[1, 4, 2], 0.2),
+            believed(&[3, 4], 0.3),
+            believed(&[1], 0.3),
+            believed(&[1, 8], 0.03),
+            believed(&[1, 8], 0.06),
+        ];
+        assert_eq!(in_place_of(2, &[1, 2], &all), [8, 5]);
+        assert_eq!(in_place_of(1, &[1, 2], &all), [0; 0]);
+    }
+
+    #[test]
+    fn figures_are_said_as_one_reads_them() {
+        assert_eq!([nats(9.94), nats(9.96), nats(0.0)], ["9.9", "10", "0.0"]);
+        assert_eq!(
+            [percent(1.0), percent(1.2), percent(0.9999), percent(0.123_49), percent(-0.05)],
+            ["100 %", "100 %", "99.9 %", "12.3 %", "−5.0 %"]
+        );
+        assert_eq!(
+            [three_digits(12.345), three_digits(0.012_345), three_digits(1234.5), three_digits(0.0)],
+            ["12.3", "0.0123", "1234", "0.00000000"]
+        );
     }
 }

@@ -115,15 +115,19 @@ fn gap(recording: &Recording, before: measure::Car, after: measure::Car) -> [f64
     [c.before, c.after]
 }
 
+/// Whether a law is tried after this verdict, where effects that explain leave this share of the gap.
+fn is_worthwhile(verdict: Verdict, left: impl FnOnce() -> f64) -> bool {
+    match verdict {
+        Verdict::Unexplained | Verdict::PartlyExplained => true,
+        Verdict::Explained => left() > WORTH_A_LAW,
+        Verdict::NoGap | Verdict::InputsDoNotFit => false,
+    }
+}
+
 /// Learns a law where something is left, by a verdict that says so or by effects on what was held out; none if nothing is, or if no law acts there. `start` is the point that goes with the tuned car,
 /// `near` a fit from whose derivatives along nuisances the work may begin.
 pub fn learn_law(problem: &Problem, conclusion: &Conclusion, start: &Point, near: Option<&Fit>, judge: &Judge) -> Option<Tried> {
-    let worthwhile = match conclusion.verdict {
-        Verdict::Unexplained | Verdict::PartlyExplained => true,
-        Verdict::Explained => judge.leaves(judge.tuned) > WORTH_A_LAW,
-        Verdict::NoGap | Verdict::InputsDoNotFit => false,
-    };
-    if !worthwhile {
+    if !is_worthwhile(conclusion.verdict, || judge.leaves(judge.tuned)) {
         return None;
     }
     let start =
@@ -186,14 +190,64 @@ impl Tried {
         self.held_out = judge.gaps((&self.vehicle, &self.effects));
         self.without = Closed::of(&judge.gaps(judge.tuned)).after;
         let left = Closed { before: self.without, noise: judge.floor, ..Closed::of(&self.held_out) };
-        self.refused = if self.share_left_out() <= LEAST_CLOSED {
-            Some(Refusal::LeftOut)
-        } else if left.is_below_floor() {
-            Some(Refusal::NothingToJudge)
-        } else if left.fraction() <= LEAST_CLOSED {
-            Some(Refusal::HeldOut)
-        } else {
-            None
-        };
+        self.refused = refusal(self.share_left_out(), &left);
+    }
+}
+
+/// Whether a law is refused that closes this share on recordings that did not teach it, and this of what was held out.
+fn refusal(left_out: f64, held_out: &Closed) -> Option<Refusal> {
+    if left_out <= LEAST_CLOSED {
+        Some(Refusal::LeftOut)
+    } else if held_out.is_below_floor() {
+        Some(Refusal::NothingToJudge)
+    } else if held_out.fraction() <= LEAST_CLOSED {
+        Some(Refusal::HeldOut)
+    } else {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_law_has_to_close_more_than_it_leaves_twice() {
+        let left = |before: f64, after: f64| Closed { before, after, noise: 1.0, sensors: 0.1 };
+        for (share, held_out, refused) in [
+            (0.5, left(3.0, 1.0), Some(Refusal::LeftOut)),
+            (-1.0, left(0.9, 0.1), Some(Refusal::LeftOut)),
+            (0.51, left(1.0, 0.1), Some(Refusal::NothingToJudge)),
+            (0.51, left(3.0, 2.0), Some(Refusal::HeldOut)),
+            (0.51, left(3.0, 4.0), Some(Refusal::HeldOut)),
+            (0.51, left(3.0, 1.98), None),
+            (0.99, left(3.0, 1.0), None),
+        ] {
+            assert_eq!(refusal(share, &held_out), refused, "{share} {held_out:?}");
+        }
+    }
+
+    #[test]
+    fn laws_act_where_something_is_missing() {
+        use Subsystem::{Actuator, ClutchForce, Driveline, Engine, Friction, Sensors, Thermal};
+        let expected: [(Subsystem, &[Subsystem]); 7] = [
+            (Engine, &[Engine]),
+            (Actuator, &[ClutchForce]),
+            (ClutchForce, &[ClutchForce, Friction]),
+            (Friction, &[Friction, ClutchForce]),
+            (Thermal, &[Friction, ClutchForce]),
+            (Driveline, &[Driveline]),
+            (Sensors, &[]),
+        ];
+        expected.iter().for_each(|(place, laws)| assert_eq!(laws_for(*place), *laws));
+    }
+
+    #[test]
+    fn a_law_is_tried_where_something_is_left() {
+        for verdict in [Verdict::Unexplained, Verdict::PartlyExplained] {
+            assert!(is_worthwhile(verdict, || unreachable!("it does not matter how much")));
+        }
+        assert!(is_worthwhile(Verdict::Explained, || 0.031) && !is_worthwhile(Verdict::Explained, || 0.029));
+        assert!(!is_worthwhile(Verdict::NoGap, || 1.0) && !is_worthwhile(Verdict::InputsDoNotFit, || 1.0));
     }
 }

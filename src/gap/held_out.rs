@@ -55,3 +55,67 @@ fn cut(r: &Recording, rows: usize) -> Recording {
     }
     all
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn recording(name: &str, manoeuvre: &str, theta_c0: f64, rows: usize) -> Recording {
+        let column = |value: f64| vec![value; rows];
+        Recording {
+            name: name.into(),
+            manoeuvre: manoeuvre.into(),
+            sample_rate_hz: 100.0,
+            time: (0..rows).map(|k| 0.01 * k as f64).collect(),
+            theta_c0,
+            omega_f: column(100.0),
+            omega_c: column(0.0),
+            t_e: column(10.0),
+            x_to_cmd: column(3.0),
+            theta_h: column(25.0),
+            ..Recording::default()
+        }
+    }
+
+    /// A drive that stands and goes by turns: brake on for a second, then off for two.
+    fn drive(name: &str, engagements: usize) -> Recording {
+        let rows = 300 * engagements;
+        let all = recording(name, "drive", 40.0, rows);
+        Recording { brake: Some((0..rows).map(|k| k % 300 < 100).collect()), x_to: Some(vec![1.0; rows]), ..all }
+    }
+
+    fn names(split: &Split) -> Vec<&str> {
+        split.taught.iter().map(|r| r.name.as_str()).collect()
+    }
+
+    #[test]
+    fn of_a_bench_campaign_the_middle_of_the_largest_family_judges_and_teaches_nothing() {
+        let of = |name: &str, theta: f64| recording(name, "launch", theta, 50);
+        let all = [of("a", 90.0), recording("b", "creep", 20.0, 50), of("c", 20.0), of("d", 50.0), recording("e", "creep", 50.0, 50)];
+        let split = split(&all);
+        assert_eq!((split.judge, split.last_engagement, split.name.as_str()), (3, false, "d"));
+        assert_eq!(names(&split), ["a", "b", "c", "e"]);
+        // Of two of a kind neither is in the middle: the last recording judges.
+        let few = super::split(&all[..3]);
+        assert_eq!((few.judge, names(&few)), (2, vec!["a", "b"]));
+        assert!(super::split(&all[..1]).taught.is_empty());
+    }
+
+    #[test]
+    fn of_drives_the_last_engagement_of_the_longest_judges_and_what_came_before_teaches() {
+        let all = [drive("short", 1), drive("long", 3), drive("as long", 3), drive("medium", 2)];
+        let split = split(&all);
+        assert_eq!((split.judge, split.last_engagement), (1, true));
+        assert_eq!(split.name, "the engagement at 7.0 s of long");
+        assert_eq!(names(&split), ["short", "long", "as long", "medium"]);
+        let rows = |r: &Recording| {
+            let columns = [&r.time, &r.omega_f, &r.omega_c, &r.t_e, &r.x_to_cmd, &r.theta_h, r.x_to.as_ref().unwrap()];
+            assert!(columns.iter().all(|c| c.len() == columns[0].len()) && r.brake.as_ref().unwrap().len() == columns[0].len());
+            columns[0].len()
+        };
+        assert_eq!(split.taught.iter().map(rows).collect::<Vec<_>>(), [300, 700, 900, 600]);
+        // Drives of one engagement each are held out whole.
+        let single = super::split(&[drive("a", 1), drive("b", 1)]);
+        assert_eq!((single.judge, single.last_engagement, names(&single)), (1, false, vec!["a"]));
+    }
+}

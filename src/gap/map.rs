@@ -176,3 +176,42 @@ fn mark_significant(cells: &mut [Cell]) {
         cells[k].significant = true;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cell(sigma: f64) -> Cell {
+        Cell { equation: "", phase: "", region: "", sigma, rms: 0.0, unit: "", samples: 0, significant: false }
+    }
+
+    fn marked(sigmas: &[f64]) -> Vec<bool> {
+        let mut cells: Vec<Cell> = sigmas.iter().map(|s| cell(*s)).collect();
+        mark_significant(&mut cells);
+        cells.iter().map(|c| c.significant).collect()
+    }
+
+    /// Holm's procedure at 1 % over three questions a cell: of sixty the largest has to be beyond 4.030, of one 2.935.
+    #[test]
+    fn cells_are_marked_where_chance_does_so_once_in_a_hundred_maps() {
+        let among = |sigma: f64| (0..60).map(|k| if k == 7 { sigma } else { 1.0 }).collect::<Vec<f64>>();
+        assert_eq!(marked(&among(4.04)).iter().filter(|m| **m).count(), 1);
+        assert!(marked(&among(4.04))[7] && !marked(&among(4.02))[7]);
+        assert_eq!([marked(&[2.94]), marked(&[2.93])], [[true], [false]]);
+        // The second needs less once the first is beyond chance, and nothing helps it before.
+        assert_eq!(marked(&[3.10, 5.0]), [true, true]);
+        assert_eq!(marked(&[3.0, 3.10]), [false, false]);
+        assert_eq!(marked(&[2.94, 9.0, 3.15]), [true; 3]);
+        assert!((two_sided_p(1.959_964) - 0.05).abs() < 1e-7 && (two_sided_p(-1.959_964) - 0.05).abs() < 1e-7);
+    }
+
+    #[test]
+    fn the_scale_of_noise_is_that_of_the_innovations_and_at_least_one() {
+        let mut all: Cells = vec![Default::default(); 5];
+        all[0][0][1].whitened = vec![2.0, -2.0];
+        all[0][2][3].whitened = vec![4.0, 4.0];
+        all[1][1][0].whitened = vec![0.5; 4];
+        let expected = [10.0_f64.sqrt(), 1.0, 1.0, 1.0, 1.0];
+        scales(&all).iter().zip(expected).for_each(|(s, e)| assert!((s - e).abs() < 1e-12, "{s} {e}"));
+    }
+}

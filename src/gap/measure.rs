@@ -368,3 +368,118 @@ fn filled(v: &[f64]) -> Vec<f64> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn recording(rows: usize, speeds: impl Fn(f64) -> [f64; 2], torque: f64) -> Recording {
+        let time: Vec<f64> = (0..rows).map(|k| 0.01 * k as f64).collect();
+        let speed = |side: usize| time.iter().map(|t| speeds(*t)[side]).collect();
+        Recording {
+            sample_rate_hz: 100.0,
+            omega_f: speed(0),
+            omega_c: speed(1),
+            t_e: vec![torque; rows],
+            x_to_cmd: vec![3.0; rows],
+            theta_h: vec![25.0; rows],
+            time,
+            ..Recording::default()
+        }
+    }
+
+    /// Rows are braked where this says so, by time in s.
+    fn driven(rows: usize, brake: impl Fn(f64) -> bool, omega_c: impl Fn(f64) -> f64) -> Track {
+        let r = recording(rows, |t| [100.0, omega_c(t)], 10.0);
+        Track::new(&Recording { brake: Some(r.time.iter().map(|t| brake(*t)).collect()), ..r })
+    }
+
+    #[test]
+    fn engagements_of_a_drive_go_from_the_release_at_rest_to_the_next_braking() {
+        let bench = Track::new(&recording(100, |_| [100.0, 0.0], 10.0));
+        assert_eq!(stretches(&bench).first(), Some(&(0..100)));
+        // Released at rest, on the move, for too short a time, and for longer than a free replay goes.
+        let brake = |t: f64| t < 1.0 || (2.0..3.0).contains(&t) || (4.0..5.0).contains(&t) || (5.3..6.0).contains(&t);
+        let rolls = |t: f64| if (2.5..4.5).contains(&t) { 2.1 } else { 1.9 };
+        assert_eq!(stretches(&driven(1300, brake, rolls)), [100..200, 600..1100]);
+        // What a sensor does not show yet is at rest, and a drive may begin without a brake.
+        assert_eq!(stretches(&driven(400, |t| t > 2.0 && t < 3.0, |_| f64::NAN)), [0..201, 300..400]);
+    }
+
+    /// The flywheel falls from 150 at 40 rad/s² and the disc rises to meet it at 60: the slip of 100 is gone after a second, with a balance that is known.
+    #[test]
+    fn an_engagement_is_timed_and_its_energy_is_that_of_the_torque_over_the_slip() {
+        let vehicle = Vehicle::paper();
+        let d = &vehicle.driveline;
+        let meets = |t: f64| [150.0 - 40.0 * t.min(1.0), 50.0 + 60.0 * t.min(1.0)];
+        let r = recording(150, meets, 30.0);
+        let found = |r: &Recording| engagement(&Track::new(r), &(0..150), None, &vehicle);
+        let e = found(&r).unwrap();
+        // Until it is below 1.5 rad/s.
+        assert!((e.time_s - 0.99).abs() < 1e-9 && (e.slip_acceleration + 100.0).abs() < 1e-6, "{e:?}");
+        // (8a): what the engine gives and the flywheel loses.
+        let torque = |t: f64| clutch_torque(d, 30.0, 150.0 - 40.0 * t, -40.0);
+        let expected: f64 = (0..99).map(|k| 0.01 * k as f64).map(|t| torque(t) * (100.0 - 100.0 * t) * 0.01).sum();
+        assert!(expected > 1000.0 && (e.energy_j / expected - 1.0).abs() < 1e-3, "{} {expected}", e.energy_j);
+        // A transducer is believed instead, and a lost sample is as the one before.
+        let mut with = Recording { t_fc: Some(vec![20.0; 150]), ..r.clone() };
+        with.omega_f[50] = f64::NAN;
+        let measured = found(&with).unwrap().energy_j;
+        assert!((measured - 20.0 * (50.0 + 0.5 + 0.4 * 0.01)).abs() < 0.2, "{measured}");
+        // A slip that does not begin, does not end, or ends at once says nothing.
+        let none = |speeds: &dyn Fn(f64) -> [f64; 2]| found(&recording(150, speeds, 30.0)).is_none();
+        assert!(none(&|_| [100.0, 86.0]) && none(&|_| [100.0, 50.0]) && none(&|t| [100.0, (50.0 + 400.0 * t).min(100.0)]));
+        assert!(!none(&|t| [100.0, (84.0 + 40.0 * t).min(100.0)]));
+    }
+
+    #[test]
+    fn what_is_closed_counts_from_the_floor() {
+        let of = |channel: Channel, before: f64, after: f64, noise: f64| HeldOut {
+            recording: String::new(),
+            channel,
+            before,
+            after,
+            noise,
+            engagement: [None; 3],
+        };
+        let all = [of(Channel::OmegaF, 4.0, 2.0, 0.2), of(Channel::TFc, 99.0, 99.0, 9.0), of(Channel::OmegaC, 2.0, 1.0, 0.4)];
+        let closed = Closed::of(&all);
+        let expected = Closed { before: 3.0, after: 1.5, noise: 0.3, sensors: 0.3 };
+        for (a, b) in [
+            (closed.before, expected.before),
+            (closed.after, expected.after),
+            (closed.noise, expected.noise),
+            (closed.sensors, expected.sensors),
+        ] {
+            assert!((a - b).abs() < 1e-12);
+        }
+        let fraction = |before: f64, after: f64, noise: f64| Closed { before, after, noise, sensors: 0.1 }.fraction();
+        for (before, after, noise, expected) in [
+            (3.0, 1.5, 1.0, 0.75),
+            (3.0, 1.0, 1.0, 1.0),
+            (3.0, 0.5, 1.0, 1.0),
+            (3.0, 4.0, 1.0, -0.5),
+            // Below the floor what counts are the sensors.
+            (1.0, 0.55, 1.0, 0.5),
+            (0.1, 0.05, 1.0, 0.0),
+        ] {
+            assert!((fraction(before, after, noise) - expected).abs() < 1e-12, "{before} {after} {noise}");
+        }
+        assert!(Closed { before: 1.0, after: 0.0, noise: 1.0, sensors: 0.1 }.is_below_floor());
+        assert!(!Closed { before: 1.01, after: 0.0, noise: 1.0, sensors: 0.1 }.is_below_floor());
+        assert_eq!(Closed::of(&[]).before, 0.0);
+    }
+
+    #[test]
+    fn a_gap_is_the_root_mean_square_of_what_is_there() {
+        assert_eq!(filled(&[f64::NAN, 2.0, f64::NAN, 3.0]), [2.0, 2.0, 2.0, 3.0]);
+        let vehicle = Vehicle::paper();
+        let mut r = recording(100, |_| [100.0, 0.0], 10.0);
+        r.omega_f[3] = f64::NAN;
+        let mut p = prepare(&r, &vehicle);
+        p.stretches = vec![2..5, 10..11];
+        let value = |v: &[f64]| Free { value: [v.to_vec(), Vec::new(), Vec::new(), Vec::new(), Vec::new()], ..Free::default() };
+        let rms = p.rms(Channel::OmegaF, &[value(&[99.0, 0.0, 102.0]), value(&[100.0])]);
+        assert!((rms - (5.0_f64 / 3.0).sqrt()).abs() < 1e-12, "{rms}");
+    }
+}

@@ -62,17 +62,12 @@ pub fn conclude(problem: &Problem, search: &Search, posterior: &Posterior) -> Co
     let fit = best.fit.as_ref().expect("the best was fitted");
     let left = misfit(&fit.residuals) / problem.samples().max(1) as f64;
     let shares = shares(search, posterior, &best);
-    let strange = left > STRANGE || problem.tracks.iter().all(|t| t.position_free) && is_beyond_a_car(&best);
+    let strange = is_strange(left) || problem.tracks.iter().all(|t| t.position_free) && is_beyond_a_car(&best);
     let stands_in = best.place.filter(|_| law_share(problem, search, &best) > STAND_IN_SHARE);
     let named: Vec<usize> = best.effects.iter().copied().filter(|&e| Some(REGISTRY[e].effect.subsystem) != stands_in).collect();
-    let (verdict, unexplained_at) = match (best.effects.is_empty(), best.place) {
-        _ if strange => (Verdict::InputsDoNotFit, None),
-        (true, None) => (Verdict::NoGap, None),
-        (true, place) => (Verdict::Unexplained, place),
-        (false, None) => (Verdict::Explained, None),
-        (false, Some(place)) if named.is_empty() => (Verdict::Unexplained, Some(place)),
-        (false, place) => (Verdict::PartlyExplained, place),
-    };
+    let verdict =
+        if strange { Verdict::InputsDoNotFit } else { verdict_of(!best.effects.is_empty(), !named.is_empty(), best.place.is_some()) };
+    let unexplained_at = best.place.filter(|_| !strange);
     let probability = match verdict {
         Verdict::NoGap => posterior.of_no_gap(),
         Verdict::InputsDoNotFit => 1.0,
@@ -80,17 +75,20 @@ pub fn conclude(problem: &Problem, search: &Search, posterior: &Posterior) -> Co
         _ => posterior.explanations.iter().filter(|e| e.effects == best.effects).map(|e| e.probability).sum(),
     };
     let shown: Vec<Subsystem> = shares.iter().map(|s| s.0).collect();
-    let mass = |s: Subsystem| -> f64 {
-        let holds = |e: &&Explanation| e.place == Some(s) || e.effects.iter().any(|&k| REGISTRY[k].effect.subsystem == s);
-        posterior.explanations.iter().filter(holds).map(|e| e.probability).sum()
-    };
-    let or_at = if matches!(verdict, Verdict::NoGap | Verdict::InputsDoNotFit) {
-        Vec::new()
-    } else {
-        Subsystem::ALL.into_iter().filter(|s| !shown.contains(s) && mass(*s) > NAMED_BESIDE).collect()
-    };
+    let or_at =
+        if matches!(verdict, Verdict::NoGap | Verdict::InputsDoNotFit) { Vec::new() } else { doubted(&posterior.explanations, &shown) };
     let shares = if strange { Vec::new() } else { shares };
     Conclusion { verdict, probability, explanation: best, effects: named, unexplained_at, shares, or_at }
+}
+
+/// What an explanation amounts to that has effects or none, some that are named or none, and a missing law or none.
+fn verdict_of(effects: bool, named: bool, law: bool) -> Verdict {
+    match (effects, law) {
+        (false, false) => Verdict::NoGap,
+        (true, false) => Verdict::Explained,
+        (true, true) if named => Verdict::PartlyExplained,
+        (_, true) => Verdict::Unexplained,
+    }
 }
 
 impl Conclusion {
@@ -124,6 +122,20 @@ impl Conclusion {
             self.shares.sort_by(|a, b| b.1.total_cmp(&a.1));
         }
     }
+}
+
+/// Subsystems beside those shown in which something may be wrong instead.
+fn doubted(all: &[Explanation], shown: &[Subsystem]) -> Vec<Subsystem> {
+    let mass = |s: Subsystem| -> f64 {
+        let holds = |e: &&Explanation| e.place == Some(s) || e.effects.iter().any(|&k| REGISTRY[k].effect.subsystem == s);
+        all.iter().filter(holds).map(|e| e.probability).sum()
+    };
+    Subsystem::ALL.into_iter().filter(|s| !shown.contains(s) && mass(*s) > NAMED_BESIDE).collect()
+}
+
+/// Whether innovations of this mean square are none of such a car.
+fn is_strange(mean_square: f64) -> bool {
+    mean_square > STRANGE
 }
 
 /// Whether an effect that stands for an input, or for the inertia of another gear, is larger than any car has it.
@@ -245,5 +257,59 @@ mod tests {
         let mut c = concluded(&["actuator_delay"]);
         c.leave(&left(&[Subsystem::Friction, Subsystem::ClutchForce, Subsystem::Actuator], 0.1));
         assert_eq!((c.unexplained_at, c.or_at), (Some(Subsystem::Actuator), vec![Subsystem::Friction, Subsystem::ClutchForce]));
+    }
+
+    #[test]
+    fn a_verdict_says_whether_effects_explain_and_whether_anything_is_left() {
+        for (effects, named, law, verdict) in [
+            (false, false, false, Verdict::NoGap),
+            (false, false, true, Verdict::Unexplained),
+            (true, true, false, Verdict::Explained),
+            (true, true, true, Verdict::PartlyExplained),
+            (true, false, true, Verdict::Unexplained),
+        ] {
+            assert_eq!(verdict_of(effects, named, law), verdict);
+        }
+    }
+
+    /// Unknown laws leave a tenth of what inputs of another car do: the bound lies between, and an input that is off by five usual faults is another one.
+    #[test]
+    fn inputs_that_are_none_of_this_car_are_far_from_it() {
+        assert!(!is_strange(59.0) && is_strange(61.0));
+        let with = |id: &str, sizes: f64| {
+            let mut c = concluded(&[id]);
+            let mut fit = crate::gap::infer::fit::Fit::made_up(Vec::new());
+            let k = REGISTRY[find(id).unwrap()].effect.amplitudes[0];
+            fit.point.effects[k] += sizes * size(k);
+            c.explanation.fit = Some(fit);
+            is_beyond_a_car(&c.explanation)
+        };
+        for (id, input) in [
+            ("engine_torque_gain", true),
+            ("clutch_speed_gain", true),
+            ("vehicle_mass", true),
+            ("friction_level", false),
+            ("road_load", false),
+        ] {
+            assert_eq!([with(id, 4.9), with(id, 5.1), with(id, -5.1)], [false, input, input], "{id}");
+        }
+        assert!(!is_beyond_a_car(&concluded(&["vehicle_mass"]).explanation));
+    }
+
+    #[test]
+    fn a_place_is_doubted_if_explanations_with_it_are_believed_together() {
+        let with = |effects: &[&str], place: Option<Subsystem>, probability: f64| {
+            let explanation = concluded(effects).explanation;
+            Explanation { place, probability, ..explanation }
+        };
+        let all = [
+            with(&["vehicle_mass"], None, 0.5),
+            with(&["friction_level"], None, 0.03),
+            with(&["vehicle_mass"], Some(Subsystem::Friction), 0.03),
+            with(&["engine_torque_gain"], None, 0.04),
+            with(&[], Some(Subsystem::Sensors), 0.06),
+        ];
+        assert_eq!(doubted(&all, &[Subsystem::Driveline]), [Subsystem::Friction, Subsystem::Sensors]);
+        assert_eq!(doubted(&all, &[Subsystem::Friction, Subsystem::Sensors]), [Subsystem::Driveline]);
     }
 }

@@ -2,13 +2,14 @@
 
 use crate::made_up::{example, made_up, made_up_under};
 use kisspoint::effects::{self, REGISTRY, Subsystem, param};
+use kisspoint::gap::infer::coordinate::Coordinate;
 use kisspoint::gap::infer::density::{Basis, Problem, WHOLE, cost, misfit};
 use kisspoint::gap::infer::fit::{Fit, Free, LOOK, fit};
 use kisspoint::gap::infer::form::forms;
 use kisspoint::gap::infer::irregular::irregular;
 use kisspoint::gap::infer::posterior::posterior;
 use kisspoint::gap::infer::pulsation;
-use kisspoint::gap::infer::search::{Hypothesis, search};
+use kisspoint::gap::infer::search::{Hypothesis, exchange, search, taken_over};
 use kisspoint::gap::model::replay::Missing;
 use kisspoint::gap::model::{missing, prepare, tolerance};
 use kisspoint::gap::verdict::{Verdict, conclude};
@@ -123,6 +124,22 @@ fn the_larger_the_gap_the_less_its_likelihood_is_believed() {
     let [healthy, ill] = [1.0, 1.3].map(|factor| made_up(|e| e[param::vehicle_mass::factor] = factor));
     let least = |p: &Problem| p.steering().into_iter().fold(1.0, f64::min);
     assert!(least(&healthy) > 0.9 && least(&ill) < 0.7 * least(&healthy), "{:?} {:?}", healthy.powers, ill.powers);
+    // Half the square of how inexact a law may be, times what the car as its file gives it leaves beyond noise.
+    let all = ill.all_residuals(&ill.nominal(), None);
+    let (mut left, mut samples) = ([0.0; 3], [0.0; 3]);
+    for (r, all) in all.iter().enumerate() {
+        for (i, x) in all.iter().enumerate().filter(|(_, x)| **x != 0.0) {
+            let phase = ill.filters[r].phase[(i / 2).min(ill.filters[r].phase.len() - 1)] as usize - 1;
+            (left[phase], samples[phase]) =
+                (left[phase] + if x.abs() > 4.0 { 4.0 * (2.0 * x.abs() - 4.0) } else { x * x }, samples[phase] + 1.0);
+        }
+    }
+    for (c, powers) in [0.02_f64, 0.04, 0.08].into_iter().zip(ill.powers) {
+        for phase in 0..3 {
+            let expected = 1.0 / (1.0 + 0.5 * c * c * (left[phase] - samples[phase]).max(0.0));
+            assert!((powers[phase] - expected).abs() < 1e-9, "{c} {phase}: {} {expected}", powers[phase]);
+        }
+    }
     // And the less, the less exact its laws may be.
     let worst = ill.powers.map(|powers| powers.into_iter().fold(1.0, f64::min));
     assert!(worst.is_sorted_by(|a, b| a > b), "{worst:?}");
@@ -131,6 +148,10 @@ fn the_larger_the_gap_the_less_its_likelihood_is_believed() {
     let apart = |problem: &Problem| {
         let of = |effects: &[usize]| Hypothesis::fitted(problem, effects.to_vec(), &problem.nominal(), 12, None);
         let (with, without) = (of(&[mass]), of(&[]));
+        // An interval is as wide as laws may be inexact: wider than noise alone would have it.
+        let (exact, variances) = (with.fit.exact.clone().cholesky().unwrap().inverse(), with.fit.variances.as_ref().unwrap());
+        let at = with.fit.shared.iter().position(|c| *c == Coordinate::Effect(param::vehicle_mass::factor)).unwrap();
+        assert!(variances[at] > 1.05 * exact[(at, at)], "{} {}", variances[at], exact[(at, at)]);
         let by_accuracy: Vec<f64> = with.by_accuracy.iter().zip(without.by_accuracy).map(|(with, without)| with - without).collect();
         assert!(by_accuracy.is_sorted_by(|a, b| a > b), "{by_accuracy:?}");
         (with.lead - without.lead, with.log_posterior - without.log_posterior)
@@ -183,6 +204,7 @@ fn what_comes_and_goes_by_itself_is_placed_and_not_named() {
         "{:?}",
         conclusion.effects
     );
+    assert_eq!(conclusion.probability, weights.of_place(Subsystem::Driveline));
     assert!(weights.of_place(Subsystem::Driveline) > 0.95, "{}", weights.of_place(Subsystem::Driveline));
 }
 
@@ -282,4 +304,114 @@ fn a_weighed_fit_stays_within_the_bounds() {
     let (_, weighed) = fitted.weighed(&problem, 0, WHOLE);
     let at = cost(&weighed.point, &problem.all_residuals(&weighed.point, None));
     assert!((at / fitted.cost - 1.0).abs() < 0.005, "{at} {}", fitted.cost);
+}
+
+/// A tolerance that is pulled by more than two and a half standard deviations gives way to the effect that does the same: the car stays as it is.
+#[test]
+fn a_tolerance_that_is_pulled_hands_over_to_its_effect() {
+    let problem = made_up(|_| {});
+    let place = |name: &str| problem.shared.iter().position(|n| n.name == name).unwrap();
+    let (at, mass) = (place("driveline.J_c"), effects::find("vehicle_mass").unwrap());
+    let mut pulled = problem.nominal();
+    pulled.shared[at] = 2.4;
+    assert!(taken_over(&problem, &pulled, &[]).is_empty());
+    pulled.shared[at] = 2.6;
+    let found = taken_over(&problem, &pulled, &[3]);
+    assert_eq!(found.len(), 1);
+    let (set, point) = &found[0];
+    assert_eq!((set.as_slice(), point.shared[at]), (&[3, mass][..], 0.0));
+    let expected = (2.6 * problem.shared[at].sigma).exp();
+    assert!((point.effects[param::vehicle_mass::factor] - expected).abs() < 1e-9);
+    assert!(taken_over(&problem, &pulled, &[mass]).is_empty());
+}
+
+/// Within three standard deviations of its declared latency a late sensor is as it should be, and no effect is believed for it.
+#[test]
+fn a_latency_that_is_declared_is_no_effect() {
+    let (_, mut vehicle_json) = example();
+    vehicle_json["tolerance"]["sensors.omega_c_latency"] = serde_json::json!({"abs": 0.004});
+    let logger = tolerance::Logger::UNIFORM;
+    let problem = Problem { shared: tolerance::read(&vehicle_json, logger).unwrap().shared, ..made_up(|_| {}) };
+    let late = |id: &str, parameter: usize, by: f64| {
+        let mut point = problem.nominal();
+        point.effects[parameter] += by;
+        problem.is_tolerated(&point, effects::find(id).unwrap())
+    };
+    let disc = |by| late("clutch_speed_delay", param::clutch_speed_delay::delay, by);
+    assert_eq!([disc(0.0), disc(0.0119), disc(0.0121)], [true, true, false]);
+    assert!(!late("engine_speed_delay", param::engine_speed_delay::delay, 0.001), "that one is not declared");
+    assert!(!late("vehicle_mass", param::vehicle_mass::factor, 0.0));
+}
+
+/// A pair that leads, of which one member only came along: what is left of it without that one is looked at, and is believed.
+#[test]
+fn a_member_that_does_nothing_is_dropped() {
+    let problem = made_up(|e| e[param::vehicle_mass::factor] = 1.2);
+    let [mass, level] = ["vehicle_mass", "friction_level"].map(|id| effects::find(id).unwrap());
+    let mut found = search(&problem, &|_, _| {});
+    let pair = Hypothesis::fitted(&problem, vec![mass, level], &found.best().formed.point, 12, None);
+    found.hypotheses.retain(|h| h.effects.is_empty());
+    found.hypotheses.insert(0, pair);
+    exchange(&problem, &mut found);
+    assert_eq!(found.best().effects, [mass]);
+    assert!((found.best().fit.point.effects[param::vehicle_mass::factor] - 1.2).abs() < 0.06);
+}
+
+/// Beside a law that is missing an effect may only have come along: it is dropped, if what is left is believed more.
+#[test]
+fn an_effect_that_only_came_along_beside_a_law_is_dropped() {
+    let gusts = |t: f64| 6.0 * ((1.7 * t).sin() + (3.1 * t + 0.5).sin());
+    let mut problem = made_up_under(|e| e[param::engine_torque_gain::gain] = 1.15, gusts);
+    problem.tracks.truncate(4);
+    problem.filters.truncate(4);
+    problem.states.truncate(4);
+    problem.coarsen();
+    let [gain, level] = ["engine_torque_gain", "friction_level"].map(|id| effects::find(id).unwrap());
+    let mut found = search(&problem, &|_, _| {});
+    let pair = Hypothesis::fitted(&problem, vec![gain, level], &found.best().formed.point, 12, None);
+    found.hypotheses.retain(|h| h.effects.is_empty());
+    found.hypotheses.insert(0, pair);
+    let weights = posterior(&problem, &found, &[]);
+    let beside = |set: &[usize]| weights.explanations.iter().find(|e| e.effects == set && e.place.is_some() && e.fit.is_some());
+    let mut both = [gain, level];
+    both.sort_unstable();
+    assert!(
+        beside(&both).is_some() && beside(&[gain]).is_some(),
+        "{:?}",
+        weights.explanations.iter().map(|e| (&e.effects, e.place)).collect::<Vec<_>>()
+    );
+    assert!(beside(&[gain]).unwrap().probability > beside(&both).unwrap().probability);
+}
+
+/// A control unit that commands at 33 Hz, logged at 33 Hz: its commands stay from sample to sample, and the diagnosis finds that out by itself.
+#[test]
+fn commands_that_change_only_as_often_as_they_are_logged_are_held() {
+    use crate::made_up::normals;
+    use kisspoint::campaign;
+    use kisspoint::gap::diagnosis::diagnose;
+    use kisspoint::gap::model::replay::{replay, start};
+    use kisspoint::gap::model::tolerance::Car;
+    use kisspoint::gap::model::track::Track;
+    let mut campaign = campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
+    campaign.recordings.retain(|r| ["r01", "r02", "r03", "r05"].contains(&r.name.as_str()));
+    let car = Car::nominal(&kisspoint::vehicle::Vehicle::from_value(&campaign.vehicle_json).unwrap());
+    let mut normal = normals(11);
+    for r in &mut campaign.recordings {
+        for v in [&mut r.time, &mut r.omega_f, &mut r.omega_c, &mut r.t_e, &mut r.x_to_cmd, &mut r.theta_h] {
+            *v = v.iter().copied().step_by(3).collect();
+        }
+        (r.x_to, r.t_fc, r.theta_c, r.held) = (None, None, None, true);
+        r.sample_rate_hz /= 3.0;
+        let track = Track::new(r);
+        let begin = start(&track, &car, 0, track.theta_0, 0.1);
+        let mut speeds = [r.omega_f.clone(), r.omega_c.clone()];
+        replay(&track, &car, &begin, 0..track.rows(), None, |row, now, _, _| {
+            (speeds[0][row], speeds[1][row]) = (now.omega_f + 0.1 * normal(), now.omega_c + 0.1 * normal());
+        });
+        [r.omega_f, r.omega_c] = speeds;
+        r.held = false;
+    }
+    let found = diagnose(&campaign, &|_, _| {}).unwrap();
+    assert!(found.held && found.answer.verdict == Verdict::NoGap, "{} {:?}", found.held, found.answer.verdict);
+    assert!(found.answer.notes.iter().any(|n| n.contains("held from sample to sample")), "{:?}", found.answer.notes);
 }

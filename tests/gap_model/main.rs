@@ -3,3 +3,4 @@
 mod filter;
 mod inference;
 mod made_up;
+mod residual_map;

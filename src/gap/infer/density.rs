@@ -387,3 +387,66 @@ pub fn weight(r: f64) -> f64 {
     let a = r.abs();
     if a <= HUBER { 1.0 } else { HUBER / a }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::param;
+
+    /// r² up to four standard deviations, its tangent beyond; the weight makes a parabola that touches it.
+    #[test]
+    fn the_loss_turns_linear_at_four() {
+        for (r, loss, factor) in [(0.0, 0.0, 1.0), (-3.0, 9.0, 1.0), (4.0, 16.0, 1.0), (5.0, 24.0, 0.8), (-10.0, 64.0, 0.4)] {
+            assert!((huber(r) - loss).abs() < 1e-12 && (weight(r) - factor).abs() < 1e-12, "{r}: {} {}", huber(r), weight(r));
+            let slope = (huber(r + 1e-6) - huber(r - 1e-6)) / 2e-6;
+            assert!((slope - 2.0 * weight(r) * r).abs() < 1e-4);
+        }
+        assert!((misfit(&[vec![3.0, -10.0], vec![5.0]]) - 97.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn powers_join_as_the_distances_that_they_stand_for() {
+        // 1/(1 + R) of the sum of R: 1 and 3 make 4.
+        assert!((overall([0.5, 0.25, 1.0]) - 0.2).abs() < 1e-12);
+        assert_eq!(overall(WHOLE), 1.0);
+    }
+
+    #[test]
+    fn a_prior_is_the_square_of_every_departure_in_its_own_unit() {
+        let none = Point { shared: vec![1.0, -2.0], own: vec![vec![3.0], vec![0.5, 0.0]], effects: effects::null(), missing: vec![2.0] };
+        assert!((prior(&none) - (1.0 + 4.0 + 9.0 + 0.25 + 4.0)).abs() < 1e-12);
+        let of = |parameter: usize, sizes: f64| {
+            let mut point = Point { shared: Vec::new(), own: Vec::new(), effects: effects::null(), missing: Vec::new() };
+            point.effects[parameter] += sizes * size(parameter);
+            prior(&point)
+        };
+        assert!((of(param::vehicle_mass::factor, -1.5) - 2.25).abs() < 1e-9 && (of(param::judder::sine, 2.0) - 4.0).abs() < 1e-9);
+        // A contact that moves takes half of itself along, give or take a twentieth of a millimetre.
+        let mut moved = effects::null();
+        (moved[STRAINS[0].leader], moved[STRAINS[0].follower]) = (0.3, 0.25);
+        assert!((STRAINS[0].strain(&moved) - 2.0).abs() < 1e-9);
+        let own = |p: usize| (moved[p] / size(p)).powi(2);
+        let point = Point { shared: Vec::new(), own: Vec::new(), effects: moved, missing: Vec::new() };
+        assert!((prior(&point) - own(STRAINS[0].leader) - own(STRAINS[0].follower) - 4.0).abs() < 1e-9);
+        assert!((cost(&point, &[vec![2.0]]) - prior(&point) - 4.0).abs() < 1e-12);
+    }
+
+    /// A straight line does not bend, whatever its slope; a kink of half a value's size is one standard deviation.
+    #[test]
+    fn a_curve_pays_for_its_bends() {
+        let bend = &BENDS[0];
+        let [a, b, c] = bend.values;
+        let mut line = effects::null();
+        (line[a], line[b], line[c]) = (1.0, 3.0, 5.0);
+        assert!(bend.strain(&line).abs() < 1e-12);
+        line[c] += 0.5 * size(a);
+        assert!((bend.strain(&line) - 1.0).abs() < 1e-9);
+        line[b] += 0.5 * size(a);
+        assert!((bend.strain(&line) + 1.0).abs() < 1e-9);
+        for (k, slope) in bend.slopes() {
+            let mut more = line;
+            more[k] += 1.0;
+            assert!((bend.strain(&more) - bend.strain(&line) - slope).abs() < 1e-9);
+        }
+    }
+}

@@ -142,6 +142,29 @@ impl Fit {
     }
 }
 
+#[cfg(test)]
+impl Fit {
+    /// A fit of nothing along these coordinates, at the car as its file gives it.
+    pub fn made_up(along: Vec<Coordinate>) -> Self {
+        let identity = DMatrix::identity(along.len(), along.len());
+        Self {
+            point: Point { shared: Vec::new(), own: Vec::new(), effects: crate::effects::null(), missing: Vec::new() },
+            cost: 0.0,
+            residuals: Vec::new(),
+            misfits: [0.0; 3],
+            shared: along,
+            curvature: identity.clone(),
+            log_evidence: 0.0,
+            columns: Arc::default(),
+            own: Vec::new(),
+            parts: Arc::default(),
+            form_size: 1.0,
+            variances: None,
+            exact: identity,
+        }
+    }
+}
+
 /// Mean square of the nuisances beyond which a fit strains its tolerances: of a dozen and more standard normal numbers it is so once in a hundred times.
 const STRAINED: f64 = 2.0;
 /// Sizes that the form of an effect may have, relative to that with which it is fitted, each as likely: from nearly none to all of it.
@@ -352,6 +375,46 @@ fn least_in_box(curvature: &DMatrix<f64>, gradient: &DVector<f64>, bounds: &[[f6
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn tolerances_are_strained_beyond_a_mean_square_of_two() {
+        let mut fit = Fit::made_up(Vec::new());
+        assert!(!fit.strains() && fit.pull() == 0.0);
+        for (shared, pull) in [(vec![1.0, -3.0], 5.0), (vec![2.0, 0.0, 1.4], 1.986_667), (vec![2.0, 0.0, 1.45], 2.034_167)] {
+            fit.point.shared = shared;
+            assert!((fit.pull() - pull).abs() < 1e-6 && fit.strains() == (pull > 2.0), "{}", fit.pull());
+        }
+    }
+
+    /// Two shared unknowns and a function: what is left without it is the curvature of the two alone, the inverse of their part of the covariance.
+    #[test]
+    fn a_fit_without_its_functions_has_the_covariance_that_it_had() {
+        let along = vec![Coordinate::Shared(0), Coordinate::Missing(0), Coordinate::Shared(1)];
+        let curvature = DMatrix::from_row_slice(3, 3, &[4.0, 1.0, 0.5, 1.0, 3.0, -1.0, 0.5, -1.0, 2.0]);
+        let mut fit = Fit { curvature, ..Fit::made_up(along) };
+        fit.point.missing = vec![0.7];
+        let (whole, rest) = (fit.covariance().unwrap(), fit.marginal());
+        assert_eq!(rest.shared, [Coordinate::Shared(0), Coordinate::Shared(1)]);
+        assert!(rest.point.missing.is_empty());
+        let left = rest.covariance().unwrap();
+        for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            assert!((left[(i, j)] - whole[(2 * i, 2 * j)]).abs() < 1e-12);
+        }
+        assert_eq!(rest.marginal().shared.len(), 2);
+    }
+
+    /// The mean over what an explanation's accuracy may be, of variances and not of curvatures; none where one of them bounds nothing.
+    #[test]
+    fn variances_are_the_mean_over_accuracies() {
+        let with = |curvature: f64| {
+            let mut fit = Fit::made_up(vec![Coordinate::Shared(0), Coordinate::Shared(1)]);
+            fit.curvature[(1, 1)] = curvature;
+            fit
+        };
+        let found = mean_variances([with(1.0), with(0.5), with(0.25)]).unwrap();
+        assert!((found[0] - 1.0).abs() < 1e-12 && (found[1] - 7.0 / 3.0).abs() < 1e-12, "{found:?}");
+        assert_eq!(mean_variances([with(1.0), with(-1.0), with(1.0)]), None);
+    }
 
     /// Both coordinates want to leave at first; with the second at its bound the first moves inwards.
     #[test]

@@ -406,3 +406,17 @@ pub fn exchange(problem: &Problem, found: &mut Search) {
 const EXCHANGES: usize = 4;
 /// Share of its strain that a strained set may keep in a round for another one: what only changes places is not on its way to what is wrong.
 const STRAIN_LEFT: f64 = 0.75;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_effect_costs_its_odds_and_a_small_one_more() {
+        assert!((log_prior(2) + 2.0 * 99.0_f64.ln()).abs() < 1e-12 && log_prior(0) == 0.0);
+        // A usual size pays nothing worth naming, a tenth of it one nat beside its square, a fiftieth twenty-five.
+        for (share, pays) in [(1.0_f64, 0.01), (0.1, 1.0), (0.02, 25.0)] {
+            assert!((moment(share * share) - 2.0 * share.ln() + pays).abs() < 1e-9, "{share}: {}", moment(share * share));
+        }
+    }
+}

@@ -342,3 +342,60 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
     }
     all
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_follows_a_signal_follows_it_as_it_is_called() {
+        let step: Vec<f64> = (0..200).map(|k| f64::from(u8::from(k > 0))).collect();
+        let slow = lagged(&step, 0.01, 0.5);
+        for k in [0, 1, 50, 199] {
+            assert!((slow[k] - (1.0 - (-0.02 * k as f64).exp())).abs() < 1e-12, "{k}: {}", slow[k]);
+        }
+        let line: Vec<f64> = (0..50).map(f64::from).collect();
+        let mean = averaged(&line, 0.02);
+        // Five samples to either side, fewer at the ends.
+        assert_eq!((mean[0], mean[3], mean[25], mean[49]), (2.5, 4.0, 25.0, 46.5));
+        assert_eq!(played(&[0.0, 1.0, 3.0, 2.5, 1.0], 2.0), [0.0, 0.0, 2.0, 2.0, 2.0]);
+        assert_eq!(played(&[0.0, 3.0, -3.0], 2.0), [0.0, 2.0, -2.0]);
+        assert!((bump(3.0, 1.0, 2.0) - (-0.5_f64).exp()).abs() < 1e-12 && bump(1.0, 1.0, 2.0) == 1.0);
+    }
+
+    /// Five rows of which the clutch slips in the middle three.
+    fn along() -> Signals {
+        let rows = |v: [f64; 5]| v.to_vec();
+        Signals {
+            dt: 0.1,
+            time: rows([1.0, 1.1, 1.2, 1.3, 1.4]),
+            torque: rows([0.0, 10.0, 20.0, 30.0, 0.0]),
+            slipping: vec![false, true, true, true, false],
+            slip: rows([50.0, 40.0, 30.0, 20.0, 0.0]),
+            position: rows([1.0, 1.0, 1.1, 1.1, 1.0]),
+            command: rows([0.0; 5]),
+            report: rows([0.0; 5]),
+            theta: rows([25.0; 5]),
+            speed: [rows([0.0; 5]), rows([0.0; 5])],
+            pace: [Vec::new(), Vec::new()],
+            stiffness: rows([2.0; 5]),
+            warmth: rows([0.5; 5]),
+            travel: [1.0, 2.0],
+        }
+    }
+
+    /// A torque of the clutch acts on both sides while it slips, and its transducer shows it; a bearing or a disc that is elsewhere shows at its own sensor too.
+    #[test]
+    fn a_law_acts_where_it_is_and_shows_where_it_is_measured() {
+        let s = along();
+        let c = s.clutch(&|k| k as f64);
+        assert_eq!(c.torque, [vec![0.0, -1.0, -2.0, -3.0, 0.0], vec![0.0, 1.0, 2.0, 3.0, 0.0]]);
+        assert_eq!((&c.bench[1], c.bench[0].len()), (&c.torque[1], 0));
+        let (m, w) = (s.moved(&|_| 0.1), s.warmed(&|_| 4.0));
+        assert_eq!((m.torque[1][2], m.bench[0][0], w.torque[1][2], w.torque[0][2], w.bench[2][4]), (0.2, 0.1, 2.0, -2.0, 4.0));
+        let on = s.on(1, &|k| k as f64);
+        assert!(on.torque[0].is_empty() && on.torque[1][3] == 3.0 && s.sensed(0, &|_| 7.0).sensed[0] == [7.0; 5]);
+        let d = direction(&s);
+        assert!(d[0] == 0.0 && d[2] > 0.5 && d[4] < -0.5, "{d:?}");
+    }
+}

@@ -206,4 +206,30 @@ mod tests {
         let rms = |v: &[f64]| (20..380).map(|k| (v[k] - truth[k]).powi(2)).sum::<f64>().sqrt();
         assert!(rms(&found) < 0.9 * rms(&rounded), "{} {}", rms(&found), rms(&rounded));
     }
+
+    /// Of every channel its own; never finer than is believed, nor than a step of the recording allows.
+    #[test]
+    fn each_channel_has_the_noise_that_it_shows() {
+        use crate::campaign::Recording;
+        let (time, flywheel) = signal(0.2, 0.01);
+        let (disc, torque) = (signal(0.0, 0.01).1, signal(3.0, 0.01).1);
+        let stepped: Vec<f64> = disc.iter().map(|x| (x / 0.5).round() * 0.5).collect();
+        let n = time.len();
+        let r = Recording {
+            sample_rate_hz: 100.0,
+            time,
+            omega_f: flywheel,
+            omega_c: disc.clone(),
+            t_e: torque,
+            x_to_cmd: vec![3.0; n],
+            theta_h: vec![25.0; n],
+            x_to: Some(stepped),
+            ..Recording::default()
+        };
+        let tracks = [Track::new(&r)];
+        let found = channels(&tracks);
+        assert!((found[0].white / 0.2 - 1.0).abs() < 0.1 && found[1].white == 0.01, "{found:?}");
+        assert!((0.145..0.3).contains(&found[2].white) && found.iter().all(|n| n.coloured == 0.0), "{found:?}");
+        assert!((of_report(&tracks) / 3.0 - 1.0).abs() < 0.1, "{}", of_report(&tracks));
+    }
 }

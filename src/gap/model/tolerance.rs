@@ -326,3 +326,112 @@ impl Nuisance {
         true
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn read_of(tolerance: Value, logger: Logger) -> Result<Tolerances, ToleranceError> {
+        read(&json!({ "tolerance": tolerance }), logger)
+    }
+
+    fn sigma(t: &Tolerances, name: &str) -> f64 {
+        t.shared.iter().chain(&t.own).find(|n| n.name == name).unwrap_or_else(|| panic!("no {name}")).sigma
+    }
+
+    #[test]
+    fn what_no_file_declares_depends_on_the_logger() {
+        let bench = read_of(json!({}), Logger::UNIFORM).unwrap();
+        let slow = read_of(json!({}), Logger { interval_s: 0.1, loose: true }).unwrap();
+        for (name, of_bench, of_slow) in [
+            ("engine.T_e_smoothing", 0.008, 0.02),
+            ("actuator.command_smoothing", 0.001, 0.05),
+            ("sensors.omega_f_latency", 0.001, 0.01),
+            ("sensors.omega_c_latency", 0.001, 0.01),
+            ("engine.T_e_timing", 0.008, 0.02),
+            ("actuator.command_timing", 0.001, 0.02),
+            ("engine.T_e_drift", 0.3, 0.3),
+            ("friction.mu_drift", 0.004, 0.004),
+        ] {
+            assert!((sigma(&bench, name) - of_bench).abs() < 1e-12 && (sigma(&slow, name) - of_slow).abs() < 1e-12, "{name}");
+        }
+        assert!(bench.shared.iter().chain(&bench.own).all(|n| !n.declared && n.one_sided == n.name.ends_with("_smoothing")));
+        assert_eq!((bench.shared.len(), bench.own.len(), bench.declared_report.sigma), (6, 2, 0.0));
+        assert!((bench.skew() - 3.0 * 0.001 * 2.0_f64.sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_a_file_declares_takes_the_place_of_a_default() {
+        let file = json!({
+            "sensors.omega_f_latency": {"abs": 0.004}, "friction.mu": {"rel": 0.01, "per": "recording"}, "engine.T_e_bias": {"abs": 1.0},
+            "engine.T_e_wander": {"abs": 0.5, "time_s": 2.0},
+        });
+        let t = read_of(file, Logger::UNIFORM).unwrap();
+        let declared: Vec<&str> = t.shared.iter().filter(|n| n.declared).map(|n| n.name.as_str()).collect();
+        assert_eq!(declared, ["engine.T_e_bias", "sensors.omega_f_latency"]);
+        assert_eq!(t.own.iter().map(|n| n.name.as_str()).collect::<Vec<_>>(), ["friction.mu", "engine.T_e_drift"]);
+        assert_eq!((t.report, t.declared_report), (Wander { sigma: 0.5, time_s: 2.0 }, Wander { sigma: 0.5, time_s: 2.0 }));
+        assert!(t.shared.iter().find(|n| n.name == "sensors.omega_f_latency").unwrap().one_sided);
+        let fault = |name: &str, size: Value| read_of(json!({ name: size }), Logger::UNIFORM).unwrap_err();
+        assert_eq!(fault("friction.nu", json!({"abs": 1.0})), ToleranceError::Unknown("friction.nu".into()));
+        for size in [json!({}), json!({"abs": 0.0}), json!({"abs": -1.0}), json!({"abs": 1.0, "rel": 0.1}), json!({"rel": "1"})] {
+            assert_eq!(fault("friction.mu", size), ToleranceError::Malformed("friction.mu".into()));
+        }
+        assert_eq!(fault("friction.mu", json!({"rel": 0.1, "per": "car"})), ToleranceError::Per("friction.mu".into()));
+        assert_eq!(fault("engine.T_e_wander", json!({"abs": 0.5})), ToleranceError::Wander("engine.T_e_wander".into()));
+    }
+
+    /// What a number does for one standard deviation, its effect does when it is moved by the rate; handed over, the car is the same one.
+    #[test]
+    fn an_effect_that_does_the_same_as_a_tolerance_takes_it_over() {
+        let file = json!({
+            "driveline.J_c": {"rel": 0.05}, "friction.mu": {"rel": 0.02}, "engine.T_e_bias": {"abs": 2.0}, "driveline.grade": {"abs": 0.01},
+            "actuator.x_cnt": {"abs": 0.05}, "thermal.gamma_1": {"rel": 0.1}, "driveline.T_L0": {"abs": 3.0}, "driveline.J_f": {"rel": 0.02},
+        });
+        let vehicle = Vehicle::paper();
+        let all = read_of(file, Logger::UNIFORM).unwrap().shared;
+        let one = |name: &str| all.iter().find(|n| n.name == name).unwrap();
+        for (name, parameter, z, to) in [
+            ("driveline.J_c", param::vehicle_mass::factor, 2.0, (0.1_f64).exp()),
+            ("friction.mu", param::friction_level::factor, -1.5, (-0.03_f64).exp()),
+            ("engine.T_e_bias", param::engine_torque_bias::torque, 1.5, 3.0),
+            ("driveline.grade", param::road_load::grade, -2.0, -0.02),
+            ("actuator.x_cnt", param::kiss_point_offset::offset, 2.0, 0.1),
+            ("driveline.T_L0", param::road_load::rolling_torque, 1.0, 3.0),
+        ] {
+            let mut car = Car::nominal(&vehicle);
+            let (k, rate) = one(name).same_as(&car).unwrap();
+            assert_eq!(k, parameter);
+            assert!((rate - one(name).sigma).abs() < 1e-12, "{name}: {rate}");
+            assert!(one(name).hand_over(z, &mut car));
+            assert!((car.effects[parameter] - to).abs() < 1e-9, "{name}: {} {to}", car.effects[parameter]);
+        }
+        // Each of these has its effect, whose parameter a relative number moves by its share and another by as much.
+        let names = [
+            ("engine.T_e_gain", "rel", param::engine_torque_gain::gain),
+            ("cushion_spring.beta", "rel", param::friction_level::factor),
+            ("actuator.x_cls", "abs", param::kiss_point_offset::closed_offset),
+            ("thermal.gamma_1", "rel", param::clutch_cooling::body_factor),
+            ("thermal.gamma_2", "rel", param::clutch_cooling::air_factor),
+            ("sensors.omega_f_latency", "abs", param::engine_speed_delay::delay),
+            ("sensors.omega_c_latency", "abs", param::clutch_speed_delay::delay),
+            ("engine.T_e_smoothing", "abs", param::engine_torque_lag::time_constant),
+            ("actuator.command_smoothing", "abs", param::actuator_lag::time_constant),
+        ];
+        for (name, kind, parameter) in names {
+            let n = read_of(json!({ name: { kind: 0.01 } }), Logger::UNIFORM).unwrap().shared.into_iter().find(|n| n.name == name).unwrap();
+            assert_eq!(n.same_as(&Car::nominal(&vehicle)), Some((parameter, 0.01)), "{name}");
+        }
+        // A factor says nothing of a number that moves by an amount; a relative contact moves by its share of the number.
+        let absolute = read_of(json!({"driveline.J_c": {"abs": 0.1}, "actuator.x_cnt": {"rel": 0.1}}), Logger::UNIFORM).unwrap().shared;
+        assert_eq!(absolute[1].same_as(&Car::nominal(&vehicle)), None);
+        assert_eq!(absolute[0].same_as(&Car::nominal(&vehicle)), Some((param::kiss_point_offset::offset, 0.1 * vehicle.actuator.x_cnt_0)));
+        let mut car = Car::nominal(&vehicle);
+        assert!(!one("driveline.J_f").hand_over(1.0, &mut car) && one("engine.T_e_timing").same_as(&car).is_none());
+        car.apply(&[one("driveline.J_f").clone(), one("driveline.T_L0").clone(), one("engine.T_e_timing").clone()], &[-1.0, 2.0, 0.5]);
+        assert!((car.vehicle.driveline.J_f / vehicle.driveline.J_f - (-0.02_f64).exp()).abs() < 1e-12);
+        assert!((car.vehicle.driveline.T_L0 - vehicle.driveline.T_L0 - 6.0).abs() < 1e-12);
+        assert!((car.late[Signal::Report as usize] - 0.004).abs() < 1e-12);
+    }
+}

@@ -27,6 +27,11 @@ impl Reach {
         limits.iter().find(|l| l.effect == effect)
     }
 
+    /// Whether recordings with these limits cannot show an effect.
+    pub fn hides(limits: &[Limit], effect: usize) -> bool {
+        Self::of(limits, effect).is_some_and(|l| l.in_sizes() > TOO_LARGE)
+    }
+
     /// Manoeuvre that brings the most information on an effect per minute, of those that make it visible; of all of them if none does. None if none brings any.
     pub fn best_for(&self, effect: usize, manoeuvres: &[Manoeuvre]) -> Option<usize> {
         let now = Self::of(&self.now, effect).map_or(0.0, Self::precision);
@@ -148,5 +153,43 @@ mod tests {
         let best = r.best_for(find("road_load").unwrap(), &driven).unwrap();
         assert_eq!(driven[best].name, "coast_down");
         assert!(Reach::of(&r.with_all, find("kiss_point_offset").unwrap()).unwrap().in_sizes() > TOO_LARGE);
+    }
+
+    #[test]
+    fn an_effect_hides_that_shows_from_three_usual_ones_on() {
+        use crate::effects::param::vehicle_mass::factor;
+        use crate::gap::infer::density::size;
+        use crate::gap::infer::limit::Visibility;
+        let visibility = Visibility { information: 1.0, relative: 1.0 };
+        let limits = |sizes: f64| [Limit { effect: 7, parameter: factor, size: sizes * size(factor), start: 1.0, visibility }];
+        assert!(!Reach::hides(&limits(2.9), 7) && Reach::hides(&limits(3.1), 7) && Reach::hides(&limits(f64::INFINITY), 7));
+        assert!(!Reach::hides(&limits(9.0), 6), "of what was not asked for nothing is known");
+    }
+
+    #[test]
+    fn the_best_manoeuvre_brings_most_per_minute_of_those_that_show_it() {
+        use crate::effects::param::vehicle_mass::factor;
+        use crate::gap::infer::density::size;
+        use crate::gap::infer::limit::Visibility;
+        let limit = |sizes: f64, information: f64| {
+            vec![Limit {
+                effect: 7,
+                parameter: factor,
+                size: sizes * size(factor),
+                start: 1.0,
+                visibility: Visibility { information, relative: 2.0 },
+            }]
+        };
+        let mut manoeuvres: Vec<Manoeuvre> = built_in(&Vehicle::paper()).into_iter().take(3).collect();
+        manoeuvres.iter_mut().zip([60.0, 120.0, 60.0]).for_each(|(m, seconds)| (m.seconds, m.prepare_s) = (seconds, 0.0));
+        let best =
+            |with: [Vec<Limit>; 3]| Reach { now: limit(9.0, 4.0), with: with.to_vec(), with_all: Vec::new() }.best_for(7, &manoeuvres);
+        // 16 more in one minute against 24 more in two; then as much as 40 more in two.
+        assert_eq!(best([limit(2.0, 20.0), limit(2.0, 28.0), limit(2.0, 4.0)]), Some(0));
+        assert_eq!(best([limit(2.0, 20.0), limit(2.0, 44.0), limit(2.0, 4.0)]), Some(1));
+        // What shows it goes before what only says more.
+        assert_eq!(best([limit(4.0, 90.0), limit(4.0, 99.0), limit(2.9, 5.0)]), Some(2));
+        assert_eq!(best([limit(4.0, 90.0), limit(4.0, 99.0), limit(3.1, 5.0)]), Some(0));
+        assert_eq!(best([limit(9.0, 4.0), limit(9.0, 4.0), limit(9.0, 4.0)]), None);
     }
 }

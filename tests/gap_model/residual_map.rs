@@ -1,0 +1,80 @@
+//! The residual map is what its definition says, worked out here from the innovations alone.
+
+use crate::made_up::made_up_under;
+use kisspoint::effects::param;
+use kisspoint::gap::infer::density::{Point, Problem};
+use kisspoint::gap::map::cells;
+use kisspoint::gap::model::replay;
+use std::collections::BTreeMap;
+
+/// Innovations of a speed by phase (open, slipping, locked) and region (cold or hot, low or high torque): in standard deviations cut at six, summed over half a
+/// second each, and squared in rad/s.
+type Gathered = BTreeMap<(usize, usize), (Vec<f64>, Vec<f64>, f64)>;
+
+fn gathered(problem: &Problem, point: &Point, speed: usize) -> Gathered {
+    let mut all = Gathered::new();
+    for (k, (track, filter)) in problem.tracks.iter().zip(&problem.filters).enumerate() {
+        assert_eq!(track.rows_per_observation, 1);
+        let mut places = Vec::new();
+        let e = replay::corrected(track, filter, &problem.car(point, Some(k)), problem.temperatures(point, k), None, |_, now| {
+            let region = if now.theta_c > 70.0 { 2 } else { 0 } + if now.t_fc.abs() > 25.0 { 1 } else { 0 };
+            places.push((now.phase as usize - 1, region));
+        });
+        let half_a_second = (0.5 / track.interval()).round() as usize;
+        let mut sums: BTreeMap<(usize, usize), (f64, usize)> = BTreeMap::new();
+        for j in 0..track.observations() {
+            let weight = filter.gains[j].weight[speed];
+            if weight == 0.0 {
+                continue;
+            }
+            let cut = e[2 * j + speed].clamp(-6.0, 6.0);
+            let cell = all.entry(places[j]).or_default();
+            (cell.0.push(cut), cell.2 += (e[2 * j + speed] / weight).powi(2));
+            let sum = sums.entry(places[j]).or_default();
+            (sum.0, sum.1) = (sum.0 + cut, sum.1 + 1);
+            if sum.1 == half_a_second {
+                cell.1.push(sum.0 / (half_a_second as f64).sqrt());
+                *sum = (0.0, 0);
+            }
+        }
+    }
+    all
+}
+
+#[test]
+fn a_cell_is_as_far_out_as_its_mean_its_scatter_or_its_half_seconds() {
+    let torque = |t: f64| 4.0 + if (t / 0.7) as u64 % 2 == 0 { 5.0 } else { -5.0 };
+    let problem = made_up_under(|e| e[param::engine_torque_bias::torque] = 3.0, torque);
+    let nominal = problem.nominal();
+    let mut explained = nominal.clone();
+    explained.effects[param::engine_torque_bias::torque] = 3.0;
+    let map = cells(&problem, &nominal, &explained);
+    let mut seen = 0;
+    for (speed, equation) in ["engine balance", "driveline balance"].into_iter().enumerate() {
+        // The explanation says how noisy the sensors are.
+        let explained = gathered(&problem, &explained, speed);
+        let (sum, count) = explained.values().flat_map(|c| &c.0).fold((0.0, 0.0), |(s, n), x| (s + x * x, n + 1.0));
+        let scale = f64::sqrt(sum / count).max(1.0);
+        for ((phase, region), (all, halves, squares)) in gathered(&problem, &nominal, speed) {
+            let (phase, region) = (
+                ["open", "slipping", "locked"][phase],
+                ["cold, low torque", "cold, high torque", "hot, low torque", "hot, high torque"][region],
+            );
+            let found = map.iter().find(|c| (c.equation, c.phase, c.region) == (equation, phase, region));
+            if all.len() < 20 {
+                assert!(found.is_none(), "{} samples are too few", all.len());
+                continue;
+            }
+            let (found, n, m) = (found.unwrap(), all.len() as f64, halves.len() as f64);
+            let square = |v: &[f64]| v.iter().map(|x| (x / scale).powi(2)).sum::<f64>();
+            let mean = all.iter().sum::<f64>().abs() / scale / n.sqrt();
+            let scatter = (square(&all) / n - 1.0) * (n / 3.0).sqrt();
+            let lasting = if halves.is_empty() { 0.0 } else { (square(&halves) / m - 1.0) * (m / 2.0).sqrt() };
+            let expected = mean.max(scatter).max(lasting);
+            assert!((found.sigma - expected).abs() < 1e-9 * expected.abs().max(1.0), "{equation} {phase}: {} {expected}", found.sigma);
+            assert!((found.rms - (squares / n).sqrt()).abs() < 1e-9 && (found.samples, found.unit) == (all.len(), "rad/s"));
+            seen += 1;
+        }
+    }
+    assert!(seen > 6 && map.len() == seen && map.iter().any(|c| c.significant), "{seen} of {}", map.len());
+}
