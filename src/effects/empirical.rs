@@ -14,6 +14,7 @@
 //! `<curve>_1` and on; while all of a law are zero it takes no part.
 
 use super::{PARAMETERS, Parameters, Subsystem, param::empirical as at};
+use crate::physics::driveline;
 use std::ops::Range;
 
 /// Least factor on friction or force.
@@ -194,7 +195,7 @@ pub fn engine(p: &Parameters, omega_f: f64, torque: f64) -> f64 {
 
 /// Torque in N·m against the motion at a speed in rad/s; `omega_l` is the speed scale of the rolling load.
 pub fn load(p: &Parameters, omega: f64, omega_l: f64) -> f64 {
-    CURVES[LOAD].value(p, omega.abs()) * (omega / omega_l).tanh()
+    CURVES[LOAD].value(p, omega.abs()) * driveline::tanh(omega / omega_l)
 }
 
 /// Greatest slope of the engine's law over speed, N·m·s/rad.

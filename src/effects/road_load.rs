@@ -9,6 +9,7 @@
 //! | mgR/i | load torque of a vertical grade, `driveline.mgR_over_i` | N·m |
 
 use super::{Act, Effect, Parameters, Subsystem, param};
+use crate::physics::driveline;
 use crate::vehicle::Vehicle;
 
 /// See the module.
@@ -23,5 +24,5 @@ pub const EFFECT: Effect = Effect {
 fn apply(p: &Parameters, vehicle: &Vehicle, omega: f64) -> f64 {
     let grade = p[param::road_load::grade];
     let d = &vehicle.driveline;
-    d.mgR_over_i * grade / grade.hypot(1.0) + p[param::road_load::rolling_torque] * (omega / d.omega_L).tanh()
+    d.mgR_over_i * grade / (1.0 + grade * grade).sqrt() + p[param::road_load::rolling_torque] * driveline::tanh(omega / d.omega_L)
 }

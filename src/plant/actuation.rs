@@ -173,8 +173,10 @@ const ARRIVAL: f64 = 4.0;
 pub fn stages(config: &Config, state: &State, x_cmd: f64, h: f64, way: &Way) -> [Drive; 3] {
     let [mut begin, middle, end] = [way.begin, way.middle, way.end].map(|c| c.drive());
     let c = &config.constants;
-    if let Some(over) = over_within(&c.engine_lag, h) {
-        begin.t_e = first_stage([begin.t_e, middle.t_e, end.t_e], |t| engine(config, state, t).value, over, h);
+    if over_within(&c.engine_lag, h).is_some() {
+        let target = engine_target(config, state.inputs.t_e_ref);
+        let mean = lag::mean(&c.engine_lag, way.begin.engine, way.end.engine, target, h);
+        begin.t_e = 6.0 * mean - 4.0 * middle.t_e - end.t_e;
     }
     if let Some(over) = over_within(&c.actuator_lag, h) {
         begin.x = first_stage([begin.x, middle.x, end.x], |t| actuate(config, state, x_cmd, t).bearing, over, h);

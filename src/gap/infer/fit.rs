@@ -177,6 +177,11 @@ const KEEPS_ITS_WORD: std::ops::Range<f64> = 0.7..1.5;
 /// Gain of a step, in units of the cost that is believed, below which a fit ends.
 const LEAST_GAIN: f64 = 0.3;
 
+/// [`LEAST_GAIN`] in units of the whole cost.
+pub fn least_gain(problem: &Problem) -> f64 {
+    LEAST_GAIN / problem.power()
+}
+
 /// Iterations of a fit that only looks: it lives on the derivatives along nuisances that it was given.
 pub const LOOK: usize = 2;
 
@@ -207,7 +212,7 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
     let mut columns: Vec<Columns> = Vec::new();
     let mut kept = known.is_some();
     let mut done = 0;
-    let least = LEAST_GAIN / problem.power();
+    let least = least_gain(problem);
     while done < iterations {
         let old = match known {
             Some(known) if columns.is_empty() => known,

@@ -118,23 +118,47 @@ const SMALL_SHARE: f64 = 0.1;
 
 /// Shares of a start at which limits are asked for: a limit is that of the share that is nearest to it, for what resembles a tolerance at its limit may not do so at
 /// the size of a usual fault, and a play that shows when it is large may not show when it is small.
-const LIMIT_SHARES: [f64; 3] = [1.0, 0.1, 0.01];
+const LIMIT_SHARES: [f64; 3] = [1.0, MIDDLE_SHARE, 0.01];
+const MIDDLE_SHARE: f64 = 0.1;
 
 /// Replays every start of every effect that is not free at the anchor. `further` are starts that a scan found.
 pub fn screen(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)]) -> Screening {
-    screen_at(problem, anchor, further, None)
+    screen_at(problem, anchor, further, For::Promises)
 }
 
 /// The same from small shares of a start to all of it, for [`Screening::limits`].
 pub fn screen_for_limits(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)]) -> Screening {
-    screen_at(problem, anchor, further, Some(&LIMIT_SHARES))
+    screen_at(problem, anchor, further, For::Limits(&|_, _| LIMIT_SHARES.to_vec()))
 }
 
-fn screen_at(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)], shares: Option<&[f64]>) -> Screening {
+/// The detection limit of each effect that is not free at the anchor. Each start is replayed at the middle share, and where its limit is nearer to another one, at that one.
+pub fn limits(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)]) -> Vec<Limit> {
+    let of_starts = |s: Screening| s.limits_of_starts(&s.information);
+    let mut all = of_starts(screen_at(problem, anchor, further, For::Limits(&|_, _| vec![MIDDLE_SHARE])));
+    let nearer = |effect: usize, start: usize| -> Vec<f64> {
+        let there = all.iter().find(|l| (l.limit.effect, l.start) == (effect, start));
+        let away = |share: &f64, l: &OfStart| (l.in_starts.min(MOST_STARTS) / share).ln().abs();
+        let nearest = there.and_then(|l| LIMIT_SHARES.into_iter().min_by(|a, b| away(a, l).total_cmp(&away(b, l))));
+        nearest.into_iter().filter(|share| *share != MIDDLE_SHARE).collect()
+    };
+    all.extend(of_starts(screen_at(problem, anchor, &[], For::Limits(&nearer))));
+    first_to_show(all)
+}
+
+/// What a screening is made for.
+#[derive(Clone, Copy)]
+enum For<'a> {
+    /// What each start promises, as the search takes it.
+    Promises,
+    /// Limits, from these shares of each start of an effect.
+    Limits(&'a dyn Fn(usize, usize) -> Vec<f64>),
+}
+
+fn screen_at(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)], what_for: For) -> Screening {
     let mut candidates: Vec<Candidate> = Vec::new();
     for (e, entry) in REGISTRY.iter().enumerate().filter(|(e, _)| !anchor.effects.contains(e)) {
         if !matches!(entry.effect.act, Act::Pulsation(_)) {
-            candidates.extend(starts(problem, anchor, e, entry, shares));
+            candidates.extend(starts(problem, anchor, e, entry, what_for));
         }
     }
     let found = further.iter().filter(|(e, _)| !anchor.effects.contains(e));
@@ -165,22 +189,25 @@ fn screen_at(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)], sha
     Screening { candidates, information, prior, gram, slope, cost: anchor.cost - settled }
 }
 
-/// Starts of an effect, each at these shares of it; without shares, as the search takes them.
-fn starts(problem: &Problem, anchor: &Anchor, effect: usize, entry: &'static Entry, for_limits: Option<&[f64]>) -> Vec<Candidate> {
+/// Starts of an effect, each at the shares of it that are asked for.
+fn starts(problem: &Problem, anchor: &Anchor, effect: usize, entry: &'static Entry, what_for: For) -> Vec<Candidate> {
     let car = problem.car(&anchor.point, None);
     let same: Vec<Option<(usize, f64)>> = problem.shared.iter().map(|n| n.same_as(&car)).collect();
-    let shares: &[f64] = for_limits.unwrap_or(&[1.0, SMALL_SHARE]);
     let mut all = Vec::new();
     for (which, start) in entry.effect.starts.iter().enumerate() {
         // What a tolerance does exactly is told from it by its prior alone, not by how far two finite steps are from one line.
-        let does_the_same = match (for_limits, start) {
-            (Some(_), [(k, value)]) => {
+        let does_the_same = match (what_for, start) {
+            (For::Limits(_), [(k, value)]) => {
                 let place = same.iter().position(|s| s.is_some_and(|(p, _)| p == *k));
                 place.zip(place.and_then(|n| same[n])).map(|(n, (_, rate))| (n, (value - PARAMETERS[*k].null) / rate))
             }
             _ => None,
         };
-        for &share in shares {
+        let shares = match what_for {
+            For::Promises => vec![1.0, SMALL_SHARE],
+            For::Limits(shares) => shares(effect, which),
+        };
+        for share in shares {
             let mut point = anchor.point.clone();
             for &(k, value) in *start {
                 let null = PARAMETERS[k].null;
@@ -270,31 +297,21 @@ impl Screening {
 
     /// The detection limits of each effect that was screened, in these recordings or in others at the same anchor.
     pub fn limits(&self, information: &Information) -> Vec<Limit> {
-        // Of each start the share that is nearest to its own limit, of each effect the start that shows first.
-        let mut of_starts: Vec<(usize, f64, Limit)> = Vec::new();
-        for (c, information) in self.candidates.iter().zip(information.beside(&self.prior)) {
+        first_to_show(self.limits_of_starts(information))
+    }
+
+    /// The same of each start at each share of it.
+    fn limits_of_starts(&self, information: &Information) -> Vec<OfStart> {
+        let one = |(c, information): (&Candidate, f64)| {
             let amplitudes = REGISTRY[c.effect].effect.amplitudes.iter();
-            let Some(&parameter) = amplitudes.max_by(|a, b| off(c, **a).total_cmp(&off(c, **b))) else { continue };
+            let &parameter = amplitudes.max_by(|a, b| off(c, **a).total_cmp(&off(c, **b)))?;
             let start = (c.point.effects[parameter] - PARAMETERS[parameter].null) / c.share;
             let visibility = Visibility { information: information / (c.share * c.share), relative: start.abs() / size(parameter) };
-            let limit = visibility.limit();
-            let away = (limit.min(1e9) / c.share).ln().abs();
-            let one = Limit { effect: c.effect, parameter, size: limit * start.abs(), start, visibility };
-            match of_starts.iter_mut().find(|o| o.2.effect == c.effect && o.0 == c.start) {
-                Some(o) if away < o.1 => *o = (c.start, away, one),
-                Some(_) => {}
-                None => of_starts.push((c.start, away, one)),
-            }
-        }
-        let mut all: Vec<Limit> = Vec::new();
-        for (_, _, one) in of_starts {
-            match all.iter_mut().find(|a| a.effect == one.effect) {
-                Some(a) if one.in_sizes() < a.in_sizes() => *a = one,
-                Some(_) => {}
-                None => all.push(one),
-            }
-        }
-        all
+            let in_starts = visibility.limit();
+            let limit = Limit { effect: c.effect, parameter, size: in_starts * start.abs(), start, visibility };
+            Some(OfStart { start: c.start, share: c.share, in_starts, limit })
+        };
+        self.candidates.iter().zip(information.beside(&self.prior)).filter_map(one).collect()
     }
 
     /// The best start of each effect, best first.
@@ -353,6 +370,40 @@ impl Screening {
         }
         point
     }
+}
+
+/// The limit of an effect along one of its starts, as it follows from one share of that.
+struct OfStart {
+    start: usize,
+    share: f64,
+    /// The limit in units of the start.
+    in_starts: f64,
+    limit: Limit,
+}
+
+/// Limit in starts that stands for an infinite one.
+const MOST_STARTS: f64 = 1e9;
+
+/// Of each start the share that is nearest to its own limit, of each effect the start that shows first.
+fn first_to_show(all: Vec<OfStart>) -> Vec<Limit> {
+    let away = |l: &OfStart| (l.in_starts.min(MOST_STARTS) / l.share).ln().abs();
+    let mut of_starts: Vec<OfStart> = Vec::new();
+    for one in all {
+        match of_starts.iter_mut().find(|o| (o.limit.effect, o.start) == (one.limit.effect, one.start)) {
+            Some(o) if away(&one) < away(o) => *o = one,
+            Some(_) => {}
+            None => of_starts.push(one),
+        }
+    }
+    let mut all: Vec<Limit> = Vec::new();
+    for one in of_starts.into_iter().map(|o| o.limit) {
+        match all.iter_mut().find(|a| a.effect == one.effect) {
+            Some(a) if one.in_sizes() < a.in_sizes() => *a = one,
+            Some(_) => {}
+            None => all.push(one),
+        }
+    }
+    all
 }
 
 /// The smallest size of an effect that recordings show.

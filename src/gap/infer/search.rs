@@ -7,7 +7,7 @@
 
 use super::coordinate::Coordinate;
 use super::density::{Basis, ByAccuracy, Point, Problem, STRAINS, WHOLE, cost, size};
-use super::fit::{Fit, Free, LOOK, fit, mean_variances};
+use super::fit::{Fit, Free, LOOK, fit, least_gain, mean_variances};
 use super::form::{self, forms};
 use super::linear::{Columns, Known};
 use super::pulsation;
@@ -287,8 +287,9 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
         .collect();
     // More effects can only explain more, but for a ripple out of phase. A look that does not bear that out was led astray by derivatives of elsewhere: the most promising get their own.
     looked.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let most = from.fit.cost + least_gain(problem);
     let astray: Vec<&mut (Hypothesis, f64)> =
-        looked.iter_mut().filter(|l| l.1.is_finite() && !pulsates(&l.0.effects) && l.0.fit.cost > from.fit.cost).take(FITTED).collect();
+        looked.iter_mut().filter(|l| l.1.is_finite() && !pulsates(&l.0.effects) && l.0.fit.cost > most).take(FITTED).collect();
     astray.into_par_iter().for_each(|(h, _)| {
         *h = Hypothesis::fitted(problem, h.effects.clone(), &h.formed.point, LOOK + 1, None);
     });

@@ -167,9 +167,15 @@ pub struct Outlook {
 pub fn outlook(planner: Planner, problem: &Problem, posterior: &Posterior, point: &Point, whole: bool) -> Outlook {
     let rivals = split::rivals(posterior);
     let splits = if rivals.len() > 1 { split::splits(&planner, &rivals) } else { Vec::new() };
-    let limits = reach::limits(problem, point);
-    let hidden = limits.iter().any(|l| l.in_sizes() > TOO_LARGE);
-    let reach = if whole || hidden { reach::reach(&planner, Some(problem), point) } else { None };
+    let looked_ahead = || reach::reach(&planner, Some(problem), point);
+    let (limits, reach) = if whole {
+        let reach = looked_ahead();
+        (reach.as_ref().map_or_else(Vec::new, |r| r.now.clone()), reach)
+    } else {
+        let limits = reach::limits(problem, point);
+        let hidden = limits.iter().any(|l| l.in_sizes() > TOO_LARGE);
+        (limits, if hidden { looked_ahead() } else { None })
+    };
     Outlook { manoeuvres: planner.manoeuvres, rivals, splits, limits, reach }
 }
 

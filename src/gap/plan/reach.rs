@@ -4,7 +4,7 @@ use super::Planner;
 use super::manoeuvre::Manoeuvre;
 use crate::effects::{Act, REGISTRY};
 use crate::gap::infer::density::{Point, Problem};
-use crate::gap::infer::screen::{Anchor, Information, Limit, Screening, screen_for_limits};
+use crate::gap::infer::screen::{self, Anchor, Information, Limit, Screening, screen_for_limits};
 use rayon::prelude::*;
 
 /// What a campaign shows, and would show with more.
@@ -52,23 +52,27 @@ impl Reach {
     }
 }
 
-/// The screening of recordings at a point without effects, a ripple among its candidates.
-fn screened(problem: &Problem, point: &Point) -> Option<Screening> {
-    let anchor = Anchor::new(problem, point, &[], None, None)?;
+/// A ripple as the library starts it, at a point: where nothing was measured no scan can say which order it has.
+fn ripples(point: &Point) -> Vec<(usize, Point)> {
     let ripples = REGISTRY.iter().enumerate().filter(|(_, e)| matches!(e.effect.act, Act::Pulsation(_)));
-    // Where nothing was measured no scan can say which order it is: the library's start stands for it.
     let started = |(e, entry): (usize, &crate::effects::Entry)| {
         let mut there = point.clone();
         entry.effect.starts[0].iter().for_each(|&(k, v)| there.effects[k] = v);
         (e, there)
     };
-    let further: Vec<(usize, Point)> = ripples.map(started).collect();
-    Some(screen_for_limits(problem, &anchor, &further))
+    ripples.map(started).collect()
+}
+
+/// The screening of recordings at a point without effects, ripples among its candidates.
+fn screened(problem: &Problem, point: &Point) -> Option<Screening> {
+    let anchor = Anchor::new(problem, point, &[], None, None)?;
+    Some(screen_for_limits(problem, &anchor, &ripples(point)))
 }
 
 /// Limits of recordings alone, at a point without effects.
 pub fn limits(problem: &Problem, point: &Point) -> Vec<Limit> {
-    screened(problem, point).map_or_else(Vec::new, |s| s.limits(&s.information))
+    let anchor = Anchor::new(problem, point, &[], None, None);
+    anchor.map_or_else(Vec::new, |anchor| screen::limits(problem, &anchor, &ripples(point)))
 }
 
 /// Limits of what was recorded, if anything was, and with each manoeuvre of the planner. `point` has no effects.
