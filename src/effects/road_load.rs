@@ -24,5 +24,8 @@ pub const EFFECT: Effect = Effect {
 fn apply(p: &Parameters, vehicle: &Vehicle, omega: f64) -> f64 {
     let grade = p[param::road_load::grade];
     let d = &vehicle.driveline;
-    d.mgR_over_i * grade / (1.0 + grade * grade).sqrt() + p[param::road_load::rolling_torque] * driveline::tanh(omega / d.omega_L)
+    let rolling = p[param::road_load::rolling_torque];
+    // Drives have a grade each, and every stage of every step asks.
+    let rolls = if rolling == 0.0 { 0.0 } else { rolling * driveline::tanh(omega / d.omega_L) };
+    d.mgR_over_i * grade / (1.0 + grade * grade).sqrt() + rolls
 }

@@ -261,19 +261,10 @@ impl<'a> Mode<'a> {
 
     /// What one standard deviation of each function changes, by recording.
     fn columns(&self, further: &Basis) -> Vec<Columns> {
-        let there: Basis = self.basis.iter().chain(further).cloned().collect();
-        let fitted = self.basis.len();
-        let mut point = self.fit.point.clone();
-        point.missing.resize(there.len(), 0.0);
         let one = |r: usize| {
-            let here = &self.fit.residuals[r];
-            let from = self.problem.baseline(r, &point, Some(&there), Some(here));
-            let change = |k: usize| {
-                let mut moved = point.clone();
-                moved.missing[fitted + k] = STEP;
-                Column::new(&self.problem.change(r, &from, &moved)).times(1.0 / STEP)
-            };
-            (0..further.len()).into_par_iter().map(change).collect()
+            let from = self.problem.baseline(r, &self.fit.point, Some(self.basis), Some(&self.fit.residuals[r]));
+            let change = |function: &Vec<Missing>| Column::new(&self.change(r, &from, function[r].clone()));
+            further.par_iter().map(change).collect()
         };
         (0..self.problem.tracks.len()).into_par_iter().map(one).collect()
     }

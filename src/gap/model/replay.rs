@@ -21,59 +21,64 @@ pub struct Added {
     pub disc: f64,
 }
 
-/// A law that the model lacks, as torques and sensor errors along a recording.
+/// A law that the model lacks, as torques and sensor errors along a recording, by row; what is empty is none.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Missing {
-    /// Torque on flywheel and disc, N·m, by row; empty for none.
+    /// Torque on flywheel and disc, N·m.
     pub torque: [Vec<f64>; 2],
-    /// Error of both speeds as sensed, rad/s, by row; empty for none.
+    /// Torque of the clutch on the disc, N·m: it acts on the flywheel the other way, and its transducer shows it.
+    pub clutch: Vec<f64>,
+    /// Error of both speeds as sensed, rad/s.
     pub sensed: [Vec<f64>; 2],
-    /// What it adds to the bench channels, by row: bearing in mm, clutch torque in N·m, disc temperature in °C; empty for none.
-    pub bench: [Vec<f64>; 3],
+    /// What it adds to the bench channels of bearing, mm, and disc temperature, °C.
+    pub bench: [Vec<f64>; 2],
     /// What it adds to the whitened innovations by itself, without a replay: of a law that is nothing else.
     pub innovations: Column,
 }
 
 impl Missing {
+    /// What a replay has to know of.
+    fn replayed(&self) -> [&Vec<f64>; 7] {
+        let ([f, c], [sensed_f, sensed_c], [bearing, disc]) = (&self.torque, &self.sensed, &self.bench);
+        [f, c, &self.clutch, sensed_f, sensed_c, bearing, disc]
+    }
+    fn replayed_mut(&mut self) -> [&mut Vec<f64>; 7] {
+        let ([f, c], [sensed_f, sensed_c], [bearing, disc]) = (&mut self.torque, &mut self.sensed, &mut self.bench);
+        [f, c, &mut self.clutch, sensed_f, sensed_c, bearing, disc]
+    }
+
     /// Makes the law that many times as large.
     pub fn scale(&mut self, by: f64) {
-        let replayed = self.torque.iter_mut().chain(&mut self.sensed).chain(&mut self.bench);
-        replayed.flatten().for_each(|x| *x *= by);
+        self.replayed_mut().into_iter().flatten().for_each(|x| *x *= by);
         self.innovations = self.innovations.times(by);
     }
 
     /// Adds a law of this amplitude, as a replay knows of it.
     pub fn add(&mut self, law: &Self, amplitude: f64) {
-        let add = |sum: &mut Vec<f64>, one: &[f64]| {
+        for (sum, one) in self.replayed_mut().into_iter().zip(law.replayed()) {
             if sum.len() < one.len() {
                 sum.resize(one.len(), 0.0);
             }
             sum.iter_mut().zip(one).for_each(|(s, x)| *s += amplitude * x);
-        };
-        for side in 0..2 {
-            add(&mut self.torque[side], &law.torque[side]);
-            add(&mut self.sensed[side], &law.sensed[side]);
         }
-        self.bench.iter_mut().zip(&law.bench).for_each(|(sum, one)| add(sum, one));
     }
 
     /// Whether it moves the innovations alone: then no replay has to know of it.
     pub fn is_linear(&self) -> bool {
-        self.torque.iter().chain(&self.sensed).chain(&self.bench).all(Vec::is_empty)
+        self.replayed().into_iter().all(Vec::is_empty)
     }
     fn torque(&self, side: usize, row: usize) -> f64 {
-        self.torque[side].get(row).copied().unwrap_or(0.0)
+        let clutch = at(&self.clutch, row);
+        at(&self.torque[side], row) + if side == 0 { -clutch } else { clutch }
     }
-    fn sensed(&self, side: usize, row: usize) -> f64 {
-        self.sensed[side].get(row).copied().unwrap_or(0.0)
-    }
-    fn bench(&self, channel: usize, row: usize) -> f64 {
-        self.bench[channel].get(row).copied().unwrap_or(0.0)
-    }
-    /// A torque of the clutch on the disc in N·m, by row, as both sides and a transducer feel it.
+    /// A torque of the clutch on the disc in N·m, by row.
     pub fn of_clutch(torque: Vec<f64>) -> Self {
-        Self { bench: [Vec::new(), torque.clone(), Vec::new()], torque: [torque.iter().map(|t| -t).collect(), torque], ..Self::default() }
+        Self { clutch: torque, ..Self::default() }
     }
+}
+
+fn at(values: &[f64], row: usize) -> f64 {
+    values.get(row).copied().unwrap_or(0.0)
 }
 
 /// Slip in rad/s at which a recording that starts closed counts as starting locked.
@@ -124,7 +129,7 @@ pub fn replay(
     stepped(track, car, start, first, rows.map(|row| row..row + 1), missing, at);
 }
 
-/// The same, with one step over all rows of each group: inputs are their means over it, and what sensors show goes straight from its beginning to its end. What `at`
+/// The same, with one step over all rows of each group: inputs are their means over it, and what sensors show goes straight from its beginning to its end. What `each`
 /// does to the plant then holds from the end of its row's group on.
 fn stepped(
     track: &Track,
@@ -133,7 +138,7 @@ fn stepped(
     first: usize,
     groups: impl Iterator<Item = Range<usize>>,
     missing: Option<&Missing>,
-    mut at: impl FnMut(usize, &Outputs, &mut Plant, &mut Added),
+    mut each: impl FnMut(usize, &Outputs, &mut Plant, &mut Added),
 ) {
     let seen = track.unknown_clutch.as_ref().map(|_| unknown_clutch::as_seen(car));
     let car = seen.as_ref().unwrap_or(car);
@@ -160,11 +165,11 @@ fn stepped(
     };
     let with_missing = |mut now: Outputs, row: usize| {
         if let Some(m) = missing {
-            now.omega_f += m.sensed(0, row);
-            now.omega_c += m.sensed(1, row);
-            now.x_to_actual += m.bench(0, row);
-            now.t_fc += m.bench(1, row);
-            now.theta_c += m.bench(2, row);
+            now.omega_f += at(&m.sensed[0], row);
+            now.omega_c += at(&m.sensed[1], row);
+            now.x_to_actual += at(&m.bench[0], row);
+            now.t_fc += at(&m.clutch, row);
+            now.theta_c += at(&m.bench[1], row);
         }
         now
     };
@@ -192,7 +197,7 @@ fn stepped(
         let ticks = track.tick_of_row[rows.start]..track.tick_of_row[rows.end];
         let begin = shown(&plant, pace);
         if rows.len() == 1 {
-            at(rows.start, &with_missing(begin, rows.start), &mut plant, &mut added);
+            each(rows.start, &with_missing(begin, rows.start), &mut plant, &mut added);
             for k in ticks {
                 pace = step(&mut plant, k..k + 1, rows.clone(), &added);
             }
@@ -203,7 +208,7 @@ fn stepped(
         let end = shown(&plant, pace);
         for row in rows {
             let share = (track.time[row] - from) / (to - from);
-            at(row, &with_missing(between(&begin, &end, share), row), &mut plant, &mut added);
+            each(row, &with_missing(between(&begin, &end, share), row), &mut plant, &mut added);
         }
     }
 }
@@ -364,4 +369,22 @@ fn corrected_in(
     });
     speeds.extend(bench.into_iter().flatten());
     speeds
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Laws of a side and of the clutch add up; scaled and added they stay what they are.
+    #[test]
+    fn a_torque_of_the_clutch_pulls_the_other_way_on_the_flywheel() {
+        let mut law = Missing::of_clutch(vec![4.0, 6.0]);
+        law.torque[0] = vec![1.0];
+        let mut sum = Missing { sensed: [Vec::new(), vec![0.5]], ..Missing::default() };
+        sum.add(&law, 2.0);
+        sum.scale(0.5);
+        assert_eq!((sum.torque(0, 0), sum.torque(1, 0)), (-3.0, 4.0));
+        assert_eq!((sum.torque(0, 1), sum.torque(1, 1), sum.torque(1, 2)), (-6.0, 6.0, 0.0));
+        assert!(sum.sensed[1] == [0.25] && sum.bench.concat().is_empty() && !sum.is_linear() && Missing::default().is_linear());
+    }
 }
