@@ -142,6 +142,11 @@ pub fn draw_car(place: Place, seed: u64, index: usize) -> Car {
     draw_car_of(place, seed, index, kind(place, seed, index))
 }
 
+/// The car of this index on the road with so many drives in its campaign, not as many as were drawn: for what a long log costs.
+pub fn draw_long(seed: u64, index: usize, drives: usize) -> Car {
+    drawn(Place::Road, seed, index, kind(Place::Road, seed, index), 1.0, Whose::Driven(drives))
+}
+
 /// The car of this index with an effect that was not drawn while the diagnosis was made: each in turn.
 pub fn draw_new(place: Place, seed: u64, index: usize) -> Car {
     draw_car_of(place, seed, index, Kind::Outside(turn(seed, &catalogue::NEW, index)))
@@ -182,11 +187,22 @@ pub fn draw_car_of(place: Place, seed: u64, index: usize, kind: Kind) -> Car {
 
 /// As [`draw_car_of`], every magnitude scaled by `size`: at 0 the car is the healthy car of that index.
 pub fn draw_car_sized(place: Place, seed: u64, index: usize, kind: Kind, size: f64) -> Car {
-    drawn(place, seed, index, kind, size, None)
+    drawn(place, seed, index, kind, size, Whose::Own)
+}
+
+/// What is not drawn for a car alone.
+#[derive(Clone, Copy)]
+pub(crate) enum Whose<'a> {
+    /// Nothing.
+    Own,
+    /// What its fleet shares.
+    Fleet(&'a Population),
+    /// How many drives its campaign has.
+    Driven(usize),
 }
 
 /// A car by itself, or of a fleet.
-pub(crate) fn drawn(place: Place, seed: u64, index: usize, kind: Kind, size: f64, fleet: Option<&Population>) -> Car {
+pub(crate) fn drawn(place: Place, seed: u64, index: usize, kind: Kind, size: f64, whose: Whose) -> Car {
     let ids: &[&'static str] = match &kind {
         Kind::Healthy => &[],
         Kind::Single(a) | Kind::Outside(a) => std::slice::from_ref(a),
@@ -210,9 +226,11 @@ pub(crate) fn drawn(place: Place, seed: u64, index: usize, kind: Kind, size: f64
             shape,
         });
     }
+    let fleet = if let Whose::Fleet(population) = whose { Some(population) } else { None };
+    let drives = if let Whose::Driven(drives) = whose { Some(drives) } else { None };
     let (mut all, mut bed) = match place {
         Place::Bench => Bed::draw(seed, index, ids, fleet).record(&deviation),
-        Place::Road => Street::draw(seed, index).record(&deviation),
+        Place::Road => Street::draw(seed, index).with_drives(drives).record(&deviation),
     };
     for (subsystem, seen) in bed.seen.seen() {
         effects.iter_mut().filter(|e| e.in_library && e.subsystem == subsystem).for_each(|e| e.parameters = seen.parameters());

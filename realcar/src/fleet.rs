@@ -3,7 +3,7 @@
 //! What is wrong with the file is wrong for all, so that it can be learned from many cars and from none alone. The population is withheld as an
 //! effect is: it comes from the seed.
 
-use crate::draw::{Car, Kind, Place, drawn, mix};
+use crate::draw::{Car, Kind, Place, Whose, drawn, mix};
 use crate::vehicle::TOLERANCES;
 use rand::rngs::StdRng;
 use rand::seq::IndexedRandom;
@@ -53,5 +53,5 @@ impl Population {
 pub fn draw_member(population: &Population, index: usize) -> Car {
     let faulty = StdRng::seed_from_u64(mix(population.seed, 0xfa17, index)).random_bool(FAULTY);
     let kind = if faulty { Kind::Single(population.effect) } else { Kind::Healthy };
-    drawn(Place::Bench, population.seed, index, kind, 1.0, Some(population))
+    drawn(Place::Bench, population.seed, index, kind, 1.0, Whose::Fleet(population))
 }

@@ -66,6 +66,11 @@ impl Street {
         Self { file, declared, real, moves, style, logger, drives, rng, seen: Deviation::default() }
     }
 
+    /// The same with so many drives in the campaign, where that is asked for.
+    pub(crate) fn with_drives(self, drives: Option<usize>) -> Self {
+        Self { drives: drives.unwrap_or(self.drives), ..self }
+    }
+
     pub(crate) fn record(mut self, deviation: &Deviation) -> (Vec<Recording>, Remains) {
         let mut all = Vec::new();
         for k in 0..self.drives + 2 {

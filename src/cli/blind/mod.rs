@@ -50,6 +50,9 @@ pub struct Args {
     /// Draw drives on the road instead of bench campaigns
     #[arg(long, conflicts_with = "altered")]
     road: bool,
+    /// Drives that each campaign has, about a minute each; without it, 2 to 5 are drawn
+    #[arg(long, value_name = "N", requires = "road", conflicts_with = "new_outside", value_parser = clap::value_parser!(u32).range(1..=500))]
+    drives: Option<u32>,
     /// Draw bench campaigns as a worse logger would write them: each kind of damage in turn
     #[arg(long)]
     altered: bool,
@@ -88,6 +91,9 @@ impl Args {
         }
         if self.fleet {
             return Subject { car: fleet::draw_member(&Population::draw(seed), index), alteration: None };
+        }
+        if let Some(drives) = self.drives {
+            return Subject { car: realcar::draw_long(seed, index, drives as usize), alteration: None };
         }
         let place = if self.road { Place::Road } else { Place::Bench };
         let car = if self.new_outside { realcar::draw_new(place, seed, index) } else { realcar::draw_car(place, seed, index) };
