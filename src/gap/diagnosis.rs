@@ -6,6 +6,7 @@ use super::domain::{self, Handed};
 use super::empirical::{self, Tried};
 use super::held_out::{Split, split};
 use super::infer::density::{Point, Problem};
+use super::infer::fit::Fit;
 use super::infer::irregular::irregular;
 use super::infer::posterior::{Posterior, laws_far_ahead, posterior};
 use super::infer::search::{Search, exchange, search};
@@ -151,7 +152,7 @@ fn diagnosed(
             notes.push(format!("whatever else is wrong, something irregular is left: {}; it is allowed for", left.what));
         }
     }
-    let point = &conclusion.explanation.fit.as_ref().expect("the best was fitted").point;
+    let point = &conclusion.explanation.fit.as_ref().expect("the best was fitted").point.clone();
     notes.extend(temperature_notes(&problem, point));
     // Tolerances beside a law that nobody has a formula for retune nothing: the car is handed back as it came.
     let retuned = !matches!(conclusion.verdict, Verdict::Unexplained | Verdict::InputsDoNotFit);
@@ -160,8 +161,7 @@ fn diagnosed(
     let apart = conclusion.unexplained_at.is_some_and(|at| conclusion.effects.iter().all(|&e| REGISTRY[e].effect.subsystem != at));
     let alone = found.of(&conclusion.effects).map(|h| &h.fit).filter(|f| !(apart && f.strains()));
     let near = alone.or(conclusion.explanation.fit.as_ref());
-    let beside = beside_law(&conclusion, point);
-    let alone = alone.map_or(&beside, |f| &f.point);
+    let alone = &alone.map_or_else(|| beside_law(&conclusion, point), |f| f.point.clone());
     let tuned = if retuned { problem.car(alone, None) } else { super::model::tolerance::Car::nominal(&vehicle) };
     let null = effects::null();
     let (before, after) = ((&vehicle, &null), (&tuned.vehicle, &tuned.effects));
@@ -179,6 +179,10 @@ fn diagnosed(
         tuned: after,
     };
     let learned = empirical::learn_law(&problem, &conclusion, alone, near, &judge);
+    // Nothing is fitted any more.
+    found.let_go_of_all();
+    let explanations = weights.explanations.iter_mut().chain([&mut conclusion.explanation]);
+    explanations.filter_map(|e| e.fit.as_mut()).for_each(Fit::let_go);
     let taken = learned.as_ref().filter(|l| l.refused.is_none());
     let handed = taken.map_or(after, |l| (&l.vehicle, &l.effects));
     watch.begin("where it was validated");

@@ -16,7 +16,7 @@ pub struct Fit {
     /// Minus twice the logarithm of the density there, up to a constant of the recordings.
     pub cost: f64,
     /// Innovations there.
-    pub residuals: Vec<Residuals>,
+    pub residuals: Arc<Vec<Residuals>>,
     /// The recordings' part of the cost, phase by phase of the clutch.
     pub misfits: ByPhase<f64>,
     /// Coordinates that all recordings share.
@@ -55,6 +55,11 @@ impl Fit {
             return Arc::new(derivatives(problem, &self.point, basis, &self.residuals, frame, None));
         }
         self.columns.clone()
+    }
+
+    /// Lets go of the derivatives and their products.
+    pub fn let_go(&mut self) {
+        (self.columns, self.parts) = (Arc::default(), Arc::default());
     }
 
     /// Derivatives as a fit of something else takes them over.
@@ -150,7 +155,7 @@ impl Fit {
         Self {
             point: Point { shared: Vec::new(), own: Vec::new(), effects: crate::effects::null(), missing: Vec::new() },
             cost: 0.0,
-            residuals: Vec::new(),
+            residuals: Arc::default(),
             misfits: [0.0; 3],
             shared: along,
             curvature: identity.clone(),
@@ -272,7 +277,7 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
     Fit {
         point,
         cost: now,
-        residuals,
+        residuals: Arc::new(residuals),
         misfits,
         shared,
         exact: curvature.clone(),

@@ -59,6 +59,11 @@ impl Hypothesis {
         if let_go { Self::fitted(problem, self.effects.clone(), &self.formed.point, LOOK, None) } else { self.clone() }
     }
 
+    fn let_go(&mut self) {
+        self.basis = Basis::new();
+        [&mut self.fit, &mut self.formed].into_iter().for_each(Fit::let_go);
+    }
+
     /// Fits a set with the forms of its effects. `known` are derivatives of a place nearby.
     pub fn fitted(problem: &Problem, effects: Vec<usize>, start: &Point, iterations: usize, known: Option<Known>) -> Self {
         let basis = forms(problem, start, &effects);
@@ -152,21 +157,32 @@ impl Search {
         self.hypotheses.sort_by(|a, b| b.lead.total_cmp(&a.lead));
         self.let_go();
     }
-    /// Lets go of the derivatives and functions of the least probable sets when all of them together take too much memory.
     fn let_go(&mut self) {
-        let (mut held, mut seen) = (0, HashSet::new());
-        for h in &mut self.hypotheses {
-            held += h.formed.columns.iter().flatten().map(|c| c.bytes(&mut seen)).sum::<usize>();
-            held += h.basis.iter().flatten().map(|f| f.innovations.bytes(&mut seen)).sum::<usize>();
-            if held > MOST_BYTES && !h.effects.is_empty() {
-                (h.fit.columns, h.formed.columns, h.basis) = (Arc::default(), Arc::default(), Basis::new());
-            }
+        let_go(&mut self.hypotheses);
+    }
+    /// Lets go of all derivatives and functions: what is fitted anew from here works them out again.
+    pub fn let_go_of_all(&mut self) {
+        self.hypotheses.iter_mut().for_each(Hypothesis::let_go);
+    }
+}
+
+/// Lets go of the derivatives and functions of the last sets when all of them together take too much memory.
+fn let_go<'a>(all: impl IntoIterator<Item = &'a mut Hypothesis>) {
+    let (mut held, mut seen) = (0, HashSet::new());
+    for h in all {
+        held += h.formed.columns.iter().flatten().map(|c| c.bytes(&mut seen)).sum::<usize>();
+        held += h.basis.iter().flatten().map(|f| f.innovations.bytes(&mut seen)).sum::<usize>();
+        if held > MOST_BYTES && !h.effects.is_empty() {
+            h.let_go();
         }
     }
 }
 
 /// Memory that derivatives and functions of fits may take, bytes, beside those of the car within its tolerances.
 const MOST_BYTES: usize = 200_000_000;
+
+/// Looks after which memory is let go again.
+const LOOKS_AT_ONCE: usize = 4;
 
 /// Most effects at a time.
 pub const MOST_EFFECTS: usize = 3;
@@ -276,15 +292,18 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
         ripples.map(|&e| p.effects[REGISTRY[e].parameters.start + 2]).sum::<f64>()
     };
     starts.dedup_by(|later, kept| later.0 == kept.0 && later.3 == kept.3 && orders(&later.1, &later.0) == orders(&kept.1, &kept.0));
-    let mut looked: Vec<(Hypothesis, f64)> = starts
-        .into_par_iter()
-        .map(|(effects, start, promise, anchor)| {
-            let known = columns.get(anchor).map(|c| Known::Nuisances(c));
-            // From the nominal car it is further.
-            let iterations = if anchor == 0 { LOOK } else { 2 * LOOK };
-            (Hypothesis::fitted(problem, effects, &start, iterations, known), promise)
-        })
-        .collect();
+    let look = |(effects, start, promise, anchor): &(Vec<usize>, Point, f64, usize)| {
+        let known = columns.get(*anchor).map(|c| Known::Nuisances(c));
+        // From the nominal car it is further.
+        let iterations = if *anchor == 0 { LOOK } else { 2 * LOOK };
+        (Hypothesis::fitted(problem, effects.clone(), start, iterations, known), *promise)
+    };
+    let mut looked: Vec<(Hypothesis, f64)> = Vec::new();
+    for some in starts.chunks(LOOKS_AT_ONCE.max(rayon::current_num_threads())) {
+        looked.par_extend(some.par_iter().map(look));
+        looked.sort_by(|a, b| b.0.fit.log_evidence.total_cmp(&a.0.fit.log_evidence));
+        let_go(looked.iter_mut().map(|l| &mut l.0));
+    }
     // More effects can only explain more, but for a ripple out of phase. A look that does not bear that out was led astray by derivatives of elsewhere: the most promising get their own.
     looked.sort_by(|a, b| a.1.total_cmp(&b.1));
     let most = from.fit.cost + least_gain(problem);
