@@ -166,3 +166,18 @@ fn a_guid_with_characters_between_interface_and_tail_is_none() {
         assert!(fmi2Instantiate(c"x".as_ptr(), CO_SIMULATION, guid.as_ptr(), ptr::null(), &CallbackFunctions::NONE, 0, 0).is_null());
     }
 }
+
+#[test]
+fn a_place_for_a_state_that_no_pointer_fits_is_refused() {
+    let c = instance(plant::GUID);
+    initialize(c);
+    let stored = serialized(c);
+    let mut room = [ptr::null_mut::<c_void>(); 2];
+    let between = room.as_mut_ptr().wrapping_byte_add(1);
+    assert_eq!(fmi2GetFMUstate(c, between), Status::Error);
+    assert_eq!(fmi2DeSerializeFMUstate(c, stored.as_ptr().cast::<c_char>(), stored.len(), between), Status::Error);
+    assert_eq!(fmi2FreeFMUstate(c, between), Status::Error);
+    assert!(room.iter().all(|pointer| pointer.is_null()), "nothing was written there");
+    assert_eq!(fmi2DoStep(c, 0.0, 0.01, 1), Status::Ok);
+    fmi2FreeInstance(c);
+}

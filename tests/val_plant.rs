@@ -180,6 +180,71 @@ fn a_delay_that_is_switched_on_begins_with_what_is_there() {
     close("the speed of 50 ms ago", plant.outputs().omega_c, 80.0 - 40.0 * 0.05, 1e-6);
 }
 
+#[test]
+fn a_filter_that_is_switched_on_begins_with_the_speed_and_set_anew_goes_on() {
+    use param::{clutch_speed_delay, engine_speed_delay};
+    let mut bench = Bench::held(200.0, 100.0, 25.0, 0.0);
+    (bench.vehicle.driveline.J_f, bench.vehicle.driveline.J_c) = (0.2, 0.5);
+    (bench.rest.t_e_ref, bench.rest.t_load) = (-20.0, 20.0);
+    let mut plant = bench.run(&effects::null(), 0.5);
+    let speeds = |plant: &Plant| [plant.outputs().omega_f, plant.outputs().omega_c];
+    let before = speeds(&plant);
+    let filtered = [(engine_speed_delay::smoothing, 0.05), (clutch_speed_delay::smoothing, 0.02)];
+    plant.set_effects(&bench.vehicle, &with(&filtered)).unwrap();
+    assert_eq!(speeds(&plant), before, "switched on");
+    (0..10).for_each(|_| plant.step(&bench.rest, 1e-3));
+    // A ramp that begins now trails by its time constant less what has decayed of it.
+    let trails = |tau: f64| tau * -(-0.01_f64 / tau).exp_m1();
+    let late = speeds(&plant);
+    close("flywheel", late[0], before[0] - 100.0 * (0.01 - trails(0.05)), 1e-6);
+    close("disc", late[1], before[1] - 40.0 * (0.01 - trails(0.02)), 1e-6);
+    let anew = [&filtered[..], &[(param::engine_torque_gain::gain, 1.01)]].concat();
+    plant.set_effects(&bench.vehicle, &with(&anew)).unwrap();
+    assert_eq!(speeds(&plant), late, "set anew");
+}
+
+/// Shafts that twist, or stand within their lash, do so after other effects were set.
+#[test]
+fn shafts_stay_as_they_are_when_another_effect_is_set() {
+    use param::driveline_compliance::{soft_angle, soft_share};
+    let (mut bench, soft) = elastic(100.0, 60.0, 6.0);
+    bench.rest.t_load = 15.0;
+    let mut lash = soft;
+    (lash[soft_angle], lash[soft_share]) = (0.05, 0.0);
+    for (set, h) in [(soft, 0.013), (lash, 2e-3)] {
+        let mut plant = bench.run(&set, h);
+        let before = *plant.state();
+        assert!(before.y[index::TWIST] != 0.0 && before.y[index::OMEGA_V] != before.y[index::OMEGA_C], "{before:?}");
+        let mut other = set;
+        other[param::friction_level::factor] = 0.9;
+        plant.set_effects(&bench.vehicle, &other).unwrap();
+        assert_eq!(*plant.state(), before);
+    }
+}
+
+#[test]
+fn a_plant_that_takes_up_state_and_delay_lines_goes_on_bit_for_bit() {
+    let mut bench = Bench::held(200.0, 100.0, 25.0, 2.0).moved(0.1, 5.0).moved(0.16, 6.0);
+    (bench.vehicle.driveline.J_f, bench.vehicle.driveline.J_c) = (0.2, 0.5);
+    let late = with(&[(param::actuator_delay::delay, 0.05), (param::clutch_speed_delay::delay, 0.03)]);
+    let mut plant = bench.run(&late, 0.18);
+    let mut other = Plant::new(&bench.vehicle, &effects::null(), &bench.start, &bench.rest);
+    other.take_up(&bench.vehicle, &late, plant.state());
+    assert!(other.history() != plant.history(), "a state is without its delay lines");
+    for signal in kisspoint::plant::history::SIGNALS {
+        other.history_mut().clear(signal);
+        for (time, value) in plant.history().line(signal).iter() {
+            assert!(other.history_mut().restore(signal, time, value));
+        }
+    }
+    assert!(other.history() == plant.history() && other.state() == plant.state());
+    for _ in 0..60 {
+        plant.step(&bench.then[1].1, 1e-3);
+        other.step(&bench.then[1].1, 1e-3);
+        assert_eq!(plant.outputs(), other.outputs());
+    }
+}
+
 /// Tyres, or shafts before them, that become soft while the car coasts under a load carry what the rigid driveline carried.
 #[test]
 fn tyres_that_are_switched_on_carry_what_there_is() {
@@ -368,9 +433,30 @@ fn a_torque_in_the_place_of_the_clutch_loses_no_momentum() {
     let before = momentum(&plant);
     plant.couple(true);
     close("momentum of one", momentum(&plant), before, 1e-9);
-    assert_eq!(plant.outputs().phase, Phase::Locked);
+    assert_eq!((plant.outputs().phase, plant.slip()), (Phase::Locked, 0.0));
     plant.step(&inputs, h);
     assert_eq!(plant.slip(), 0.0);
+}
+
+/// Told to be coupled by a torque, and told again, both sides keep the one that the clutch had; damping has a say in what takes the flywheel somewhere.
+#[test]
+fn a_coupled_clutch_keeps_its_torque_wherever_the_bearing_goes() {
+    let mut bench = Bench::held(150.0, 40.0, 20.0, 6.0);
+    bench.vehicle.driveline.J_f = 0.2;
+    let mut plant = bench.run(&effects::null(), 0.0);
+    let open = Inputs { x_to: 0.0, ..bench.rest };
+    for _ in 0..2 {
+        plant.couple(false);
+        (0..5).for_each(|_| plant.step(&open, 1e-3));
+        close("torque", plant.outputs().t_fc, torque(6.0, MU), 1e-9);
+    }
+    close("flywheel", plant.outputs().omega_f, 150.0 - torque(6.0, MU) / 0.2 * 0.01, 1e-9);
+    bench.vehicle.driveline.b_f = 0.1;
+    let mut damped = bench.run(&effects::null(), 0.0);
+    damped.couple(false);
+    damped.pass_on(&open, 0.01, 145.0);
+    damped.step(&open, 0.01);
+    close("damped flywheel", damped.outputs().omega_f, 145.0, 1e-4);
 }
 
 /// Speeds that swing with τω = 2: a filter of first order leaves 1/√5 of them, 63° late.

@@ -311,3 +311,23 @@ pub fn carry_over(old: &Config, new: &Config, state: &mut State) {
         state.memory = Branch { x: state.bearing, z: 0.0 };
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lag_is_short_for_a_step_of_more_than_twice_its_time() {
+        let lag = |time_constant: f64, asymmetry: f64| lag::Lag { time_constant, curvature: 0.0, asymmetry };
+        assert_eq!(over_within(&lag(0.0, 0.0), 0.01), None, "none at all is not over: it was never under way");
+        assert_eq!(over_within(&lag(0.006, 0.0), 0.01), None);
+        assert_eq!(over_within(&lag(0.005, 0.0), 0.01), None);
+        // After four of its times, or by the end of the step.
+        assert_eq!(over_within(&lag(0.002, 0.0), 0.01), Some(0.008));
+        assert_eq!(over_within(&lag(0.004, 0.0), 0.01), Some(0.01));
+        // The quicker of both directions counts.
+        for asymmetry in [0.5, -0.5] {
+            assert_eq!(over_within(&lag(0.004, asymmetry), 0.01), Some(0.008));
+        }
+    }
+}

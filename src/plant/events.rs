@@ -206,7 +206,7 @@ fn until_contact(config: &Config, state: &State, x_cmd: f64, h: f64, way: &Way, 
     if actuation::immediate(config) || config.coupling.is_some() {
         return h;
     }
-    let (theta, work) = (state.y[index::THETA_C], clutch::wear(config, &state.y));
+    let (theta, work) = (state.y[index::THETA_C], state.y[index::E_D]);
     let (begin, end) = (way.begin.drive().x, way.end.drive().x);
     if begin == end {
         return h;

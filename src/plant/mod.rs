@@ -330,7 +330,7 @@ impl Plant {
     #[inline]
     pub fn closing(&self) -> f64 {
         let y = &self.state.y;
-        clutch::closing_after(&self.config, self.state.bearing, y[index::THETA_C], clutch::wear(&self.config, y))
+        clutch::closing_after(&self.config, self.state.bearing, y[index::THETA_C], y[index::E_D])
     }
 
     /// Energy books since the start.

@@ -254,6 +254,15 @@ mod tests {
         close(learned.motion[1], (0.02 + 6.0 / 50.0) / 0.5);
     }
 
+    #[test]
+    fn a_pulsation_is_as_fast_as_its_order_and_a_constant_torque_is_none() {
+        for order in [1.0, 7.0] {
+            let found = fastest(|angle: f64| 3.0 + 0.2 * (order * angle + 0.3).cos());
+            assert!((found / order - 1.0).abs() < 2e-3, "{found} for {order}");
+        }
+        assert_eq!(fastest(|_| 3.0), 0.0);
+    }
+
     /// A tenth of a radian of all phases together, or a whole one in a fit.
     #[test]
     fn pulsations_bound_the_substep_by_the_turn_of_their_phases() {
