@@ -165,19 +165,22 @@ fn hysteresis_that_is_switched_on_begins_between_its_branches() {
 #[test]
 fn a_delay_that_is_switched_on_begins_with_what_is_there() {
     let mut bench = Bench::held(200.0, 100.0, 25.0, 2.0).moved(0.0, 3.0);
-    bench.vehicle.driveline.J_c = 0.5;
-    bench.rest.t_load = 20.0;
-    bench.then[0].1.t_load = 20.0;
+    (bench.vehicle.driveline.J_f, bench.vehicle.driveline.J_c) = (0.5, 0.5);
+    for inputs in [&mut bench.rest, &mut bench.then[0].1] {
+        (inputs.t_e_ref, inputs.t_load) = (20.0, 20.0);
+    }
     let mut plant = bench.run(&effects::null(), 0.5);
-    let late = with(&[(param::actuator_delay::delay, 0.05), (param::clutch_speed_delay::delay, 0.05)]);
-    plant.set_effects(&bench.vehicle, &late).unwrap();
+    let delays = [param::actuator_delay::delay, param::engine_speed_delay::delay, param::clutch_speed_delay::delay];
+    plant.set_effects(&bench.vehicle, &with(&delays.map(|delay| (delay, 0.05)))).unwrap();
     let now = kisspoint::plant::Inputs { x_to: 2.5, ..bench.then[0].1 };
     (0..49).for_each(|_| plant.step(&now, 1e-3));
     assert_eq!(plant.outputs().x_to_actual, 3.0, "the command that held before");
     close("the speed of then", plant.outputs().omega_c, 80.0, 1e-6);
+    close("the engine's", plant.outputs().omega_f, 220.0, 1e-6);
     (0..51).for_each(|_| plant.step(&now, 1e-3));
     assert_eq!(plant.outputs().x_to_actual, 2.5);
     close("the speed of 50 ms ago", plant.outputs().omega_c, 80.0 - 40.0 * 0.05, 1e-6);
+    close("the engine's", plant.outputs().omega_f, 220.0 + 40.0 * 0.05, 1e-6);
 }
 
 #[test]
@@ -273,6 +276,25 @@ fn tyres_that_are_switched_on_carry_what_there_is() {
     }
 }
 
+/// At rest, in the soft range of the shafts and beyond it, with tyres and without.
+#[test]
+fn the_twist_under_a_torque_carries_that_torque() {
+    use kisspoint::plant::config::Config;
+    use kisspoint::plant::motion::{spring_torque, twist_under, warm};
+    use param::{driveline_compliance as shafts, tyre_slip as tyre};
+    let shafts = [(shafts::compliance, 2e-3), (shafts::soft_angle, 0.03), (shafts::soft_share, 0.3)];
+    let tyres = [(tyre::slip_per_torque, 3e-4), (tyre::relaxation, 15.0), (tyre::grip, 60.0)];
+    for set in [&shafts[..1], &shafts, &tyres, &[&shafts[..], &tyres].concat()] {
+        let config = Config::new(&Vehicle::paper(), &with(set));
+        // The soft range ends at 0.3 · 0.03 / 0.002 = 4.5 N·m.
+        for torque in [-50.0, -4.6, -4.4, -1.0, 0.5, 4.4, 4.6, 20.0, 55.0] {
+            let mut y = warm(20.0);
+            y[index::TWIST] = twist_under(&config, torque);
+            close("torque", spring_torque(&config, &y), torque, 1e-9);
+        }
+    }
+}
+
 /// Between shafts with lash and tyres nothing is carried until the lash is used up: the car that is pushed runs ahead of its disc alone.
 #[test]
 fn lash_before_a_tyre_carries_nothing() {
@@ -294,6 +316,29 @@ fn lash_before_a_tyre_carries_nothing() {
     }
 }
 
+/// A law that is the same at all breakpoints: N·m beside the engine's torque and against the car's motion, a share of the torque of the faces and of the spring's force.
+#[test]
+fn learned_laws_act_beside_the_known_ones() {
+    use effects::empirical::CURVES;
+    let mut bench = Bench::held(150.0, 100.0, 60.0, 6.0).moved(0.0, 6.0);
+    (bench.vehicle.driveline.J_f, bench.vehicle.driveline.J_c) = (0.2, 0.5);
+    (bench.rest.t_e_ref, bench.then[0].1.t_e_ref) = (30.0, 30.0);
+    for curve in CURVES.iter().filter(|curve| curve.name != "force_direction") {
+        let by = if ["engine_speed", "engine_torque", "load_speed"].contains(&curve.name) { 7.0 } else { 0.2 };
+        let learned = with(&curve.parameters().map(|k| (k, by)).collect::<Vec<_>>());
+        let (mut engine, mut clutch, mut load) = (30.0, torque(6.0, MU), 0.0);
+        match curve.name {
+            "engine_speed" | "engine_torque" => engine += by,
+            "load_speed" => load = by,
+            _ => clutch *= 1.0 + by,
+        }
+        let found = bench.run(&learned, 0.01).outputs();
+        close(curve.name, found.t_fc, clutch, 1e-9);
+        close(curve.name, found.omega_f, 150.0 + (engine - clutch) / 0.2 * 0.01, 1e-9);
+        close(curve.name, found.omega_c, 100.0 + (clutch - load) / 0.5 * 0.01, 1e-9);
+    }
+}
+
 #[test]
 fn corrections_move_both_sides_apart_or_together() {
     let mut bench = Bench::held(100.0, 50.0, 25.0, 5.0);
@@ -303,6 +348,10 @@ fn corrections_move_both_sides_apart_or_together() {
     assert_eq!((slipping.outputs().omega_f, slipping.outputs().omega_c, slipping.state().y[index::OMEGA_V]), (102.0, 47.0, 47.0));
     // Once the disc is the faster one, the clutch pulls the other way.
     slipping.correct_speeds([-60.0, 0.0], [0.0; 2], 0);
+    close("torque", slipping.outputs().t_fc, -torque(5.0, MU), 1e-9);
+    // Just where both are as fast it still does.
+    slipping.correct_speeds([5.0, 0.0], [0.0; 2], 0);
+    assert_eq!(slipping.slip(), 0.0);
     close("torque", slipping.outputs().t_fc, -torque(5.0, MU), 1e-9);
     bench.start.omega_c = 100.0;
     let mut stuck = bench.run(&effects::null(), 0.0);

@@ -35,6 +35,20 @@ fn brakes_hold_a_car_on_a_grade_bit_for_bit_up_to_their_torque() {
     }
 }
 
+#[test]
+fn a_car_whose_brakes_let_go_rolls() {
+    let (mut plant, inputs) = plant(100.0, 0.0, OPEN, |p| p[param::road_load::grade] = 0.1);
+    plant.set_brake(2.0 * grade_torque(0.1));
+    plant.step(&inputs, 0.1);
+    assert!(plant.state().rest.car && plant.state().y[index::OMEGA_C] == 0.0);
+    plant.set_brake(0.0);
+    plant.step(&inputs, 0.1);
+    let d = Vehicle::paper().driveline;
+    let expected = -(grade_torque(0.1) - d.T_L0) / d.J_c * 0.1;
+    let found = plant.state().y[index::OMEGA_C];
+    assert!((found / expected - 1.0).abs() < 0.02, "{found} against {expected}");
+}
+
 /// J_c ω̇ = −T_B − b_c ω − T_L(ω): the time to the stand by quadrature, forwards and backwards.
 #[test]
 fn brakes_stop_a_rolling_car_and_keep_it() {

@@ -226,12 +226,18 @@ impl Slipping {
     }
 }
 
+/// Slip in rad/s as friction sees it: that in its direction.
+#[inline]
+pub fn along(direction: f64, slip: f64) -> f64 {
+    (direction * slip).max(0.0)
+}
+
 /// Torques of a clutch that slips in `direction` ±1; `slip` is signed, rad/s.
 #[inline]
 pub fn slipping(config: &Config, found: &Found, x: f64, memory: Branch, direction: f64, slip: f64, y: &Motion) -> Slipping {
     let force = force(config, found, x, memory, y);
     let drag: f64 = config.drag.iter().map(|effect| effect(&config.parameters, slip, force)).sum();
-    Slipping { friction: direction * capacity_under(config, found, force, (direction * slip).max(0.0), y), drag }
+    Slipping { friction: direction * capacity_under(config, found, force, along(direction, slip), y), drag }
 }
 
 #[cfg(test)]

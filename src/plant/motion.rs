@@ -174,10 +174,16 @@ pub fn vehicle_resistance(config: &Config, omega: f64, t_load: f64) -> f64 {
     driveline::resistance(&config.constants.driveline, omega, t_load + added)
 }
 
+/// Slip now, engine over disc, rad/s.
+#[inline(always)]
+pub fn slip(y: &Motion) -> f64 {
+    y[OMEGA_F] - y[OMEGA_C]
+}
+
 /// Clutch torques while slipping in `direction`, eq. (1).
 #[inline]
 pub fn slipping(config: &Config, found: &Found, y: &Motion, direction: f64, memory: Branch, x: f64) -> Slipping {
-    clutch::slipping(config, found, x, memory, direction, y[OMEGA_F] - y[OMEGA_C], y)
+    clutch::slipping(config, found, x, memory, direction, slip(y), y)
 }
 
 /// Clutch torque in N·m that keeps a stuck clutch together, eq. (7).
@@ -222,7 +228,7 @@ fn rates(config: &Config, set: &Setting, found: &Found, y: &Motion, drive: Drive
         dy[OMEGA_C] = common;
         (t_fc, 0.0, 0.0)
     } else {
-        let slip = y[OMEGA_F] - y[OMEGA_C];
+        let slip = slip(y);
         let (t_fc, heating) = if let Some(Coupling::Torque(torque)) = config.coupling {
             (torque, torque * slip)
         } else {

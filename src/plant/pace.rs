@@ -289,6 +289,17 @@ mod tests {
         close(pace(|_| (), &[(compliance, 1e-3), (disc_share, 0.2), (damping, 40.0)]).motion[3], 40.0 / 0.08);
     }
 
+    /// A tyre twists in series with the shafts, and forgets its deflection over 15 rad of at most 300 rad/s.
+    #[test]
+    fn a_tyre_is_a_spring_that_forgets() {
+        use param::driveline_compliance::{compliance, damping as shaft_damping, disc_share};
+        use param::tyre_slip::{damping, relaxation, slip_per_torque, wheel_share};
+        let tyre = [(slip_per_torque, 3e-4), (relaxation, 15.0), (wheel_share, 0.2), (damping, 0.0)];
+        close(pace(|_| (), &tyre).motion[3], (1.0_f64 / (4.5e-3 * 0.08)).sqrt() + 20.0);
+        let both = [&tyre[..], &[(compliance, 1e-3), (disc_share, 0.2), (shaft_damping, 0.0)]].concat();
+        close(pace(|_| (), &both).motion[3], (1.0_f64 / (5.5e-3 * 0.08)).sqrt() + 20.0);
+    }
+
     #[test]
     fn what_cannot_be_followed_is_told_with_its_time() {
         for (motion, heat, part) in [
