@@ -181,3 +181,47 @@ fn a_place_for_a_state_that_no_pointer_fits_is_refused() {
     assert_eq!(fmi2DoStep(c, 0.0, 0.01, 1), Status::Ok);
     fmi2FreeInstance(c);
 }
+
+#[test]
+fn what_is_not_defined_of_an_experiment_may_be_anything() {
+    for (tolerance, stop, status) in [
+        ((FALSE, f64::NAN), (FALSE, f64::NAN), Status::Ok),
+        ((FALSE, -1.0), (FALSE, -1.0), Status::Ok),
+        ((TRUE, 1e-6), (TRUE, 2.0), Status::Ok),
+        ((TRUE, -1e-6), (FALSE, 0.0), Status::Error),
+        ((TRUE, f64::NAN), (TRUE, 2.0), Status::Error),
+        ((FALSE, 0.0), (TRUE, 1.0), Status::Error),
+        ((FALSE, 0.0), (TRUE, f64::INFINITY), Status::Error),
+    ] {
+        let c = instance(plant::GUID);
+        assert_eq!(fmi2SetupExperiment(c, tolerance.0, tolerance.1, 1.0, stop.0, stop.1), status, "{tolerance:?} {stop:?}");
+        fmi2FreeInstance(c);
+    }
+}
+
+#[test]
+fn a_flag_is_read_as_it_was_set() {
+    let c = instance(controller::GUID);
+    assert_eq!(fmi2EnterInitializationMode(c), Status::Ok);
+    let flags = [controller::vr::engage, controller::vr::creep];
+    let read = |c| {
+        let mut values = [-7; 2];
+        assert_eq!(fmi2GetBoolean(c, flags.as_ptr(), 2, values.as_mut_ptr()), Status::Ok);
+        values
+    };
+    assert_eq!(read(c), [TRUE, FALSE], "as they start");
+    assert_eq!(fmi2SetBoolean(c, flags.as_ptr(), 2, [FALSE, 5].as_ptr()), Status::Ok);
+    assert_eq!(read(c), [FALSE, TRUE]);
+    fmi2FreeInstance(c);
+}
+
+#[test]
+fn outputs_follow_the_start_values_while_they_are_set() {
+    let c = instance(plant::GUID);
+    assert_eq!(fmi2EnterInitializationMode(c), Status::Ok);
+    for speed in [100.0, 120.0] {
+        assert_eq!(set(c, plant::vr::omega_f_start, speed), Status::Ok);
+        assert_eq!(get(c, plant::vr::omega_f), speed);
+    }
+    fmi2FreeInstance(c);
+}
