@@ -248,6 +248,21 @@ fn a_plant_that_takes_up_state_and_delay_lines_goes_on_bit_for_bit() {
     }
 }
 
+/// Only what is late is kept: a sensor that becomes late after another one knows nothing of before either.
+#[test]
+fn a_second_delay_begins_with_what_is_there_as_well() {
+    let mut bench = Bench::held(200.0, 100.0, 25.0, 0.0);
+    bench.vehicle.driveline.J_c = 0.5;
+    bench.rest.t_load = 20.0;
+    let engine = [(param::engine_speed_delay::delay, 0.05)];
+    let mut plant = bench.run(&with(&engine), 0.5);
+    let both = [&engine[..], &[(param::clutch_speed_delay::delay, 0.05)]].concat();
+    plant.set_effects(&bench.vehicle, &with(&both)).unwrap();
+    close("at once", plant.outputs().omega_c, 80.0, 1e-6);
+    (0..49).for_each(|_| plant.step(&bench.rest, 1e-3));
+    close("49 ms later", plant.outputs().omega_c, 80.0, 1e-6);
+}
+
 /// Tyres, or shafts before them, that become soft while the car coasts under a load carry what the rigid driveline carried.
 #[test]
 fn tyres_that_are_switched_on_carry_what_there_is() {

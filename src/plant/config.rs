@@ -167,6 +167,13 @@ mod tests {
     use crate::effects::param;
 
     #[test]
+    fn a_list_has_room_for_every_effect() {
+        let mut list: List<fn() -> f64> = List::new(|| 0.0);
+        effects::all().for_each(|_| list.push(|| 1.0));
+        assert_eq!(list.iter().map(|effect| effect()).sum::<f64>(), effects::all().count() as f64);
+    }
+
+    #[test]
     fn configurations_are_told_apart_by_vehicle_and_effects() {
         let (vehicle, null) = (Vehicle::paper(), effects::null());
         let (mut heavier, mut faded) = (vehicle, null);

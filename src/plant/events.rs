@@ -75,7 +75,7 @@ fn decide_at_zero_slip(config: &Config, state: &mut State) {
     let most = clutch::capacity(config, state.bearing, state.memory, 0.0, &state.y);
     state.stuck = hold.abs() <= most && most > 0.0;
     if !state.stuck {
-        state.direction = if hold < 0.0 { -1.0 } else { 1.0 };
+        state.direction = 1.0_f64.copysign(hold);
     }
 }
 
@@ -413,7 +413,7 @@ fn overload(config: &Config, state: &State, y: &Motion, chain: &Chain) -> f64 {
 fn break_away(config: &Config, state: &mut State) {
     let hold = motion::sticking_torque(config, &state.y, state.engine.value, state.inputs.t_load, &state.rest);
     state.stuck = false;
-    state.direction = if hold < 0.0 { -1.0 } else { 1.0 };
+    state.direction = 1.0_f64.copysign(hold);
 }
 
 /// Slip has reached zero: both sides take the speed that keeps their momentum, then stick or slip on.

@@ -90,10 +90,10 @@ fn crankshaft_torque(config: &Config, t_e: f64, omega_f: f64, angle: f64) -> f64
     if config.empirical.engine { given + empirical::engine(&config.parameters, omega_f, t_e) } else { given }
 }
 
-/// Torque in N·m at the crankshaft where the report asks for `t_e`, less damping.
-#[inline]
+/// Torque in N·m at the crankshaft where the report asks for `t_e`.
+#[inline(always)]
 pub fn engine_torque(config: &Config, y: &Motion, t_e: f64) -> f64 {
-    crankshaft_torque(config, t_e, y[OMEGA_F], y[CRANK]) - config.constants.driveline.b_f * y[OMEGA_F]
+    crankshaft_torque(config, t_e, y[OMEGA_F], y[CRANK])
 }
 
 /// Torque in N·m that the driveline behind the disc puts up against it, `braking` N·m of it from brakes.
@@ -190,7 +190,7 @@ pub fn slipping(config: &Config, found: &Found, y: &Motion, direction: f64, memo
 #[inline]
 pub fn sticking_torque(config: &Config, y: &Motion, t_e: f64, t_load: f64, rest: &Rest) -> f64 {
     let resist = resistance(config, y, t_load, rest.braking());
-    holding_torque(config, y, crankshaft_torque(config, t_e, y[OMEGA_F], y[CRANK]), resist, rest)
+    holding_torque(config, y, engine_torque(config, y, t_e), resist, rest)
 }
 
 /// As [`sticking_torque`], with `t_e` N·m at the crankshaft and `resist` N·m behind the disc. What is held outside passes its torque on.
@@ -218,7 +218,7 @@ fn rates(config: &Config, set: &Setting, found: &Found, y: &Motion, drive: Drive
     let d = &c.driveline;
     let rest = &set.rest;
     let resist = resistance(config, y, set.t_load, rest.braking());
-    let t_e = crankshaft_torque(config, drive.t_e, y[OMEGA_F], y[CRANK]);
+    let t_e = engine_torque(config, y, drive.t_e);
     let mut dy = [0.0; N];
     let (t_fc, slip, heating) = if set.stuck {
         let t_fc = holding_torque(config, y, t_e, resist, rest);

@@ -105,9 +105,8 @@ impl Pace {
     pub fn longest_substep(&self, most: f64) -> f64 {
         let shafts = self.motion[3];
         let turn = if most > MAX_SUBSTEP { TURN_PER_SUBSTEP_OF_A_FIT } else { TURN_PER_SUBSTEP };
-        let turning = if shafts > 0.0 { turn / shafts } else { f64::MAX };
         let stable = if most > MAX_SUBSTEP { STABLE } else { FOLLOWED } / self.fastest();
-        let longest = if stable < MAX_SUBSTEP { turning.min(stable) } else { turning };
+        let longest = if stable < MAX_SUBSTEP { (turn / shafts).min(stable) } else { turn / shafts };
         most.min(longest.max(SHORTEST_SUBSTEP))
     }
 
@@ -227,6 +226,9 @@ mod tests {
         let t = Vehicle::paper().thermal;
         close(plain.heat[0], t.gamma_2 / t.C_1);
         close(plain.heat[1], (t.gamma_1 + 2.0 * t.gamma_2) / t.C_b);
+        // Faces that are hotter than their disc come and go three times as fast as by themselves.
+        let hotter = [(param::surface_temperature::resistance, 0.01), (param::surface_temperature::time_constant, 0.05)];
+        close(pace(|_| (), &hotter).heat[0], t.gamma_2 / t.C_1 + 60.0);
         // A drag per slip acts on both sides of the clutch.
         let dragged = pace(|_| (), &[(param::clutch_drag::viscosity, 0.4)]);
         close(dragged.motion[0], 0.43 / 0.2);
@@ -236,6 +238,10 @@ mod tests {
         let graded = pace(|_| (), &slope);
         let force = 1.2 * (26.1195 - 1304.6 + 5818.5);
         close(graded.motion[0], (0.03 + 2.0 * 0.091 * force * 0.001) / 0.2);
+        // Friction of facings whose dynamic friction changes with temperature is as steep as at the cold or at the hot end.
+        let facings = |m_0: f64, m_1: f64| pace(|v| (v.friction.m_0, v.friction.m_1) = (m_0, m_1), &[]).motion[0];
+        close(facings(0.35, -1e-4), facings(0.352, 0.0));
+        close(facings(0.35, 1e-4), facings(0.375, 0.0));
         // Friction that falls at rest faster than anywhere else.
         use param::friction_slip_gradient::{exponent, speed, stribeck};
         let falling = pace(|_| (), &[(stribeck, 0.3), (speed, 1.0), (exponent, 1.0)]).motion[0];

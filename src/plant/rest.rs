@@ -47,6 +47,7 @@ struct Torques {
     car: f64,
 }
 
+/// An engine is asked for its torque where it stands: damping has no say.
 fn torques(config: &Config, state: &State, y: &Motion, chain: &Chain) -> Torques {
     let (drive, t_load) = (chain.drive(), state.inputs.t_load);
     let t_e = motion::engine_torque(config, y, drive.t_e);
