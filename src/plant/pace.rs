@@ -105,8 +105,10 @@ impl Pace {
     pub fn longest_substep(&self, most: f64) -> f64 {
         let shafts = self.motion[3];
         let turn = if most > MAX_SUBSTEP { TURN_PER_SUBSTEP_OF_A_FIT } else { TURN_PER_SUBSTEP };
+        // Nothing is divided by zero: an importer may trap that.
+        let turning = if shafts > 0.0 { turn / shafts } else { f64::MAX };
         let stable = if most > MAX_SUBSTEP { STABLE } else { FOLLOWED } / self.fastest();
-        let longest = if stable < MAX_SUBSTEP { (turn / shafts).min(stable) } else { turn / shafts };
+        let longest = if stable < MAX_SUBSTEP { turning.min(stable) } else { turning };
         most.min(longest.max(SHORTEST_SUBSTEP))
     }
 

@@ -2,6 +2,7 @@
 
 use crate::made_up::{example, made_up, made_up_under};
 use kisspoint::effects::{self, REGISTRY, Subsystem, param};
+use kisspoint::gap::diagnosis::diagnose;
 use kisspoint::gap::infer::coordinate::Coordinate;
 use kisspoint::gap::infer::density::{Basis, Problem, WHOLE, cost, misfit};
 use kisspoint::gap::infer::fit::{Fit, Free, LOOK, fit};
@@ -383,35 +384,55 @@ fn an_effect_that_only_came_along_beside_a_law_is_dropped() {
     assert!(beside(&[gain]).unwrap().probability > beside(&both).unwrap().probability);
 }
 
-/// A control unit that commands at 33 Hz, logged at 33 Hz: its commands stay from sample to sample, and the diagnosis finds that out by itself.
-#[test]
-fn commands_that_change_only_as_often_as_they_are_logged_are_held() {
-    use crate::made_up::normals;
-    use kisspoint::campaign;
-    use kisspoint::gap::diagnosis::diagnose;
+/// Recordings of the bundled campaign, every so many rows of them, as its nominal car answers them, with what the sensors add to both speeds at these intervals in s.
+fn replayed(names: &[&str], every: usize, held: bool, mut sensors: impl FnMut(f64) -> [f64; 2]) -> kisspoint::campaign::Campaign {
     use kisspoint::gap::model::replay::{replay, start};
     use kisspoint::gap::model::tolerance::Car;
     use kisspoint::gap::model::track::Track;
-    let mut campaign = campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
-    campaign.recordings.retain(|r| ["r01", "r02", "r03", "r05"].contains(&r.name.as_str()));
+    let mut campaign = kisspoint::campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
+    campaign.recordings.retain(|r| names.contains(&r.name.as_str()));
     let car = Car::nominal(&kisspoint::vehicle::Vehicle::from_value(&campaign.vehicle_json).unwrap());
-    let mut normal = normals(11);
     for r in &mut campaign.recordings {
         for v in [&mut r.time, &mut r.omega_f, &mut r.omega_c, &mut r.t_e, &mut r.x_to_cmd, &mut r.theta_h] {
-            *v = v.iter().copied().step_by(3).collect();
+            *v = v.iter().copied().step_by(every).collect();
         }
-        (r.x_to, r.t_fc, r.theta_c, r.held) = (None, None, None, true);
-        r.sample_rate_hz /= 3.0;
+        (r.x_to, r.t_fc, r.theta_c, r.held) = (None, None, None, held);
+        r.sample_rate_hz /= every as f64;
         let track = Track::new(r);
         let begin = start(&track, &car, 0, track.theta_0, 0.1);
         let mut speeds = [r.omega_f.clone(), r.omega_c.clone()];
+        let interval = 1.0 / r.sample_rate_hz;
         replay(&track, &car, &begin, 0..track.rows(), None, |row, now, _, _| {
-            (speeds[0][row], speeds[1][row]) = (now.omega_f + 0.1 * normal(), now.omega_c + 0.1 * normal());
+            let added = sensors(interval);
+            (speeds[0][row], speeds[1][row]) = (now.omega_f + added[0], now.omega_c + added[1]);
         });
         [r.omega_f, r.omega_c] = speeds;
         r.held = false;
     }
+    campaign
+}
+
+/// A control unit that commands at 33 Hz, logged at 33 Hz: its commands stay from sample to sample, and the diagnosis finds that out by itself.
+#[test]
+fn commands_that_change_only_as_often_as_they_are_logged_are_held() {
+    let mut normal = crate::made_up::normals(11);
+    let campaign = replayed(&["r01", "r02", "r03", "r05"], 3, true, |_| [0.1 * normal(), 0.1 * normal()]);
     let found = diagnose(&campaign, &|_, _| {}).unwrap();
     assert!(found.held && found.answer.verdict == Verdict::NoGap, "{} {:?}", found.held, found.answer.verdict);
     assert!(found.answer.notes.iter().any(|n| n.contains("held from sample to sample")), "{:?}", found.answer.notes);
+}
+
+/// Noise that remembers for 0.1 s, beside white noise: the recordings are searched again under a filter that knows of it, and the answer says so.
+#[test]
+fn noise_with_a_memory_is_allowed_for_in_a_second_search() {
+    let mut normal = crate::made_up::normals(7);
+    let mut slow = [0.0_f64; 2];
+    let campaign = replayed(&["r01", "r03", "r05"], 1, false, |interval| {
+        let kept = (-interval / 0.1).exp();
+        slow = slow.map(|x| kept * x + 0.15 * (1.0 - kept * kept).sqrt() * normal());
+        slow.map(|x| x + 0.1 * normal())
+    });
+    let answer = diagnose(&campaign, &|_, _| {}).unwrap().answer;
+    let said = |words: &str| answer.notes.iter().any(|n| n.contains(words));
+    assert!(answer.verdict == Verdict::NoGap && said("correlated in time"), "{:?} {:?}", answer.verdict, answer.notes);
 }
