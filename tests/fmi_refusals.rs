@@ -225,3 +225,31 @@ fn outputs_follow_the_start_values_while_they_are_set() {
     }
     fmi2FreeInstance(c);
 }
+
+#[test]
+fn parameters_that_contradict_each_other_can_be_looked_at_and_are_no_start() {
+    let c = instance(plant::GUID);
+    assert_eq!(fmi2EnterInitializationMode(c), Status::Ok);
+    let (inner, outer) = (plant::vr::friction_R_1, plant::vr::friction_R_2);
+    let sound = get(c, inner);
+    assert_eq!(set(c, inner, get(c, outer) + 0.01), Status::Ok);
+    assert_eq!(get(c, inner), get(c, outer) + 0.01);
+    let mut speed = 0.0;
+    assert_eq!(fmi2GetReal(c, &plant::vr::omega_f, 1, &mut speed), Status::Error, "what would come of them");
+    assert_eq!(fmi2ExitInitializationMode(c), Status::Error);
+    assert_eq!(set(c, inner, sound), Status::Ok);
+    assert_eq!(fmi2ExitInitializationMode(c), Status::Ok);
+    fmi2FreeInstance(c);
+}
+
+#[test]
+fn a_million_values_are_the_most_of_one_call() {
+    let c = instance(plant::GUID);
+    initialize(c);
+    let most = 1 << 20;
+    let (references, mut values) = (vec![plant::vr::omega_f; most + 1], vec![f64::NAN; most + 1]);
+    assert_eq!(fmi2GetReal(c, references.as_ptr(), most + 1, values.as_mut_ptr()), Status::Error);
+    assert_eq!(fmi2GetReal(c, references.as_ptr(), most, values.as_mut_ptr()), Status::Ok);
+    assert!(values[..most].iter().all(|v| v.is_finite()) && values[most].is_nan());
+    fmi2FreeInstance(c);
+}
