@@ -107,6 +107,11 @@ fn a_lag_is_followed_in_pieces_until_it_has_arrived() {
                 plant.iterations()
             );
         }
+        // A fit, which asks for longer substeps, does with one piece.
+        let mut fitted = Plant::new(&bench.vehicle, &with(&[(lag, 1e-3)]), &bench.start, &bench.rest);
+        fitted.set_max_substep(5e-3);
+        fitted.step(&moved, 5e-3);
+        assert_eq!(fitted.iterations(), 1);
     }
 }
 
@@ -515,6 +520,14 @@ fn a_coupled_clutch_keeps_its_torque_wherever_the_bearing_goes() {
         close("torque", plant.outputs().t_fc, torque(6.0, MU), 1e-9);
     }
     close("flywheel", plant.outputs().omega_f, 150.0 - torque(6.0, MU) / 0.2 * 0.01, 1e-9);
+    // It heats the faces as the clutch would have.
+    bench.vehicle.thermal.C_1 = 70.0;
+    let mut coupled = bench.run(&effects::null(), 0.0);
+    coupled.couple(false);
+    coupled.step(&bench.rest, 0.01);
+    let heated = bench.run(&effects::null(), 0.01).outputs().theta_c;
+    assert!(heated > 20.1, "{heated}");
+    close("disc", coupled.outputs().theta_c, heated, 1e-9);
     bench.vehicle.driveline.b_f = 0.1;
     let mut damped = bench.run(&effects::null(), 0.0);
     damped.couple(false);
