@@ -436,3 +436,54 @@ fn noise_with_a_memory_is_allowed_for_in_a_second_search() {
     let said = |words: &str| answer.notes.iter().any(|n| n.contains(words));
     assert!(answer.verdict == Verdict::NoGap && said("correlated in time"), "{:?} {:?}", answer.verdict, answer.notes);
 }
+
+/// A memory of a sensor's noise is taken from a correlation of neighbouring innovations of 0.08 on, if it is worth the 8 nats that each of its two parameters costs.
+#[test]
+fn a_memory_has_to_show_and_to_be_worth_its_price() {
+    use kisspoint::gap::infer::sensors::{minus_log_likelihood, refined};
+    use kisspoint::gap::model::noise::Noise;
+    let (mut weak, mut cheap) = (0, 0);
+    for (names, size) in [
+        (&["r01", "r02", "r03", "r04", "r05", "r06"][..], 0.06),
+        (&["r01", "r02", "r03", "r04", "r05", "r06"], 0.08),
+        (&["r03"], 0.08),
+        (&["r03"], 0.09),
+        (&["r03"], 0.1),
+        (&["r03"], 0.2),
+    ] {
+        let (mut normal, mut slow) = (crate::made_up::normals(23), 0.0);
+        let campaign = replayed(names, 1, false, |interval| {
+            let kept = (-interval / 0.1_f64).exp();
+            slow = kept * slow + size * (1.0 - kept * kept).sqrt() * normal();
+            [slow + 0.1 * normal(), 0.1 * normal()]
+        });
+        let all: Vec<&kisspoint::campaign::Recording> = campaign.recordings.iter().collect();
+        let (tracks, tolerances) = prepare::read(&all, &campaign.vehicle_json).unwrap();
+        let with = prepare::disturbances(&tracks, &tolerances);
+        let problem =
+            prepare::problem(tracks, &kisspoint::vehicle::Vehicle::from_value(&campaign.vehicle_json).unwrap(), &tolerances, &with);
+        let point = problem.nominal();
+        let residuals = problem.all_residuals(&point, None);
+        let (mut products, mut squares) = (0.0, 0.0);
+        for (filter, r) in problem.filters.iter().zip(&residuals) {
+            let v: Vec<f64> = (0..filter.gains.len()).map(|k| r[2 * k].clamp(-4.0, 4.0)).collect();
+            products += v.windows(2).map(|w| w[0] * w[1]).sum::<f64>();
+            squares += v.iter().map(|x| x * x).sum::<f64>();
+        }
+        let correlation = products / squares;
+        let tried = [0.5, 1.0, 2.0].into_iter().flat_map(|size| [0.03, 0.1, 0.3].map(|memory_s| (size, memory_s)));
+        let costs = tried.flat_map(|(size, memory_s)| {
+            [1.0, 0.8].map(|share| {
+                let (mut changed, white) = (with, with.noise[0].white);
+                changed.noise[0] = Noise { white: share * white, coloured: size * white, memory_s };
+                minus_log_likelihood(&problem, &point, &changed)
+            })
+        });
+        let nats = 0.5 * (minus_log_likelihood(&problem, &point, &with) - costs.fold(f64::INFINITY, f64::min));
+        let taken = refined(&problem, &point, &residuals, &with).is_some_and(|found| found.noise[0].coloured > 0.0);
+        assert_eq!(taken, correlation >= 0.08 && nats > 8.0, "{names:?}, {size} rad/s: {correlation}, {nats} nats");
+        weak += u32::from(taken && correlation < 0.24);
+        cheap += u32::from(taken && nats < 24.0);
+    }
+    assert!(weak > 0 && cheap > 0, "{weak} {cheap}");
+}
