@@ -71,10 +71,11 @@ for area in "$@"; do
     ((left > 30)) || { echo "mutants.sh: no time left for $area"; continue; }
     printf '\n== %s\n' "$area"
     rm -rf "${out:?}/$area"
+    # What is compiled for WebAssembly alone no test here runs: src/fmi2/sources.rs.
     # Ends with 2 for survivors and 3 for time-outs, which are judged below; 124 is the end of the time given.
     status=0
     timeout --signal=INT "$left" cargo mutants --no-config --dir "$copy" --gitignore false --jobs 1 --minimum-test-timeout 20 --output "$out/$area" "${diff[@]}" \
-        --file "src/$area/**" "${arguments[@]}" || status=$?
+        --file "src/$area/**" --exclude src/fmi2/sources.rs "${arguments[@]}" || status=$?
     case $status in 0 | 2 | 3 | 124 | 130) ;; *) echo "mutants.sh: cargo-mutants failed on $area" >&2 && exit 1 ;; esac
     tried+=("$out/$area/mutants.out")
 done

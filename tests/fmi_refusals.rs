@@ -166,3 +166,90 @@ fn a_guid_with_characters_between_interface_and_tail_is_none() {
         assert!(fmi2Instantiate(c"x".as_ptr(), CO_SIMULATION, guid.as_ptr(), ptr::null(), &CallbackFunctions::NONE, 0, 0).is_null());
     }
 }
+
+#[test]
+fn a_place_for_a_state_that_no_pointer_fits_is_refused() {
+    let c = instance(plant::GUID);
+    initialize(c);
+    let stored = serialized(c);
+    let mut room = [ptr::null_mut::<c_void>(); 2];
+    let between = room.as_mut_ptr().wrapping_byte_add(1);
+    assert_eq!(fmi2GetFMUstate(c, between), Status::Error);
+    assert_eq!(fmi2DeSerializeFMUstate(c, stored.as_ptr().cast::<c_char>(), stored.len(), between), Status::Error);
+    assert_eq!(fmi2FreeFMUstate(c, between), Status::Error);
+    assert!(room.iter().all(|pointer| pointer.is_null()), "nothing was written there");
+    assert_eq!(fmi2DoStep(c, 0.0, 0.01, 1), Status::Ok);
+    fmi2FreeInstance(c);
+}
+
+#[test]
+fn what_is_not_defined_of_an_experiment_may_be_anything() {
+    for (tolerance, stop, status) in [
+        ((FALSE, f64::NAN), (FALSE, f64::NAN), Status::Ok),
+        ((FALSE, -1.0), (FALSE, -1.0), Status::Ok),
+        ((TRUE, 1e-6), (TRUE, 2.0), Status::Ok),
+        ((TRUE, -1e-6), (FALSE, 0.0), Status::Error),
+        ((TRUE, f64::NAN), (TRUE, 2.0), Status::Error),
+        ((FALSE, 0.0), (TRUE, 1.0), Status::Error),
+        ((FALSE, 0.0), (TRUE, f64::INFINITY), Status::Error),
+    ] {
+        let c = instance(plant::GUID);
+        assert_eq!(fmi2SetupExperiment(c, tolerance.0, tolerance.1, 1.0, stop.0, stop.1), status, "{tolerance:?} {stop:?}");
+        fmi2FreeInstance(c);
+    }
+}
+
+#[test]
+fn a_flag_is_read_as_it_was_set() {
+    let c = instance(controller::GUID);
+    assert_eq!(fmi2EnterInitializationMode(c), Status::Ok);
+    let flags = [controller::vr::engage, controller::vr::creep];
+    let read = |c| {
+        let mut values = [-7; 2];
+        assert_eq!(fmi2GetBoolean(c, flags.as_ptr(), 2, values.as_mut_ptr()), Status::Ok);
+        values
+    };
+    assert_eq!(read(c), [TRUE, FALSE], "as they start");
+    assert_eq!(fmi2SetBoolean(c, flags.as_ptr(), 2, [FALSE, 5].as_ptr()), Status::Ok);
+    assert_eq!(read(c), [FALSE, TRUE]);
+    fmi2FreeInstance(c);
+}
+
+#[test]
+fn outputs_follow_the_start_values_while_they_are_set() {
+    let c = instance(plant::GUID);
+    assert_eq!(fmi2EnterInitializationMode(c), Status::Ok);
+    for speed in [100.0, 120.0] {
+        assert_eq!(set(c, plant::vr::omega_f_start, speed), Status::Ok);
+        assert_eq!(get(c, plant::vr::omega_f), speed);
+    }
+    fmi2FreeInstance(c);
+}
+
+#[test]
+fn parameters_that_contradict_each_other_can_be_looked_at_and_are_no_start() {
+    let c = instance(plant::GUID);
+    assert_eq!(fmi2EnterInitializationMode(c), Status::Ok);
+    let (inner, outer) = (plant::vr::friction_R_1, plant::vr::friction_R_2);
+    let sound = get(c, inner);
+    assert_eq!(set(c, inner, get(c, outer) + 0.01), Status::Ok);
+    assert_eq!(get(c, inner), get(c, outer) + 0.01);
+    let mut speed = 0.0;
+    assert_eq!(fmi2GetReal(c, &plant::vr::omega_f, 1, &mut speed), Status::Error, "what would come of them");
+    assert_eq!(fmi2ExitInitializationMode(c), Status::Error);
+    assert_eq!(set(c, inner, sound), Status::Ok);
+    assert_eq!(fmi2ExitInitializationMode(c), Status::Ok);
+    fmi2FreeInstance(c);
+}
+
+#[test]
+fn a_million_values_are_the_most_of_one_call() {
+    let c = instance(plant::GUID);
+    initialize(c);
+    let most = 1 << 20;
+    let (references, mut values) = (vec![plant::vr::omega_f; most + 1], vec![f64::NAN; most + 1]);
+    assert_eq!(fmi2GetReal(c, references.as_ptr(), most + 1, values.as_mut_ptr()), Status::Error);
+    assert_eq!(fmi2GetReal(c, references.as_ptr(), most, values.as_mut_ptr()), Status::Ok);
+    assert!(values[..most].iter().all(|v| v.is_finite()) && values[most].is_nan());
+    fmi2FreeInstance(c);
+}

@@ -20,6 +20,10 @@ unsafe extern "C" fn hear(_: *mut c_void, _: *const c_char, _: c_int, category: 
 }
 
 fn instance(guid: &str, location: Option<&str>) -> *mut c_void {
+    logging(guid, location, 1)
+}
+
+fn logging(guid: &str, location: Option<&str>, on: c_int) -> *mut c_void {
     // SAFETY: the calling convention lets a C function ignore trailing arguments.
     let logger: LoggerFn = unsafe {
         std::mem::transmute::<unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char), LoggerFn>(hear)
@@ -27,7 +31,7 @@ fn instance(guid: &str, location: Option<&str>) -> *mut c_void {
     let callbacks = CallbackFunctions { logger: Some(logger), ..CallbackFunctions::NONE };
     let (guid, location) = (CString::new(guid).unwrap(), location.map(|text| CString::new(text).unwrap()));
     let location = location.as_ref().map_or(ptr::null(), |text| text.as_ptr());
-    let c = fmi2Instantiate(c"x".as_ptr(), CO_SIMULATION, guid.as_ptr(), location, &callbacks, 0, 1);
+    let c = fmi2Instantiate(c"x".as_ptr(), CO_SIMULATION, guid.as_ptr(), location, &callbacks, 0, on);
     assert!(!c.is_null());
     c
 }
@@ -118,4 +122,33 @@ fn a_plant_says_where_it_was_validated_until_a_number_is_another() {
     step(telling, 2);
     assert_eq!(get(telling, OF_ITSELF), [1.0, 3.0]);
     [telling, plain].into_iter().for_each(|c| fmi2FreeInstance(c));
+}
+
+/// A short drop-out and a jump are warnings, heard whether or not events are; that all is well again is an event.
+#[test]
+fn implausible_inputs_are_warnings_of_the_controller() {
+    use controller::vr as k;
+    for on in [0, 1] {
+        let c = logging(controller::GUID, None, on);
+        initialize(c);
+        SAID.with(|said| said.borrow_mut().clear());
+        for n in 0..100 {
+            let t = 0.01 * f64::from(n);
+            let omega_f = match n {
+                20..23 => f64::NAN,
+                60..63 => 300.0,
+                _ => 100.0 + 0.1 * f64::from(n % 3),
+            };
+            set(c, k::omega_f, omega_f);
+            set(c, k::omega_c, 0.1 * f64::from(n % 2));
+            set(c, k::T_e, 20.0);
+            assert_eq!(fmi2DoStep(c, t, 0.01, 1), Status::Ok);
+        }
+        let said = SAID.with(|said| said.take());
+        let warnings: Vec<&str> = said.iter().filter(|(category, _)| category == "logStatusWarning").map(|(_, text)| &text[..]).collect();
+        assert!(warnings.len() == 2 && warnings[0].contains("not finite") && warnings[1].contains("jumped"), "{said:?}");
+        let again = said.iter().filter(|(category, text)| category == "logEvents" && text.contains("plausible again")).count();
+        assert_eq!(again, if on == 1 { 2 } else { 0 }, "{said:?}");
+        fmi2FreeInstance(c);
+    }
 }

@@ -107,6 +107,11 @@ fn a_lag_is_followed_in_pieces_until_it_has_arrived() {
                 plant.iterations()
             );
         }
+        // A fit, which asks for longer substeps, does with one piece.
+        let mut fitted = Plant::new(&bench.vehicle, &with(&[(lag, 1e-3)]), &bench.start, &bench.rest);
+        fitted.set_max_substep(5e-3);
+        fitted.step(&moved, 5e-3);
+        assert_eq!(fitted.iterations(), 1);
     }
 }
 
@@ -165,19 +170,102 @@ fn hysteresis_that_is_switched_on_begins_between_its_branches() {
 #[test]
 fn a_delay_that_is_switched_on_begins_with_what_is_there() {
     let mut bench = Bench::held(200.0, 100.0, 25.0, 2.0).moved(0.0, 3.0);
-    bench.vehicle.driveline.J_c = 0.5;
-    bench.rest.t_load = 20.0;
-    bench.then[0].1.t_load = 20.0;
+    (bench.vehicle.driveline.J_f, bench.vehicle.driveline.J_c) = (0.5, 0.5);
+    for inputs in [&mut bench.rest, &mut bench.then[0].1] {
+        (inputs.t_e_ref, inputs.t_load) = (20.0, 20.0);
+    }
     let mut plant = bench.run(&effects::null(), 0.5);
-    let late = with(&[(param::actuator_delay::delay, 0.05), (param::clutch_speed_delay::delay, 0.05)]);
-    plant.set_effects(&bench.vehicle, &late).unwrap();
+    let delays = [param::actuator_delay::delay, param::engine_speed_delay::delay, param::clutch_speed_delay::delay];
+    plant.set_effects(&bench.vehicle, &with(&delays.map(|delay| (delay, 0.05)))).unwrap();
     let now = kisspoint::plant::Inputs { x_to: 2.5, ..bench.then[0].1 };
     (0..49).for_each(|_| plant.step(&now, 1e-3));
     assert_eq!(plant.outputs().x_to_actual, 3.0, "the command that held before");
     close("the speed of then", plant.outputs().omega_c, 80.0, 1e-6);
+    close("the engine's", plant.outputs().omega_f, 220.0, 1e-6);
     (0..51).for_each(|_| plant.step(&now, 1e-3));
     assert_eq!(plant.outputs().x_to_actual, 2.5);
     close("the speed of 50 ms ago", plant.outputs().omega_c, 80.0 - 40.0 * 0.05, 1e-6);
+    close("the engine's", plant.outputs().omega_f, 220.0 + 40.0 * 0.05, 1e-6);
+}
+
+#[test]
+fn a_filter_that_is_switched_on_begins_with_the_speed_and_set_anew_goes_on() {
+    use param::{clutch_speed_delay, engine_speed_delay};
+    let mut bench = Bench::held(200.0, 100.0, 25.0, 0.0);
+    (bench.vehicle.driveline.J_f, bench.vehicle.driveline.J_c) = (0.2, 0.5);
+    (bench.rest.t_e_ref, bench.rest.t_load) = (-20.0, 20.0);
+    let mut plant = bench.run(&effects::null(), 0.5);
+    let speeds = |plant: &Plant| [plant.outputs().omega_f, plant.outputs().omega_c];
+    let before = speeds(&plant);
+    let filtered = [(engine_speed_delay::smoothing, 0.05), (clutch_speed_delay::smoothing, 0.02)];
+    plant.set_effects(&bench.vehicle, &with(&filtered)).unwrap();
+    assert_eq!(speeds(&plant), before, "switched on");
+    (0..10).for_each(|_| plant.step(&bench.rest, 1e-3));
+    // A ramp that begins now trails by its time constant less what has decayed of it.
+    let trails = |tau: f64| tau * -(-0.01_f64 / tau).exp_m1();
+    let late = speeds(&plant);
+    close("flywheel", late[0], before[0] - 100.0 * (0.01 - trails(0.05)), 1e-6);
+    close("disc", late[1], before[1] - 40.0 * (0.01 - trails(0.02)), 1e-6);
+    let anew = [&filtered[..], &[(param::engine_torque_gain::gain, 1.01)]].concat();
+    plant.set_effects(&bench.vehicle, &with(&anew)).unwrap();
+    assert_eq!(speeds(&plant), late, "set anew");
+}
+
+/// Shafts that twist, or stand within their lash, do so after other effects were set.
+#[test]
+fn shafts_stay_as_they_are_when_another_effect_is_set() {
+    use param::driveline_compliance::{soft_angle, soft_share};
+    let (mut bench, soft) = elastic(100.0, 60.0, 6.0);
+    bench.rest.t_load = 15.0;
+    let mut lash = soft;
+    (lash[soft_angle], lash[soft_share]) = (0.05, 0.0);
+    for (set, h) in [(soft, 0.013), (lash, 2e-3)] {
+        let mut plant = bench.run(&set, h);
+        let before = *plant.state();
+        assert!(before.y[index::TWIST] != 0.0 && before.y[index::OMEGA_V] != before.y[index::OMEGA_C], "{before:?}");
+        let mut other = set;
+        other[param::friction_level::factor] = 0.9;
+        plant.set_effects(&bench.vehicle, &other).unwrap();
+        assert_eq!(*plant.state(), before);
+    }
+}
+
+#[test]
+fn a_plant_that_takes_up_state_and_delay_lines_goes_on_bit_for_bit() {
+    let mut bench = Bench::held(200.0, 100.0, 25.0, 2.0).moved(0.1, 5.0).moved(0.16, 6.0);
+    (bench.vehicle.driveline.J_f, bench.vehicle.driveline.J_c) = (0.2, 0.5);
+    let late = with(&[(param::actuator_delay::delay, 0.05), (param::clutch_speed_delay::delay, 0.03)]);
+    let mut plant = bench.run(&late, 0.18);
+    let mut other = Plant::new(&bench.vehicle, &effects::null(), &bench.start, &bench.rest);
+    other.take_up(&bench.vehicle, &late, plant.state());
+    assert!(other.history() != plant.history(), "a state is without its delay lines");
+    for signal in kisspoint::plant::history::SIGNALS {
+        other.history_mut().clear(signal);
+        for (time, value) in plant.history().line(signal).iter() {
+            assert!(other.history_mut().restore(signal, time, value));
+        }
+    }
+    assert!(other.history() == plant.history() && other.state() == plant.state());
+    for _ in 0..60 {
+        plant.step(&bench.then[1].1, 1e-3);
+        other.step(&bench.then[1].1, 1e-3);
+        assert_eq!(plant.outputs(), other.outputs());
+    }
+}
+
+/// Only what is late is kept: a sensor that becomes late after another one knows nothing of before either.
+#[test]
+fn a_second_delay_begins_with_what_is_there_as_well() {
+    let mut bench = Bench::held(200.0, 100.0, 25.0, 0.0);
+    bench.vehicle.driveline.J_c = 0.5;
+    bench.rest.t_load = 20.0;
+    let engine = [(param::engine_speed_delay::delay, 0.05)];
+    let mut plant = bench.run(&with(&engine), 0.5);
+    let both = [&engine[..], &[(param::clutch_speed_delay::delay, 0.05)]].concat();
+    plant.set_effects(&bench.vehicle, &with(&both)).unwrap();
+    close("at once", plant.outputs().omega_c, 80.0, 1e-6);
+    (0..49).for_each(|_| plant.step(&bench.rest, 1e-3));
+    close("49 ms later", plant.outputs().omega_c, 80.0, 1e-6);
 }
 
 /// Tyres, or shafts before them, that become soft while the car coasts under a load carry what the rigid driveline carried.
@@ -208,6 +296,25 @@ fn tyres_that_are_switched_on_carry_what_there_is() {
     }
 }
 
+/// At rest, in the soft range of the shafts and beyond it, with tyres and without.
+#[test]
+fn the_twist_under_a_torque_carries_that_torque() {
+    use kisspoint::plant::config::Config;
+    use kisspoint::plant::motion::{spring_torque, twist_under, warm};
+    use param::{driveline_compliance as shafts, tyre_slip as tyre};
+    let shafts = [(shafts::compliance, 2e-3), (shafts::soft_angle, 0.03), (shafts::soft_share, 0.3)];
+    let tyres = [(tyre::slip_per_torque, 3e-4), (tyre::relaxation, 15.0), (tyre::grip, 60.0)];
+    for set in [&shafts[..1], &shafts, &tyres, &[&shafts[..], &tyres].concat()] {
+        let config = Config::new(&Vehicle::paper(), &with(set));
+        // The soft range ends at 0.3 · 0.03 / 0.002 = 4.5 N·m.
+        for torque in [-50.0, -4.6, -4.4, -1.0, 0.5, 4.4, 4.6, 20.0, 55.0] {
+            let mut y = warm(20.0);
+            y[index::TWIST] = twist_under(&config, torque);
+            close("torque", spring_torque(&config, &y), torque, 1e-9);
+        }
+    }
+}
+
 /// Between shafts with lash and tyres nothing is carried until the lash is used up: the car that is pushed runs ahead of its disc alone.
 #[test]
 fn lash_before_a_tyre_carries_nothing() {
@@ -229,6 +336,29 @@ fn lash_before_a_tyre_carries_nothing() {
     }
 }
 
+/// A law that is the same at all breakpoints: N·m beside the engine's torque and against the car's motion, a share of the torque of the faces and of the spring's force.
+#[test]
+fn learned_laws_act_beside_the_known_ones() {
+    use effects::empirical::CURVES;
+    let mut bench = Bench::held(150.0, 100.0, 60.0, 6.0).moved(0.0, 6.0);
+    (bench.vehicle.driveline.J_f, bench.vehicle.driveline.J_c) = (0.2, 0.5);
+    (bench.rest.t_e_ref, bench.then[0].1.t_e_ref) = (30.0, 30.0);
+    for curve in CURVES.iter().filter(|curve| curve.name != "force_direction") {
+        let by = if ["engine_speed", "engine_torque", "load_speed"].contains(&curve.name) { 7.0 } else { 0.2 };
+        let learned = with(&curve.parameters().map(|k| (k, by)).collect::<Vec<_>>());
+        let (mut engine, mut clutch, mut load) = (30.0, torque(6.0, MU), 0.0);
+        match curve.name {
+            "engine_speed" | "engine_torque" => engine += by,
+            "load_speed" => load = by,
+            _ => clutch *= 1.0 + by,
+        }
+        let found = bench.run(&learned, 0.01).outputs();
+        close(curve.name, found.t_fc, clutch, 1e-9);
+        close(curve.name, found.omega_f, 150.0 + (engine - clutch) / 0.2 * 0.01, 1e-9);
+        close(curve.name, found.omega_c, 100.0 + (clutch - load) / 0.5 * 0.01, 1e-9);
+    }
+}
+
 #[test]
 fn corrections_move_both_sides_apart_or_together() {
     let mut bench = Bench::held(100.0, 50.0, 25.0, 5.0);
@@ -238,6 +368,10 @@ fn corrections_move_both_sides_apart_or_together() {
     assert_eq!((slipping.outputs().omega_f, slipping.outputs().omega_c, slipping.state().y[index::OMEGA_V]), (102.0, 47.0, 47.0));
     // Once the disc is the faster one, the clutch pulls the other way.
     slipping.correct_speeds([-60.0, 0.0], [0.0; 2], 0);
+    close("torque", slipping.outputs().t_fc, -torque(5.0, MU), 1e-9);
+    // Just where both are as fast it still does.
+    slipping.correct_speeds([5.0, 0.0], [0.0; 2], 0);
+    assert_eq!(slipping.slip(), 0.0);
     close("torque", slipping.outputs().t_fc, -torque(5.0, MU), 1e-9);
     bench.start.omega_c = 100.0;
     let mut stuck = bench.run(&effects::null(), 0.0);
@@ -368,9 +502,38 @@ fn a_torque_in_the_place_of_the_clutch_loses_no_momentum() {
     let before = momentum(&plant);
     plant.couple(true);
     close("momentum of one", momentum(&plant), before, 1e-9);
-    assert_eq!(plant.outputs().phase, Phase::Locked);
+    assert_eq!((plant.outputs().phase, plant.slip()), (Phase::Locked, 0.0));
     plant.step(&inputs, h);
     assert_eq!(plant.slip(), 0.0);
+}
+
+/// Told to be coupled by a torque, and told again, both sides keep the one that the clutch had; damping has a say in what takes the flywheel somewhere.
+#[test]
+fn a_coupled_clutch_keeps_its_torque_wherever_the_bearing_goes() {
+    let mut bench = Bench::held(150.0, 40.0, 20.0, 6.0);
+    bench.vehicle.driveline.J_f = 0.2;
+    let mut plant = bench.run(&effects::null(), 0.0);
+    let open = Inputs { x_to: 0.0, ..bench.rest };
+    for _ in 0..2 {
+        plant.couple(false);
+        (0..5).for_each(|_| plant.step(&open, 1e-3));
+        close("torque", plant.outputs().t_fc, torque(6.0, MU), 1e-9);
+    }
+    close("flywheel", plant.outputs().omega_f, 150.0 - torque(6.0, MU) / 0.2 * 0.01, 1e-9);
+    // It heats the faces as the clutch would have.
+    bench.vehicle.thermal.C_1 = 70.0;
+    let mut coupled = bench.run(&effects::null(), 0.0);
+    coupled.couple(false);
+    coupled.step(&bench.rest, 0.01);
+    let heated = bench.run(&effects::null(), 0.01).outputs().theta_c;
+    assert!(heated > 20.1, "{heated}");
+    close("disc", coupled.outputs().theta_c, heated, 1e-9);
+    bench.vehicle.driveline.b_f = 0.1;
+    let mut damped = bench.run(&effects::null(), 0.0);
+    damped.couple(false);
+    damped.pass_on(&open, 0.01, 145.0);
+    damped.step(&open, 0.01);
+    close("damped flywheel", damped.outputs().omega_f, 145.0, 1e-4);
 }
 
 /// Speeds that swing with τω = 2: a filter of first order leaves 1/√5 of them, 63° late.

@@ -35,6 +35,71 @@ fn brakes_hold_a_car_on_a_grade_bit_for_bit_up_to_their_torque() {
     }
 }
 
+#[test]
+fn a_car_whose_brakes_let_go_rolls() {
+    let (mut plant, inputs) = plant(100.0, 0.0, OPEN, |p| p[param::road_load::grade] = 0.1);
+    plant.set_brake(2.0 * grade_torque(0.1));
+    plant.step(&inputs, 0.1);
+    assert!(plant.state().rest.car && plant.state().y[index::OMEGA_C] == 0.0);
+    plant.set_brake(0.0);
+    plant.step(&inputs, 0.1);
+    let d = Vehicle::paper().driveline;
+    let expected = -(grade_torque(0.1) - d.T_L0) / d.J_c * 0.1;
+    let found = plant.state().y[index::OMEGA_C];
+    assert!((found / expected - 1.0).abs() < 0.02, "{found} against {expected}");
+}
+
+/// Through a closed clutch the engine helps a braked car up its grade, and moves it once that is more than brakes and grade.
+#[test]
+fn a_closed_clutch_pushes_a_car_against_its_brakes() {
+    let grade = grade_torque(0.1);
+    for compliance in [0.0, 1e-3] {
+        for (torque, brake, moves) in [(grade + 15.0, 20.0, false), (grade + 15.0, 10.0, true), (grade - 15.0, 20.0, false)] {
+            let (mut plant, inputs) = plant(0.0, 0.0, 9.0, |p| {
+                p[param::road_load::grade] = 0.1;
+                p[param::driveline_compliance::compliance] = compliance;
+                p[param::driveline_compliance::damping] = 2.0;
+            });
+            plant.set_brake(brake);
+            // Slowly, so that nothing swings.
+            for k in 1..=2000 {
+                plant.step(&Inputs { t_e_ref: torque * 5e-4 * f64::from(k), ..inputs }, 1e-3);
+            }
+            let (speed, held) = (plant.state().y[index::OMEGA_V], plant.state().rest.car);
+            assert_eq!((speed > 0.0, held), (moves, !moves), "{torque} N·m, brake {brake}, compliance {compliance}: {speed}");
+        }
+    }
+}
+
+#[test]
+fn a_slipping_clutch_pushes_a_car_against_its_brakes() {
+    let held = |brake: f64| {
+        let (mut plant, inputs) = plant(150.0, 0.0, 6.6, |p| p[param::road_load::grade] = 0.1);
+        plant.set_brake(brake);
+        plant.step(&inputs, 1e-3);
+        (plant.state().rest.car, plant.outputs().t_fc)
+    };
+    let (_, torque) = held(500.0);
+    let left = torque - grade_torque(0.1);
+    assert!(torque > 10.0 && left.abs() > 5.0, "{torque} N·m");
+    assert!(held(left.abs() + 2.0).0 && !held(left.abs() - 2.0).0, "{left} N·m are left to the brakes");
+}
+
+/// A rolling car turns a stalled engine through its clutch if that takes more than the engine resists.
+#[test]
+fn a_stalled_engine_is_pushed_on_by_a_clutch_that_takes_hold() {
+    let turns = |drag: f64, x_to: f64| {
+        let (mut plant, inputs) = plant(0.0, 20.0, OPEN, |_| ());
+        plant.step(&Inputs { t_e_ref: -drag, ..inputs }, 0.01);
+        assert_eq!(plant.state().y[index::OMEGA_F], 0.0, "nothing turns it yet");
+        plant.step(&Inputs { t_e_ref: -drag, x_to, ..inputs }, 0.01);
+        (plant.state().y[index::OMEGA_F] > 0.0, plant.outputs().t_fc)
+    };
+    let (pushed, torque) = turns(5.0, 6.0);
+    assert!(pushed && torque < -10.0, "{torque} N·m");
+    assert!(!turns(10.0 - torque, 6.0).0, "it resists more than that");
+}
+
 /// J_c ω̇ = −T_B − b_c ω − T_L(ω): the time to the stand by quadrature, forwards and backwards.
 #[test]
 fn brakes_stop_a_rolling_car_and_keep_it() {

@@ -90,7 +90,7 @@ impl Controller {
         let g = &mut self.state.governed;
         g.closing_for += h;
         let gently = s.closing_rate * (g.closing_for / GENTLY).min(1.0) * h / g.slope.max(LEAST_SLOPE);
-        let rise = if g.closing_for < GENTLY { gently } else { gently.max(CLOSING_SPEED * h) };
+        let rise = if g.closing_for <= GENTLY { gently } else { gently.max(CLOSING_SPEED * h) };
         let x = self.state.outputs.x_to + rise;
         self.move_to(x, h);
         if self.state.outputs.x_to >= s.x_max {

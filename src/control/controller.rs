@@ -452,6 +452,32 @@ mod tests {
         assert_eq!(c.outputs().fault, Fault::Frozen);
     }
 
+    #[test]
+    fn the_facings_touch_where_the_plant_has_them_touch() {
+        use crate::plant::{clutch, config::Config};
+        let (vehicle, null) = (Vehicle::paper(), crate::effects::null());
+        let mut c = Controller::new(&vehicle, &Settings::robust());
+        for theta in [20.0, 150.0] {
+            let expected = clutch::position_of(&Config::new(&vehicle, &null), 0.0, theta);
+            assert!((c.contact_at(theta) - expected).abs() < 1e-12, "{} against {expected} mm", c.contact_at(theta));
+            c.state.learning.touch_point = 0.3;
+            assert!((c.contact_at(theta) - 0.3 - expected).abs() < 1e-12, "as it was learned");
+            c.state.learning.touch_point = 0.0;
+        }
+    }
+
+    /// An engine that is too slow to launch is a fault once a launch is asked for.
+    #[test]
+    fn a_slow_engine_is_a_fault_of_a_clutch_that_is_to_engage() {
+        for (engage, speed, fault) in [(true, 0.0, Fault::Stall), (false, 0.0, Fault::None), (true, 100.0, Fault::None)] {
+            let s = Settings::robust();
+            let mut c = Controller::new(&Vehicle::paper(), &s);
+            let omega_f = s.stall_speed + s.stall_margin - 1.0 + speed;
+            (0..5).for_each(|k| c.step(&Inputs { omega_f: omega_f + 0.01 * f64::from(k), engage, ..c.state.guard.good }, 1e-3));
+            assert_eq!(c.outputs().fault, fault, "{engage} at {omega_f} rad/s");
+        }
+    }
+
     /// A locked driveline is held by twice the gains, and its inertia on top lessens the integral one's; the paper's law has the gains as they are.
     #[test]
     fn a_locked_driveline_is_held_by_gains_for_its_inertia() {

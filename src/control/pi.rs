@@ -46,7 +46,7 @@ impl Pi {
     #[inline]
     pub fn step(&mut self, gains: Gains, e: f64, u_0: f64, limits: Limits, h: f64) -> f64 {
         let wanted = gains.p * e + self.integral + u_0;
-        let pushes_further = (wanted > limits.high && e > 0.0) || (wanted < limits.low && e < 0.0);
+        let pushes_further = (wanted > limits.high && e >= 0.0) || (wanted < limits.low && e <= 0.0);
         if !pushes_further {
             self.integral += gains.i * e * h;
         }

@@ -158,5 +158,11 @@ mod tests {
         assert!(write!(line, "{}", "ä%".repeat(LONGEST)).is_err());
         let text = CStr::from_bytes_until_nul(&line.bytes).unwrap().to_str().unwrap();
         assert!(text.len() < LONGEST && text.matches('%').count().is_multiple_of(2));
+        // All bytes but the last one may be text.
+        for (one, most) in [("a", 1023), ("ä", 511), ("%", 511)] {
+            let mut line = Line::EMPTY;
+            assert!(line.write_str(&one.repeat(most)).is_ok() && line.write_str(one).is_err(), "{one}");
+            assert_eq!(CStr::from_bytes_until_nul(&line.bytes).unwrap().count_bytes(), most * if one == "a" { 1 } else { 2 });
+        }
     }
 }

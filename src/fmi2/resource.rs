@@ -16,6 +16,7 @@ use crate::faults::Faults;
 use crate::validated::Validated;
 use crate::vehicle::{Vehicle, VehicleError};
 use std::borrow::Cow;
+use std::ffi::OsStr;
 use std::fs;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
@@ -182,15 +183,12 @@ pub fn folder(uri: &[u8]) -> Option<PathBuf> {
     as_path(without_slash_before_drive(&path))
 }
 
-#[cfg(unix)]
 fn as_path(bytes: &[u8]) -> Option<PathBuf> {
-    use std::os::unix::ffi::OsStrExt;
-    Some(PathBuf::from(std::ffi::OsStr::from_bytes(bytes)))
-}
-
-#[cfg(not(unix))]
-fn as_path(bytes: &[u8]) -> Option<PathBuf> {
-    std::str::from_utf8(bytes).ok().map(PathBuf::from)
+    #[cfg(unix)]
+    let path = Some(<OsStr as std::os::unix::ffi::OsStrExt>::from_bytes(bytes));
+    #[cfg(not(unix))]
+    let path = std::str::from_utf8(bytes).ok().map(OsStr::new);
+    path.map(PathBuf::from)
 }
 
 fn without_authority(rest: &[u8]) -> &[u8] {

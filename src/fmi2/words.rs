@@ -187,4 +187,23 @@ mod tests {
         assert!((0..good.len()).all(|n| payload("guid", &good[..n]).is_err()));
         assert!(payload("other", &good).is_err());
     }
+
+    /// Words from outside that hold what is no number are refused, however many they are.
+    #[test]
+    fn a_second_fault_does_not_make_up_for_the_first() {
+        let read = |all: [f64; 4], foreign: bool| {
+            let words = all.map(f64::to_bits);
+            let mut reader = Reader { words: &words, failed: false, foreign };
+            let (mut first, mut second) = ([0.0], [0.0; 2]);
+            reader.reals(&mut first);
+            reader.reals(&mut second);
+            reader.reals_within(&mut first, std::iter::once((0.0, 5.0)));
+            reader.failed
+        };
+        let nan = f64::NAN;
+        for (all, failed) in [([1.0, 2.0, 3.0, 4.0], false), ([nan, 2.0, 3.0, 4.0], true), ([nan, nan, 3.0, 4.0], true)] {
+            assert_eq!((read(all, true), read(all, false)), (failed, false), "{all:?}");
+        }
+        assert!(read([1.0, 2.0, 3.0, 6.0], true) && read([nan, 2.0, nan, 6.0], true));
+    }
 }

@@ -129,7 +129,7 @@ fn diagnosed(
     let best = found.best();
     let coloured = sensors::refined(&problem, &best.fit.point, &best.fit.residuals, &known);
     let locks_by_position = problem.tracks.iter().any(|t| !t.position_free);
-    if coloured.is_some() || locks_by_position && late.iter().any(|l| *l > LATE_S.max(LATE_INTERVALS * interval_of(&problem))) {
+    if coloured.is_some() || locks_by_position && sees_the_lock_late(late, interval_of(&problem)) {
         notes.extend(coloured.as_ref().map(colour_note));
         filtered_by = coloured.unwrap_or(known);
         problem = Problem { work: work.clone(), ..prepare::problem(problem.tracks, &vehicle, &tolerances, &filtered_by) };
@@ -271,9 +271,14 @@ fn beside_law(conclusion: &Conclusion, point: &Point) -> Point {
     beside
 }
 
-/// Intervals of the logger from which a sensor's delay changes when the clutch is seen to lock.
+/// Intervals of the logger, or time in s, from which a sensor's delay changes when the clutch is seen to lock.
 const LATE_INTERVALS: f64 = 1.5;
 const LATE_S: f64 = 0.03;
+
+/// Whether one of the speeds is sensed that late, s, under a logger of this interval, s.
+fn sees_the_lock_late(late: [f64; 2], interval: f64) -> bool {
+    late.iter().any(|l| *l > LATE_S.max(LATE_INTERVALS * interval))
+}
 
 fn interval_of(problem: &Problem) -> f64 {
     prepare::logger(&problem.tracks).interval_s
@@ -360,4 +365,41 @@ fn overlays(
         measure::overlays(r, held_out, before, after, theta)
     };
     campaign.recordings.iter().enumerate().flat_map(|(k, r)| of(k, r)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sensor_is_late_for_the_lock_by_three_hundredths_of_a_second_or_one_and_a_half_samples() {
+        for (interval, least) in [(0.001, 0.03), (0.01, 0.03), (0.02, 0.03), (0.03, 0.045), (0.1, 0.15)] {
+            for side in 0..2 {
+                let late = |by: f64| sees_the_lock_late(if side == 0 { [by, 0.0] } else { [0.0, by] }, interval);
+                assert_eq!([late(0.99 * least), late(1.01 * least)], [false, true], "side {side}, interval {interval} s");
+            }
+        }
+    }
+
+    /// Four standard deviations, which are 1 K or more, in either direction; how far off in K, and in which recordings.
+    #[test]
+    fn a_start_temperature_that_is_pulled_far_is_said() {
+        let folder = std::path::Path::new("tests/data/campaigns/example");
+        let campaign = crate::campaign::read(folder, &Default::default()).unwrap();
+        let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
+        let mut problem = Ready::new(&campaign, &vehicle, &Work::default()).unwrap().problem;
+        problem.tracks.iter_mut().for_each(|track| track.theta_0_sigma = [2.0, 5.0]);
+        let mut point = problem.nominal();
+        (point.own[0][0], point.own[1][1]) = (3.9, -3.9);
+        assert!(temperature_notes(&problem, &point).is_empty());
+        (point.own[0][0], point.own[1][0], point.own[1][1]) = (4.1, -6.0, -4.1);
+        let said = temperature_notes(&problem, &point);
+        let [first, second] = [0, 1].map(|k| problem.tracks[k].name.clone());
+        assert!(
+            said.len() == 2 && said[0].contains("disc") && said[0].contains("12 K off in") && said[0].contains("theta_c0_sigma_K"),
+            "{said:?}"
+        );
+        assert!(said[0].contains(&format!("{first}, {second}")), "{said:?}");
+        assert!(said[1].contains("body") && said[1].contains("20 K off") && !said[1].contains(&first), "{said:?}");
+    }
 }

@@ -29,15 +29,16 @@ pub struct LagState {
     pub rate: f64,
 }
 
-/// A lag shorter than this, s, is none: it is over within the shortest step, and its rates would leave the range of numbers.
+/// A lag as short as this, s, is none: it is over within the shortest step, and its rates would leave the range of numbers.
 const SHORTEST: f64 = 1e-12;
 
 /// State after `h` seconds with the input `u + slope·t`.
 pub fn advance(lag: &Lag, state: LagState, u: f64, slope: f64, h: f64) -> LagState {
-    if lag.time_constant < SHORTEST {
+    if lag.time_constant <= SHORTEST {
         return LagState { value: u + slope * h, rate: slope };
     }
-    let lag = &Lag { time_constant: lag.time_constant * (1.0 + lag.asymmetry * (u - state.value).signum()), ..*lag };
+    let longer = if u >= state.value { lag.asymmetry } else { -lag.asymmetry };
+    let lag = &Lag { time_constant: lag.time_constant * (1.0 + longer), ..*lag };
     let tau = lag.time_constant;
     // Steady response to the ramp: it trails by τ. The rest decays freely.
     let (z0, v0) = (state.value - (u - slope * tau), state.rate - slope);

@@ -195,8 +195,7 @@ fn over_within(lag: &lag::Lag, h: f64) -> Option<f64> {
 fn first_stage([begin, middle, end]: [f64; 3], at: impl Fn(f64) -> f64, over: f64, h: f64) -> f64 {
     let between = at(over);
     let simpson = |from: f64, a: f64, b: f64, to: f64| (to - from) / 6.0 * (a + 4.0 * at(0.5 * (from + to)) + b);
-    let rest = if over < h { simpson(over, between, end, h) } else { 0.0 };
-    6.0 * (simpson(0.0, begin, between, over) + rest) / h - 4.0 * middle - end
+    6.0 * (simpson(0.0, begin, between, over) + simpson(over, between, end, h)) / h - 4.0 * middle - end
 }
 
 /// What moves along once it is further than `reach` from `leader`. Unlike `clamp`, this passes on what is no number instead of panicking:
@@ -291,7 +290,7 @@ fn carried_behind_disc(old: &Config, new: &Config, state: &State) -> f64 {
 /// When effects are set while running, a state that was not in use starts where its signal is; shafts that become elastic are twisted by the
 /// torque that they carry.
 pub fn carry_over(old: &Config, new: &Config, state: &mut State) {
-    let springs = |config: &Config| (config.constants.compliance > 0.0, config.constants.tyre.softness > 0.0);
+    let springs = |config: &Config| [config.constants.compliance, config.constants.tyre.softness].map(|soft| soft > 0.0);
     if new.compliant() && !old.compliant() {
         state.y[index::OMEGA_V] = state.y[index::OMEGA_C];
         state.y[index::TWIST] = motion::twist_under(new, carried_behind_disc(old, new, state));
@@ -311,5 +310,25 @@ pub fn carry_over(old: &Config, new: &Config, state: &mut State) {
     }
     if !old.remembers() && new.remembers() {
         state.memory = Branch { x: state.bearing, z: 0.0 };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lag_is_short_for_a_step_of_more_than_twice_its_time() {
+        let lag = |time_constant: f64, asymmetry: f64| lag::Lag { time_constant, curvature: 0.0, asymmetry };
+        assert_eq!(over_within(&lag(0.0, 0.0), 0.01), None, "none at all is not over: it was never under way");
+        assert_eq!(over_within(&lag(0.006, 0.0), 0.01), None);
+        assert_eq!(over_within(&lag(0.005, 0.0), 0.01), None);
+        // After four of its times, or by the end of the step.
+        assert_eq!(over_within(&lag(0.002, 0.0), 0.01), Some(0.008));
+        assert_eq!(over_within(&lag(0.004, 0.0), 0.01), Some(0.01));
+        // The quicker of both directions counts.
+        for asymmetry in [0.5, -0.5] {
+            assert_eq!(over_within(&lag(0.004, asymmetry), 0.01), Some(0.008));
+        }
     }
 }

@@ -20,12 +20,6 @@ fn contact(config: &Config, theta: f64, work: f64) -> map::Contact {
     contact
 }
 
-/// Friction work in J since the start, where it wears the faces.
-#[inline]
-pub fn wear(config: &Config, y: &Motion) -> f64 {
-    if config.worn.is_empty() { 0.0 } else { y[index::E_D] }
-}
-
 /// Normalised position at the bearing position `x` in mm and the disc temperature `theta` in °C; eq. (2), at the start of a run.
 #[inline]
 pub fn normalised_position(config: &Config, x: f64, theta: f64) -> f64 {
@@ -75,7 +69,7 @@ pub struct Found {
     x: f64,
     /// Disc temperature, °C.
     theta: f64,
-    /// Wear, J.
+    /// Friction work that has worn the faces, J.
     work: f64,
     /// Normalised position there.
     xi: f64,
@@ -99,7 +93,7 @@ impl Found {
     /// This, and the normalised position at `x` mm under the temperature and wear of `y`.
     #[inline]
     pub fn with_position(self, config: &Config, x: f64, y: &Motion) -> Self {
-        let (theta, work) = (y[index::THETA_C], wear(config, y));
+        let (theta, work) = (y[index::THETA_C], y[index::E_D]);
         let slip = if theta == self.theta { self.slip } else { f64::NAN };
         Self { x, theta, work, xi: self.position(config, x, theta, work), slip, ..self }
     }
@@ -156,7 +150,7 @@ pub fn advance_branch(config: &Config, memory: Branch, x: f64) -> Branch {
 #[inline]
 pub fn force(config: &Config, found: &Found, x: f64, memory: Branch, y: &Motion) -> f64 {
     let theta = y[index::THETA_C];
-    let xi = found.position(config, x, theta, wear(config, y));
+    let xi = found.position(config, x, theta, y[index::E_D]);
     let mut force = cushion::force(&config.vehicle.cushion_spring, config.xi_0, xi);
     if config.constants.hysteresis_width != 0.0 {
         force *= 1.0 + 0.5 * config.constants.hysteresis_width * advance_branch(config, memory, x).z;
@@ -232,12 +226,18 @@ impl Slipping {
     }
 }
 
+/// Slip in rad/s as friction sees it: that in its direction.
+#[inline]
+pub fn along(direction: f64, slip: f64) -> f64 {
+    (direction * slip).max(0.0)
+}
+
 /// Torques of a clutch that slips in `direction` ±1; `slip` is signed, rad/s.
 #[inline]
 pub fn slipping(config: &Config, found: &Found, x: f64, memory: Branch, direction: f64, slip: f64, y: &Motion) -> Slipping {
     let force = force(config, found, x, memory, y);
     let drag: f64 = config.drag.iter().map(|effect| effect(&config.parameters, slip, force)).sum();
-    Slipping { friction: direction * capacity_under(config, found, force, (direction * slip).max(0.0), y), drag }
+    Slipping { friction: direction * capacity_under(config, found, force, along(direction, slip), y), drag }
 }
 
 #[cfg(test)]

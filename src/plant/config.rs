@@ -26,11 +26,6 @@ impl<F: Copy> List<F> {
         self.functions[self.count] = function;
         self.count += 1;
     }
-    /// Whether none is active.
-    #[inline]
-    pub fn is_empty(&self) -> bool {
-        self.count == 0
-    }
     /// The active functions.
     #[inline]
     pub fn iter(&self) -> std::slice::Iter<'_, F> {
@@ -163,5 +158,29 @@ impl Config {
     pub fn disc_inertia(&self) -> f64 {
         let j = self.constants.driveline.J_c;
         if self.compliant() { self.constants.disc_share * j } else { j }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::param;
+
+    #[test]
+    fn a_list_has_room_for_every_effect() {
+        let mut list: List<fn() -> f64> = List::new(|| 0.0);
+        effects::all().for_each(|_| list.push(|| 1.0));
+        assert_eq!(list.iter().map(|effect| effect()).sum::<f64>(), effects::all().count() as f64);
+    }
+
+    #[test]
+    fn configurations_are_told_apart_by_vehicle_and_effects() {
+        let (vehicle, null) = (Vehicle::paper(), effects::null());
+        let (mut heavier, mut faded) = (vehicle, null);
+        heavier.driveline.J_c *= 1.01;
+        faded[param::friction_level::factor] = 0.9;
+        let plain = Config::new(&vehicle, &null);
+        assert!(plain == Config::new(&vehicle, &null));
+        assert!(plain != Config::new(&heavier, &null) && plain != Config::new(&vehicle, &faded));
     }
 }

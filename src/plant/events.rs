@@ -65,7 +65,7 @@ pub fn initial(start: &Start, inputs: &Inputs) -> State {
 
 /// Finds phase and direction of slip at the start; shafts begin without twist.
 pub fn settle_phase(config: &Config, state: &mut State) {
-    let slip = state.y[index::OMEGA_F] - state.y[index::OMEGA_C];
+    let slip = motion::slip(&state.y);
     if slip == 0.0 { decide_at_zero_slip(config, state) } else { state.direction = slip.signum() }
 }
 
@@ -75,7 +75,7 @@ fn decide_at_zero_slip(config: &Config, state: &mut State) {
     let most = clutch::capacity(config, state.bearing, state.memory, 0.0, &state.y);
     state.stuck = hold.abs() <= most && most > 0.0;
     if !state.stuck {
-        state.direction = if hold < 0.0 { -1.0 } else { 1.0 };
+        state.direction = 1.0_f64.copysign(hold);
     }
 }
 
@@ -113,7 +113,7 @@ pub fn correct_speeds(state: &mut State, omega_f: f64, omega_c: f64) {
     y[index::OMEGA_C] += omega_c;
     y[index::OMEGA_V] += omega_c;
     (state.rest.car, state.rest.engine) = (false, false);
-    let slip = y[index::OMEGA_F] - y[index::OMEGA_C];
+    let slip = motion::slip(y);
     if !state.stuck && slip != 0.0 {
         state.direction = slip.signum();
     }
@@ -142,7 +142,7 @@ pub fn step(plant: &mut Plant, inputs: &Inputs, h: f64) {
 /// What stands, or begins to move, with the inputs of the step that begins.
 fn settle_rest(plant: &mut Plant) {
     let (config, state) = (&plant.config, &mut plant.state);
-    if state.rest.brake > 0.0 || state.rest.car || state.y[index::OMEGA_F] == 0.0 || state.rest.engine {
+    if state.rest.brake > 0.0 || state.rest.car || state.y[index::OMEGA_F] == 0.0 {
         let chain = actuation::advance(config, state, state.inputs.x_to, 0.0);
         rest::settle(config, state, &chain);
     }
@@ -161,8 +161,7 @@ fn look(config: &Config, s: &State) -> Found {
         return Found::NOTHING;
     }
     let found = Found::NOTHING.with_position(config, s.bearing, &s.y);
-    let along = s.direction * (s.y[index::OMEGA_F] - s.y[index::OMEGA_C]);
-    if found.engaged(config) { found.with_radius(config, along.max(0.0)) } else { found }
+    if found.engaged(config) { found.with_radius(config, clutch::along(s.direction, motion::slip(&s.y))) } else { found }
 }
 
 /// Integrates to `until`, from event to event.
@@ -206,7 +205,7 @@ fn until_contact(config: &Config, state: &State, x_cmd: f64, h: f64, way: &Way, 
     if actuation::immediate(config) || config.coupling.is_some() {
         return h;
     }
-    let (theta, work) = (state.y[index::THETA_C], clutch::wear(config, &state.y));
+    let (theta, work) = (state.y[index::THETA_C], state.y[index::E_D]);
     let (begin, end) = (way.begin.drive().x, way.end.drive().x);
     if begin == end {
         return h;
@@ -311,7 +310,7 @@ fn smooth_piece(
     let meets = |y: &Motion, chain: &Chain| match setting.stuck {
         true if settled => 0.0,
         true => overload(config, state, y, chain),
-        false => -setting.direction * (y[index::OMEGA_F] - y[index::OMEGA_C]),
+        false => -setting.direction * motion::slip(y),
     };
     // What settles in the mean does not ask what stands any more: the next step does.
     let stands = |y: &Motion, chain: &Chain| if settled { [f64::NEG_INFINITY; 2] } else { rest::passed(config, state, y, chain) };
@@ -414,7 +413,7 @@ fn overload(config: &Config, state: &State, y: &Motion, chain: &Chain) -> f64 {
 fn break_away(config: &Config, state: &mut State) {
     let hold = motion::sticking_torque(config, &state.y, state.engine.value, state.inputs.t_load, &state.rest);
     state.stuck = false;
-    state.direction = if hold < 0.0 { -1.0 } else { 1.0 };
+    state.direction = 1.0_f64.copysign(hold);
 }
 
 /// Slip has reached zero: both sides take the speed that keeps their momentum, then stick or slip on.

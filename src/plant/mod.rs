@@ -267,12 +267,8 @@ impl Plant {
         if rigidly && !self.state.stuck {
             events::join(&self.config, &mut self.state);
         }
-        if !rigidly && !matches!(self.config.coupling, Some(Coupling::Torque(_))) {
-            self.config.coupling = Some(Coupling::Torque(events::clutch_torque(&self.config, &self.found, &self.state)));
-        }
-        if rigidly {
-            self.config.coupling = Some(Coupling::Rigid);
-        }
+        let torque = || events::clutch_torque(&self.config, &self.found, &self.state);
+        self.config.coupling = Some(if rigidly { Coupling::Rigid } else { Coupling::Torque(torque()) });
         self.state.stuck = rigidly;
     }
 
@@ -323,14 +319,14 @@ impl Plant {
     /// Slip now, engine over disc, rad/s.
     #[inline]
     pub fn slip(&self) -> f64 {
-        self.state.y[index::OMEGA_F] - self.state.y[index::OMEGA_C]
+        motion::slip(&self.state.y)
     }
 
     /// How far the bearing has closed the clutch now: 0 at the true contact, 1 at the closed point.
     #[inline]
     pub fn closing(&self) -> f64 {
         let y = &self.state.y;
-        clutch::closing_after(&self.config, self.state.bearing, y[index::THETA_C], clutch::wear(&self.config, y))
+        clutch::closing_after(&self.config, self.state.bearing, y[index::THETA_C], y[index::E_D])
     }
 
     /// Energy books since the start.

@@ -90,10 +90,10 @@ fn crankshaft_torque(config: &Config, t_e: f64, omega_f: f64, angle: f64) -> f64
     if config.empirical.engine { given + empirical::engine(&config.parameters, omega_f, t_e) } else { given }
 }
 
-/// Torque in N·m at the crankshaft where the report asks for `t_e`, less damping.
-#[inline]
+/// Torque in N·m at the crankshaft where the report asks for `t_e`.
+#[inline(always)]
 pub fn engine_torque(config: &Config, y: &Motion, t_e: f64) -> f64 {
-    crankshaft_torque(config, t_e, y[OMEGA_F], y[CRANK]) - config.constants.driveline.b_f * y[OMEGA_F]
+    crankshaft_torque(config, t_e, y[OMEGA_F], y[CRANK])
 }
 
 /// Torque in N·m that the driveline behind the disc puts up against it, `braking` N·m of it from brakes.
@@ -174,17 +174,23 @@ pub fn vehicle_resistance(config: &Config, omega: f64, t_load: f64) -> f64 {
     driveline::resistance(&config.constants.driveline, omega, t_load + added)
 }
 
+/// Slip now, engine over disc, rad/s.
+#[inline(always)]
+pub fn slip(y: &Motion) -> f64 {
+    y[OMEGA_F] - y[OMEGA_C]
+}
+
 /// Clutch torques while slipping in `direction`, eq. (1).
 #[inline]
 pub fn slipping(config: &Config, found: &Found, y: &Motion, direction: f64, memory: Branch, x: f64) -> Slipping {
-    clutch::slipping(config, found, x, memory, direction, y[OMEGA_F] - y[OMEGA_C], y)
+    clutch::slipping(config, found, x, memory, direction, slip(y), y)
 }
 
 /// Clutch torque in N·m that keeps a stuck clutch together, eq. (7).
 #[inline]
 pub fn sticking_torque(config: &Config, y: &Motion, t_e: f64, t_load: f64, rest: &Rest) -> f64 {
     let resist = resistance(config, y, t_load, rest.braking());
-    holding_torque(config, y, crankshaft_torque(config, t_e, y[OMEGA_F], y[CRANK]), resist, rest)
+    holding_torque(config, y, engine_torque(config, y, t_e), resist, rest)
 }
 
 /// As [`sticking_torque`], with `t_e` N·m at the crankshaft and `resist` N·m behind the disc. What is held outside passes its torque on.
@@ -212,7 +218,7 @@ fn rates(config: &Config, set: &Setting, found: &Found, y: &Motion, drive: Drive
     let d = &c.driveline;
     let rest = &set.rest;
     let resist = resistance(config, y, set.t_load, rest.braking());
-    let t_e = crankshaft_torque(config, drive.t_e, y[OMEGA_F], y[CRANK]);
+    let t_e = engine_torque(config, y, drive.t_e);
     let mut dy = [0.0; N];
     let (t_fc, slip, heating) = if set.stuck {
         let t_fc = holding_torque(config, y, t_e, resist, rest);
@@ -222,7 +228,7 @@ fn rates(config: &Config, set: &Setting, found: &Found, y: &Motion, drive: Drive
         dy[OMEGA_C] = common;
         (t_fc, 0.0, 0.0)
     } else {
-        let slip = y[OMEGA_F] - y[OMEGA_C];
+        let slip = slip(y);
         let (t_fc, heating) = if let Some(Coupling::Torque(torque)) = config.coupling {
             (torque, torque * slip)
         } else {

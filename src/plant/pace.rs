@@ -105,6 +105,7 @@ impl Pace {
     pub fn longest_substep(&self, most: f64) -> f64 {
         let shafts = self.motion[3];
         let turn = if most > MAX_SUBSTEP { TURN_PER_SUBSTEP_OF_A_FIT } else { TURN_PER_SUBSTEP };
+        // Nothing is divided by zero: an importer may trap that.
         let turning = if shafts > 0.0 { turn / shafts } else { f64::MAX };
         let stable = if most > MAX_SUBSTEP { STABLE } else { FOLLOWED } / self.fastest();
         let longest = if stable < MAX_SUBSTEP { turning.min(stable) } else { turning };
@@ -227,6 +228,9 @@ mod tests {
         let t = Vehicle::paper().thermal;
         close(plain.heat[0], t.gamma_2 / t.C_1);
         close(plain.heat[1], (t.gamma_1 + 2.0 * t.gamma_2) / t.C_b);
+        // Faces that are hotter than their disc come and go three times as fast as by themselves.
+        let hotter = [(param::surface_temperature::resistance, 0.01), (param::surface_temperature::time_constant, 0.05)];
+        close(pace(|_| (), &hotter).heat[0], t.gamma_2 / t.C_1 + 60.0);
         // A drag per slip acts on both sides of the clutch.
         let dragged = pace(|_| (), &[(param::clutch_drag::viscosity, 0.4)]);
         close(dragged.motion[0], 0.43 / 0.2);
@@ -236,6 +240,10 @@ mod tests {
         let graded = pace(|_| (), &slope);
         let force = 1.2 * (26.1195 - 1304.6 + 5818.5);
         close(graded.motion[0], (0.03 + 2.0 * 0.091 * force * 0.001) / 0.2);
+        // Friction of facings whose dynamic friction changes with temperature is as steep as at the cold or at the hot end.
+        let facings = |m_0: f64, m_1: f64| pace(|v| (v.friction.m_0, v.friction.m_1) = (m_0, m_1), &[]).motion[0];
+        close(facings(0.35, -1e-4), facings(0.352, 0.0));
+        close(facings(0.35, 1e-4), facings(0.375, 0.0));
         // Friction that falls at rest faster than anywhere else.
         use param::friction_slip_gradient::{exponent, speed, stribeck};
         let falling = pace(|_| (), &[(stribeck, 0.3), (speed, 1.0), (exponent, 1.0)]).motion[0];
@@ -252,6 +260,15 @@ mod tests {
         use param::empirical::{load_speed_5, load_speed_6, load_speed_7};
         let learned = pace(|_| (), &[(load_speed_5, 6.0), (load_speed_6, 6.0), (load_speed_7, 6.0)]);
         close(learned.motion[1], (0.02 + 6.0 / 50.0) / 0.5);
+    }
+
+    #[test]
+    fn a_pulsation_is_as_fast_as_its_order_and_a_constant_torque_is_none() {
+        for order in [1.0, 7.0] {
+            let found = fastest(|angle: f64| 3.0 + 0.2 * (order * angle + 0.3).cos());
+            assert!((found / order - 1.0).abs() < 2e-3, "{found} for {order}");
+        }
+        assert_eq!(fastest(|_| 3.0), 0.0);
     }
 
     /// A tenth of a radian of all phases together, or a whole one in a fit.
@@ -278,6 +295,17 @@ mod tests {
         close(soft.motion[2], 0.72 / 0.4);
         close(soft.motion[3], (1.0_f64 / (1e-3 * 0.08)).sqrt());
         close(pace(|_| (), &[(compliance, 1e-3), (disc_share, 0.2), (damping, 40.0)]).motion[3], 40.0 / 0.08);
+    }
+
+    /// A tyre twists in series with the shafts, and forgets its deflection over 15 rad of at most 300 rad/s.
+    #[test]
+    fn a_tyre_is_a_spring_that_forgets() {
+        use param::driveline_compliance::{compliance, damping as shaft_damping, disc_share};
+        use param::tyre_slip::{damping, relaxation, slip_per_torque, wheel_share};
+        let tyre = [(slip_per_torque, 3e-4), (relaxation, 15.0), (wheel_share, 0.2), (damping, 0.0)];
+        close(pace(|_| (), &tyre).motion[3], (1.0_f64 / (4.5e-3 * 0.08)).sqrt() + 20.0);
+        let both = [&tyre[..], &[(compliance, 1e-3), (disc_share, 0.2), (shaft_damping, 0.0)]].concat();
+        close(pace(|_| (), &both).motion[3], (1.0_f64 / (5.5e-3 * 0.08)).sqrt() + 20.0);
     }
 
     #[test]

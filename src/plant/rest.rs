@@ -47,6 +47,7 @@ struct Torques {
     car: f64,
 }
 
+/// An engine is asked for its torque where it stands: damping has no say.
 fn torques(config: &Config, state: &State, y: &Motion, chain: &Chain) -> Torques {
     let (drive, t_load) = (chain.drive(), state.inputs.t_load);
     let t_e = motion::engine_torque(config, y, drive.t_e);
@@ -107,7 +108,7 @@ pub fn settle(config: &Config, state: &mut State, chain: &Chain) {
         decide_car(config, state, chain);
     } else {
         state.rest.car = false;
-        state.rest.rolling = if state.y[index::OMEGA_V] < 0.0 { -1.0 } else { 1.0 };
+        state.rest.rolling = 1.0_f64.copysign(state.y[index::OMEGA_V]);
     }
     state.rest.engine = state.y[index::OMEGA_F] == 0.0 && torques(config, state, &state.y, chain).engine <= 0.0;
 }
@@ -115,7 +116,7 @@ pub fn settle(config: &Config, state: &mut State, chain: &Chain) {
 fn decide_car(config: &Config, state: &mut State, chain: &Chain) {
     let push = torques(config, state, &state.y, chain).car;
     state.rest.car = push.abs() <= state.rest.brake;
-    state.rest.rolling = if push < 0.0 { -1.0 } else { 1.0 };
+    state.rest.rolling = 1.0_f64.copysign(push);
 }
 
 fn stop_car(config: &Config, state: &mut State) {

@@ -285,3 +285,18 @@ fn a_closed_clutch_that_brakes_with_one_speed_late_holds() {
     assert!((skew - 0.012).abs() < 1e-3, "{skew}");
     assert!(with == 47 && without < 5, "{with} {without}");
 }
+
+/// Shafts swing for half a second after a stop: until then the car is not taken to rest, and from the release of its brakes on it is not either.
+#[test]
+fn a_car_rests_half_a_second_after_it_stopped_under_its_brakes() {
+    let (_, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let speeds = |row: usize, now: [f64; 2]| [if row == 0 { 100.0 } else { now[0] }, 0.0];
+    let standing = answered(&Car::nominal(&vehicle), &[[5.0, 0.0]; 200], 0.1, |row| (20..150).contains(&row), speeds);
+    let problem = prepared(&standing);
+    let (track, stands) = (&problem.tracks[0], &problem.filters[0].stands);
+    let every = track.rows_per_observation;
+    let rest: Vec<f64> = (0..stands.len()).filter(|k| stands[*k]).map(|k| track.time[k * every]).collect();
+    let near = |found: f64, expected: f64| (found - expected).abs() < 0.025;
+    assert!(near(rest[0], 0.7) && near(rest[rest.len() - 1], 1.5), "from {} s to {} s", rest[0], rest[rest.len() - 1]);
+}

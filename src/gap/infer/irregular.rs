@@ -140,3 +140,44 @@ pub fn irregular(problem: &Problem, point: &Point, residuals: &[Residuals], with
     let what = format!("{} (rms), for some {memory} s at a time", at.words(&with));
     Some(Irregular { places, what, share: most / (most + explained), probability: 1.0 / (1.0 + (-lead).exp()), with })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::campaign::{self, Recording};
+    use crate::gap::model::prepare;
+    use crate::vehicle::Vehicle;
+
+    /// A place stands beside the likeliest one if it is three nats behind at most.
+    #[test]
+    fn places_are_named_within_three_nats() {
+        let campaign = campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
+        let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
+        let mut told_apart = 0;
+        // A likelihood that is believed so little that places come close to each other.
+        for (r, power) in campaign.recordings.iter().flat_map(|r| [0.02, 0.005, 0.003].map(|power| (r, power))) {
+            let all: Vec<&Recording> = vec![r];
+            let (tracks, tolerances) = prepare::read(&all, &campaign.vehicle_json).unwrap();
+            let with = prepare::disturbances(&tracks, &tolerances);
+            let mut problem = prepare::problem(tracks, &vehicle, &tolerances, &with);
+            problem.powers = [[power; PHASES]; 3];
+            let point = problem.nominal();
+            let Some(found) = irregular(&problem, &point, &problem.all_residuals(&point, None), &with) else { continue };
+            let least = |at: At| {
+                let costs = at.sizes().into_iter().flat_map(|size| MEMORIES_S.map(|memory| at.added(size, memory, &with)));
+                costs.map(|changed| minus_log_likelihood(&problem, &point, &changed)).fold(f64::INFINITY, f64::min)
+            };
+            let costs = ALL.map(least);
+            let best = costs.iter().copied().fold(f64::INFINITY, f64::min);
+            for (at, cost) in ALL.into_iter().zip(costs) {
+                let behind = 0.5 * problem.power() * (cost - best);
+                let named = at.places().iter().all(|place| found.places.contains(place));
+                assert!(behind > 3.0 || named, "{}: {at:?} is {behind} nats behind and not named", r.name);
+                let alone = ALL.into_iter().all(|other| other == at || !other.places().iter().any(|p| at.places().contains(p)));
+                assert!(behind <= 3.0 || !alone || !named, "{}: {at:?} is {behind} nats behind and named", r.name);
+                told_apart += u32::from((3.0..9.0).contains(&behind) && alone);
+            }
+        }
+        assert!(told_apart > 0, "some places are a few nats apart");
+    }
+}
