@@ -225,6 +225,7 @@ fn files(
         name,
         diagnosis: &diagnosis.json,
         overlays: &diagnosis.overlays,
+        drives: &diagnosis.drives,
         provenance,
         regions: &format!("cold is a disc below {HOT_DEGC} °C, low torque a clutch torque below {HIGH_TORQUE_NM} N·m"),
         traces: &traces,

@@ -12,7 +12,7 @@ use super::infer::posterior::{Posterior, laws_far_ahead, posterior};
 use super::infer::search::{Search, exchange, search};
 use super::infer::sensors;
 use super::map;
-use super::measure::{self, Overlay};
+use super::measure::{self, Drive, Overlay};
 use super::model::filter::Disturbances;
 use super::model::prepare;
 use super::model::tolerance::{ToleranceError, Tolerances};
@@ -54,6 +54,8 @@ pub struct Diagnosis {
     pub held: bool,
     /// Real, before and after, per recording or engagement.
     pub overlays: Vec<Overlay>,
+    /// The drives among the recordings.
+    pub drives: Vec<Drive>,
     /// The retuned car.
     pub vehicle: Vehicle,
     /// Its effects.
@@ -217,8 +219,9 @@ fn diagnosed(
     });
     let json = serde_json::to_value(&answer).expect("an answer is plain data");
     let overlays = overlays(campaign, &split, &problem, point, before, handed);
+    let drives = drives(campaign, &split, &problem);
     let (handed, effects) = (*handed.0, *handed.1);
-    Ok(Diagnosis { answer, json, held, overlays, vehicle: handed, effects, validated, nominal: vehicle, outlook, learned })
+    Ok(Diagnosis { answer, json, held, overlays, drives, vehicle: handed, effects, validated, nominal: vehicle, outlook, learned })
 }
 
 /// The posterior over what the search found, exchanges and missing laws.
@@ -358,13 +361,26 @@ fn overlays(
     after: measure::Car,
 ) -> Vec<Overlay> {
     let of = |k: usize, r: &Recording| {
-        let judge = k == split.judge;
-        let held_out = |engagement: usize, count: usize| judge && (!split.last_engagement || engagement + 1 == count);
+        let held_out = |engagement: usize, count: usize| is_held_out(split, k, engagement, count);
         let place = problem.tracks.iter().position(|t| t.name == r.name);
         let theta = place.map_or([r.theta_c0, r.theta_b0], |k| problem.temperatures(point, k));
         measure::overlays(r, held_out, before, after, theta)
     };
     campaign.recordings.iter().enumerate().flat_map(|(k, r)| of(k, r)).collect()
+}
+
+/// Whether engagement number `engagement` of `count` in recording `k` was held out.
+fn is_held_out(split: &Split, k: usize, engagement: usize, count: usize) -> bool {
+    k == split.judge && (!split.last_engagement || engagement + 1 == count)
+}
+
+fn drives(campaign: &Campaign, split: &Split, problem: &Problem) -> Vec<Drive> {
+    let of = |(k, r): (usize, &Recording)| {
+        let fitted = problem.tracks.iter().zip(&problem.filters).find(|(t, _)| t.name == r.name);
+        let held_out = |engagement: usize, count: usize| is_held_out(split, k, engagement, count);
+        measure::drive(r, held_out, fitted.map(|(track, filter)| (track, filter.phase.as_slice())))
+    };
+    campaign.recordings.iter().enumerate().filter_map(of).collect()
 }
 
 #[cfg(test)]

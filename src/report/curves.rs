@@ -6,7 +6,7 @@ use super::chart::{Scale, bound, decimals, path, range, ticks};
 use super::residuals::plain;
 use super::series::{self, rms};
 use super::text::{channel, escape, fixed, number, unit};
-use super::{Input, Overlay, OverlayChannel, absent, laws};
+use super::{Input, Overlay, OverlayChannel, absent, laws, timeline};
 
 /// Points per curve, all channels together, in still figures.
 const STILL_POINTS: usize = 12_000;
@@ -37,7 +37,7 @@ pub fn section(input: &Input) -> String {
         "<p>A free replay: the model starts where the car does and is then driven by the recorded inputs alone. {said} Held-out recordings took no part in choosing or fitting.{drives}</p>\n\
          <div class=\"live\" id=\"viewer\">\n<div class=\"cards\" role=\"group\" aria-label=\"Recording\">{cards}</div>\n{what_if}{frame}</div>\n\
          <div class=\"stills{class}\">{legend}{stills}</div>\n{}",
-        aligned(input, retuned),
+        timeline::section(input) + &aligned(input, retuned),
         drives = if input.overlays.iter().any(|o| o.recording.contains(" at ")) { DRIVES } else { "" },
         what_if = super::what_if::control(input),
     )

@@ -35,6 +35,7 @@ pub mod residuals;
 pub mod series;
 pub mod shrinkage;
 pub mod text;
+pub mod timeline;
 pub mod verdict;
 pub mod what_if;
 
@@ -48,6 +49,8 @@ pub struct Input<'a> {
     pub diagnosis: &'a Value,
     /// Curves of each recording.
     pub overlays: &'a [Overlay],
+    /// The drives among the recordings.
+    pub drives: &'a [Drive],
     /// Versions, settings, fingerprint of the data: name and value.
     pub provenance: &'a [(String, String)],
     /// What parts the regions of the residual map, as a sentence; may be empty.
@@ -65,11 +68,22 @@ pub struct Input<'a> {
 impl<'a> Input<'a> {
     /// A report of an answer alone.
     pub fn empty(diagnosis: &'a Value) -> Self {
-        Self { name: "", diagnosis, overlays: &[], provenance: &[], regions: "", traces: &[], laws: &[], known: None, what_if: None }
+        Self {
+            name: "",
+            diagnosis,
+            overlays: &[],
+            drives: &[],
+            provenance: &[],
+            regions: "",
+            traces: &[],
+            laws: &[],
+            known: None,
+            what_if: None,
+        }
     }
 }
 
-pub use crate::gap::measure::{Overlay, OverlayChannel};
+pub use crate::gap::measure::{Drive, Overlay, OverlayChannel};
 
 const PLOT: &str = include_str!("plot.js");
 const VIEWER: &str = include_str!("viewer.js");
