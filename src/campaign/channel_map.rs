@@ -282,6 +282,20 @@ mod tests {
     }
 
     #[test]
+    fn a_unit_is_of_what_the_channel_is_measured_by() {
+        let sound = |entry: &str| ChannelMap::from_toml("map", entry).is_ok();
+        for (column, more, units) in [
+            ("T_e_Nm", "", ["Nm", "%"]),
+            ("T_e_Nm", "reference_Nm = 250, kind = \"brake\", ", ["%", "Nm"]),
+            ("omega_c_rad_s", "", ["rpm", "km/h"]),
+            ("omega_c_rad_s", "tyre_radius_m = 0.3, ratio = 8.0, ", ["km/h", "rpm"]),
+        ] {
+            let of = units.map(|unit| sound(&format!("{column} = {{ name = \"a\", {more}unit = \"{unit}\" }}")));
+            assert_eq!(of, [true, false], "{column}, {more}{units:?}");
+        }
+    }
+
+    #[test]
     fn faults_name_the_entry_and_the_remedy() {
         let fault = |text: &str| ChannelMap::from_toml("map.toml", text).unwrap_err().to_string();
         let cases = [
