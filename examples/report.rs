@@ -10,6 +10,7 @@ fn main() -> std::io::Result<()> {
         name: "a made-up car",
         diagnosis: &made.diagnosis,
         overlays: &made.overlays,
+        drives: &[],
         provenance: &made.provenance,
         regions: "",
         traces: &[],
