@@ -219,10 +219,9 @@ fn effects_laws_and_forms() {
         let laws = missing::functions(place, track, filter, &car, theta);
         let combs = missing::combs(place, 0.25, 4, track, filter, &car, theta);
         let all = |laws: &[Missing]| {
-            mark(
-                laws.iter()
-                    .flat_map(|m| m.torque.iter().chain(&m.sensed).chain(&m.bench).flatten().copied().chain([0.5]).collect::<Vec<_>>()),
-            )
+            mark(laws.iter().flat_map(|m| {
+                m.torque.iter().chain([&m.clutch]).chain(&m.sensed).chain(&m.bench).flatten().copied().chain([0.5]).collect::<Vec<_>>()
+            }))
         };
         found.push((format!("{}: laws", place.id()), all(&laws)));
         found.push((format!("{}: combs", place.id()), all(&combs)));

@@ -95,8 +95,8 @@ pub struct Drive {
     pub time: Vec<f64>,
     /// Speeds of flywheel and disc, rad/s; not finite where there is no sample.
     pub speeds: [Vec<f64>; 2],
-    /// Phases of the clutch as the speeds show them, each from an instant to another, s; none where a part took no part in the fit.
-    pub phases: Vec<([f64; 2], Phase)>,
+    /// Phases of the clutch as the speeds show them (0 open, 1 slipping, 2 locked), each from an instant to another, s; none where a part took no part in the fit.
+    pub phases: Vec<([f64; 2], u8)>,
     /// When the driver brakes, s.
     pub braked: Vec<[f64; 2]>,
     /// Engagements that are replayed freely, s, and whether they took no part in choosing or fitting.
@@ -119,7 +119,9 @@ pub fn drive(recording: &Recording, held_out: impl Fn(usize, usize) -> bool, pha
     let phases = phases.into_iter().flat_map(|(fitted, phase)| {
         let at = |k: usize| fitted.time[fitted.rows_of(k.min(phase.len() - 1)).start];
         let last = fitted.time[fitted.rows() - 1];
-        let one = move |run: Range<usize>| ([at(run.start), if run.end < phase.len() { at(run.end) } else { last }], phase[run.start]);
+        let one = move |run: Range<usize>| {
+            ([at(run.start), if run.end < phase.len() { at(run.end) } else { last }], phase[run.start] as u8 - Phase::Open as u8)
+        };
         runs(phase.len(), &|a, b| phase[a] == phase[b]).into_iter().map(one)
     });
     Some(Drive {

@@ -3,7 +3,6 @@
 use super::chart::{Scale, path, range};
 use super::text::plain;
 use super::{Drive, Input, laws};
-use crate::plant::Phase;
 use std::fmt::Write as _;
 
 /// Points of a curve.
@@ -49,7 +48,7 @@ fn figure(drive: &Drive) -> String {
     };
     let mut drawing = String::new();
     for (span, phase) in &drive.phases {
-        drawing += &bar(["s0", "s1", "s2"][*phase as usize - Phase::Open as usize], *span, (y.b, y.a - y.b));
+        drawing += &bar(["s0", "s1", "s2"][usize::from(*phase)], *span, (y.b, y.a - y.b));
     }
     drawing += &laws::frame(&x, &y, "time, s");
     for (span, held_out) in &drive.engagements {
@@ -85,7 +84,7 @@ mod tests {
             recording: name.to_owned(),
             time: (0..=100).map(|k| 0.1 * f64::from(k)).collect(),
             speeds: [vec![100.0; 101], vec![f64::NAN; 101]],
-            phases: vec![([0.0, 2.5], Phase::Open), ([2.5, 5.0], Phase::Slipping), ([5.0, 10.0], Phase::Locked)],
+            phases: vec![([0.0, 2.5], 0), ([2.5, 5.0], 1), ([5.0, 10.0], 2)],
             braked: vec![[0.0, 1.0], [9.0, 10.0]],
             engagements: vec![([1.0, 5.0], false), ([5.0, 9.0], true)],
         }
