@@ -1,8 +1,9 @@
 //! From what was found to the answer, in the answer's words.
 
+use super::advice;
 use super::answer::{
-    Answer, Correlation, Domain, Effect, Empirical, EmpiricalCurve, Equation, Figures, HowFar, Interval, LeftOut, MeasureNext,
-    NotAssessable, PerRecording, Planned, Plant, Ranked, Real, RivalSet, Share, Visible, Weighed, Where, Which, plant_parameters,
+    Answer, Correlation, Domain, Effect, Empirical, EmpiricalCurve, Equation, Figures, HowFar, Interval, LeftOut, NotAssessable,
+    PerRecording, Plant, Ranked, Real, Share, Visible, Weighed, Where, Which, plant_parameters,
 };
 use super::empirical::{LEAST_CLOSED, Refusal, Tried};
 use super::infer::coordinate::Coordinate;
@@ -11,13 +12,12 @@ use super::infer::fit::Fit;
 use super::infer::form::FORM;
 use super::infer::posterior::{Explanation, Posterior};
 use super::infer::search::{Search, log_prior};
-use super::map::{Cell, FAMILY_WISE_ERROR, HOT_DEGC};
+use super::map::{Cell, FAMILY_WISE_ERROR};
 use super::measure::{Closed, Engagement, HeldOut};
 use super::model::track::Channel;
 use super::model::unknown_clutch::{self, HIDDEN};
-use super::plan::manoeuvre::Manoeuvre;
-use super::plan::reach::{Reach, TOO_LARGE};
-use super::plan::{Outlook, Worth};
+use super::plan::Outlook;
+use super::plan::reach::Reach;
 use super::verdict::{Conclusion, NAMED_BESIDE, Verdict};
 use crate::campaign::Campaign;
 use crate::effects::{self, PARAMETERS, Parameters, REGISTRY, Subsystem};
@@ -83,7 +83,7 @@ pub fn answer(f: &Findings) -> Answer {
         },
         joint: super::joint::joint(f.problem, f.conclusion),
         domain: Domain::of(f.validated),
-        measure_next: measure_next(f.outlook),
+        measure_next: advice::measure_next(f.outlook),
         hidden_without_position: HIDDEN.iter().filter(|_| position_free(f)).map(|s| s.id()).collect(),
     }
 }
@@ -203,51 +203,9 @@ fn which(f: &Findings) -> Which {
     }
 }
 
-/// A manoeuvre as one says it.
-fn said(m: &Manoeuvre) -> String {
-    let warm = if m.theta_c > HOT_DEGC { ", hot" } else { "" };
-    format!("{} ({}{warm}, {:.0} s)", m.kind.words(), m.name, m.seconds)
-}
-
-/// Rounded to what anybody would plan by.
-fn nats(x: f64) -> String {
-    if x >= 9.95 { format!("{x:.0}") } else { format!("{x:.1}") }
-}
-
-/// The manoeuvre that tells an effect best from what may be there in its place.
-fn separated_by(outlook: &Outlook, effect: usize) -> String {
-    let ranked = outlook.ranked(&outlook.in_place_of(effect));
-    let Some(best) = ranked.first() else {
-        return "no manoeuvre was rehearsed, for what stands in its place has no formula".to_owned();
-    };
-    let what = said(&outlook.manoeuvres[best.manoeuvre]);
-    format!(
-        "{what}: {} nats expected, {} per minute; it tells them apart with a probability of {:.0} %",
-        nats(best.nats),
-        nats(best.nats_per_minute),
-        100.0 * best.splits
-    )
-}
-
-/// The manoeuvre that shows an effect best that the recordings cannot show.
-fn measure(outlook: &Outlook, effect: usize) -> String {
-    let entry = &REGISTRY[effect];
-    let best = outlook.reach.as_ref().and_then(|r| Some((r, r.best_for(effect, &outlook.manoeuvres)?)));
-    let Some((reach, k)) = best else { return entry.effect.shown_by.to_owned() };
-    let Some(limit) = Reach::of(&reach.with[k], effect) else { return entry.effect.shown_by.to_owned() };
-    let p = &PARAMETERS[limit.parameter];
-    let from = format!("{:.2} of a usual one on ({} by {:.2e} {})", limit.in_sizes(), p.name, limit.size, p.unit);
-    let what = said(&outlook.manoeuvres[k]);
-    if limit.in_sizes() <= TOO_LARGE {
-        format!("{what}: shows it from {from}")
-    } else {
-        format!("{}; of what can be driven, {what} shows most, but only from {from}", entry.effect.shown_by)
-    }
-}
-
-/// The same, with the channel that the recordings lack.
+/// What shows an effect best, with the channel that the recordings lack.
 fn to_measure(f: &Findings, effect: usize) -> String {
-    let what = measure(f.outlook, effect);
+    let what = advice::shown_by(f.outlook, effect);
     if position_free(f) && HIDDEN.contains(&REGISTRY[effect].effect.subsystem) {
         return format!("record x_to_cmd_mm, the position that the TCU commands; with it {what}");
     }
@@ -257,30 +215,6 @@ fn to_measure(f: &Findings, effect: usize) -> String {
 /// Whether no recording says where the bearing is.
 fn position_free(f: &Findings) -> bool {
     f.problem.tracks.iter().all(|t| t.position_free)
-}
-
-fn measure_next(outlook: &Outlook) -> Option<MeasureNext> {
-    let ranked = outlook.ranked_for_all();
-    let planned = |w: &Worth| {
-        let m = &outlook.manoeuvres[w.manoeuvre];
-        Planned {
-            name: m.name.clone(),
-            drive: m.kind.words(),
-            torque_nm: Real(m.torque_nm),
-            theta_c: Real(m.theta_c),
-            seconds: Real(m.seconds),
-            prepare_s: Real(m.prepare_s),
-            nats: Real(w.nats),
-            nats_per_minute: Real(w.nats_per_minute),
-            splits: Real(w.splits),
-        }
-    };
-    let rival = |r: &super::plan::split::Rival| RivalSet {
-        effects: r.effects.iter().map(|&e| REGISTRY[e].id).collect(),
-        probability: Real(r.probability),
-    };
-    (!ranked.is_empty())
-        .then(|| MeasureNext { rivals: outlook.rivals.iter().map(rival).collect(), manoeuvres: ranked.iter().map(planned).collect() })
 }
 
 /// Effects that may be there in the place of `e`.
@@ -310,7 +244,7 @@ fn effect(f: &Findings, e: usize) -> Effect {
     let entry = &REGISTRY[e];
     let group = rivals(f, e);
     let fit = f.conclusion.explanation.fit.as_ref().expect("the best was fitted");
-    let split = if group.is_empty() { String::new() } else { separated_by(f.outlook, e) };
+    let split = if group.is_empty() { String::new() } else { advice::separated_by(f.outlook, e) };
     Effect {
         id: entry.id,
         probability: Real(f.posterior.of_effect(e)),
@@ -588,7 +522,6 @@ mod tests {
 
     #[test]
     fn figures_are_said_as_one_reads_them() {
-        assert_eq!([nats(9.94), nats(9.96), nats(0.0)], ["9.9", "10", "0.0"]);
         assert_eq!(
             [percent(1.0), percent(1.2), percent(0.9999), percent(0.123_49), percent(-0.05)],
             ["100 %", "100 %", "99.9 %", "12.3 %", "−5.0 %"]

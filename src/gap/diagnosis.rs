@@ -3,6 +3,7 @@
 use super::answer::Answer;
 use super::compose::{self, Findings};
 use super::domain::{self, Handed};
+use super::drive::{self, Drive};
 use super::empirical::{self, Tried};
 use super::held_out::{Split, split};
 use super::infer::density::{Point, Problem};
@@ -12,7 +13,7 @@ use super::infer::posterior::{Posterior, laws_far_ahead, posterior};
 use super::infer::search::{Search, exchange, search};
 use super::infer::sensors;
 use super::map;
-use super::measure::{self, Drive, Overlay};
+use super::measure::{self, Overlay};
 use super::model::filter::Disturbances;
 use super::model::prepare;
 use super::model::tolerance::{ToleranceError, Tolerances};
@@ -378,7 +379,7 @@ fn drives(campaign: &Campaign, split: &Split, problem: &Problem) -> Vec<Drive> {
     let of = |(k, r): (usize, &Recording)| {
         let fitted = problem.tracks.iter().zip(&problem.filters).find(|(t, _)| t.name == r.name);
         let held_out = |engagement: usize, count: usize| is_held_out(split, k, engagement, count);
-        measure::drive(r, held_out, fitted.map(|(track, filter)| (track, filter.phase.as_slice())))
+        drive::drive(r, held_out, fitted.map(|(track, filter)| (track, filter.phase.as_slice())))
     };
     campaign.recordings.iter().enumerate().filter_map(of).collect()
 }

@@ -7,18 +7,21 @@
 //!    prediction) are white where the model is right; smooth laws that no effect of the library covers
 //! 3. [`infer`]: one joint density of recordings and unknowns; its mode and evidence; the search over sets of effects; the posterior over these sets and over
 //!    missing laws
-//! 4. [`verdict`]: what the posterior says; [`map`]: where the balances do not close; [`measure`]: how far off free replays are, before and after
-//! 5. [`plan`]: what to measure to settle what is open, and how small an effect would still show
+//! 4. [`verdict`]: what the posterior says; [`map`]: where the balances do not close; [`measure`]: how far off free replays are, before and after;
+//!    [`drive`]: what happened when on a drive
+//! 5. [`plan`]: what to measure to settle what is open, and how small an effect would still show; [`advice`]: the same in words
 //! 6. [`empirical`]: a law learned from the recordings where the library ends; [`domain`]: where the retuned plant was validated, and how well its clutch torque
 //!    is known
 //! 7. [`compose`]: the [`answer`] and its sentences; [`joint`]: the posterior itself, for pooling many cars
 //!
 //! [`diagnosis`] runs all of it, and [`progress`] tells how far it is.
 
+pub mod advice;
 pub mod answer;
 pub mod compose;
 pub mod diagnosis;
 pub mod domain;
+pub mod drive;
 pub mod empirical;
 pub mod held_out;
 pub mod infer;

@@ -83,7 +83,8 @@ impl<'a> Input<'a> {
     }
 }
 
-pub use crate::gap::measure::{Drive, Overlay, OverlayChannel};
+pub use crate::gap::drive::Drive;
+pub use crate::gap::measure::{Overlay, OverlayChannel};
 
 const PLOT: &str = include_str!("plot.js");
 const VIEWER: &str = include_str!("viewer.js");

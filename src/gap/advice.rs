@@ -1,0 +1,83 @@
+//! What to measure, in the answer's words: what tells rivals apart, what shows an effect, and what is worth most.
+
+use super::answer::{MeasureNext, Planned, Real, RivalSet};
+use super::map::HOT_DEGC;
+use super::plan::manoeuvre::Manoeuvre;
+use super::plan::reach::{Reach, TOO_LARGE};
+use super::plan::split::Rival;
+use super::plan::{Outlook, Worth};
+use crate::effects::{PARAMETERS, REGISTRY};
+
+/// A manoeuvre as one says it.
+fn said(m: &Manoeuvre) -> String {
+    let warm = if m.theta_c > HOT_DEGC { ", hot" } else { "" };
+    format!("{} ({}{warm}, {:.0} s)", m.kind.words(), m.name, m.seconds)
+}
+
+/// Rounded to what anybody would plan by.
+fn nats(x: f64) -> String {
+    if x >= 9.95 { format!("{x:.0}") } else { format!("{x:.1}") }
+}
+
+/// The manoeuvre that tells an effect best from what may be there in its place.
+pub fn separated_by(outlook: &Outlook, effect: usize) -> String {
+    let ranked = outlook.ranked(&outlook.in_place_of(effect));
+    let Some(best) = ranked.first() else {
+        return "no manoeuvre was rehearsed, for what stands in its place has no formula".to_owned();
+    };
+    let what = said(&outlook.manoeuvres[best.manoeuvre]);
+    format!(
+        "{what}: {} nats expected, {} per minute; it tells them apart with a probability of {:.0} %",
+        nats(best.nats),
+        nats(best.nats_per_minute),
+        100.0 * best.splits
+    )
+}
+
+/// The manoeuvre that shows an effect best that the recordings cannot show.
+pub fn shown_by(outlook: &Outlook, effect: usize) -> String {
+    let entry = &REGISTRY[effect];
+    let best = outlook.reach.as_ref().and_then(|r| Some((r, r.best_for(effect, &outlook.manoeuvres)?)));
+    let Some((reach, k)) = best else { return entry.effect.shown_by.to_owned() };
+    let Some(limit) = Reach::of(&reach.with[k], effect) else { return entry.effect.shown_by.to_owned() };
+    let p = &PARAMETERS[limit.parameter];
+    let from = format!("{:.2} of a usual one on ({} by {:.2e} {})", limit.in_sizes(), p.name, limit.size, p.unit);
+    let what = said(&outlook.manoeuvres[k]);
+    if limit.in_sizes() <= TOO_LARGE {
+        format!("{what}: shows it from {from}")
+    } else {
+        format!("{}; of what can be driven, {what} shows most, but only from {from}", entry.effect.shown_by)
+    }
+}
+
+/// What the answer says of it; none where nothing is open.
+pub fn measure_next(outlook: &Outlook) -> Option<MeasureNext> {
+    let ranked = outlook.ranked_for_all();
+    let planned = |w: &Worth| {
+        let m = &outlook.manoeuvres[w.manoeuvre];
+        Planned {
+            name: m.name.clone(),
+            drive: m.kind.words(),
+            torque_nm: Real(m.torque_nm),
+            theta_c: Real(m.theta_c),
+            seconds: Real(m.seconds),
+            prepare_s: Real(m.prepare_s),
+            nats: Real(w.nats),
+            nats_per_minute: Real(w.nats_per_minute),
+            splits: Real(w.splits),
+        }
+    };
+    let rival = |r: &Rival| RivalSet { effects: r.effects.iter().map(|&e| REGISTRY[e].id).collect(), probability: Real(r.probability) };
+    (!ranked.is_empty())
+        .then(|| MeasureNext { rivals: outlook.rivals.iter().map(rival).collect(), manoeuvres: ranked.iter().map(planned).collect() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nats_are_said_as_one_reads_them() {
+        assert_eq!([nats(9.94), nats(9.96), nats(0.0)], ["9.9", "10", "0.0"]);
+    }
+}
