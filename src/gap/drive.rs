@@ -26,10 +26,10 @@ pub struct Drive {
 /// A recording as a drive, if the driver brakes in it. `phases` are those by observation of the part that was fitted.
 pub fn drive(recording: &Recording, held_out: impl Fn(usize, usize) -> bool, phases: Option<(&Track, &[Phase])>) -> Option<Drive> {
     let track = Track::new(recording);
-    let all = stretches(&track);
     if track.brake.iter().all(|b| !b) {
         return None;
     }
+    let all = stretches(&track);
     let span = |rows: Range<usize>| [track.time[rows.start], track.time[rows.end.min(track.rows() - 1)]];
     let runs = |n: usize, same: &dyn Fn(usize, usize) -> bool| -> Vec<Range<usize>> {
         let begins: Vec<usize> = (0..n).filter(|&k| k == 0 || !same(k - 1, k)).collect();
@@ -52,4 +52,57 @@ pub fn drive(recording: &Recording, held_out: impl Fn(usize, usize) -> bool, pha
         speeds: [Channel::OmegaF, Channel::OmegaC].map(|c| track.measured[c as usize].clone()),
         time: track.time,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Braked to 1 s, released at rest, braked from 3 s on to the end; the last 0.5 s took no part in the fit.
+    #[test]
+    fn a_drive_says_when_it_brakes_engages_and_locks() {
+        let time: Vec<f64> = (0..400).map(|k| 0.01 * f64::from(k)).collect();
+        let brake: Vec<bool> = time.iter().map(|t| *t < 0.995 || *t > 2.995).collect();
+        let r = Recording {
+            name: "r01".into(),
+            sample_rate_hz: 100.0,
+            omega_f: vec![100.0; 400],
+            omega_c: vec![0.0; 400],
+            t_e: vec![10.0; 400],
+            x_to_cmd: vec![3.0; 400],
+            theta_h: vec![25.0; 400],
+            brake: Some(brake),
+            time,
+            ..Recording::default()
+        };
+        let cut = |v: &Vec<f64>| v[..350].to_vec();
+        let fitted = Recording { time: cut(&r.time), omega_f: cut(&r.omega_f), omega_c: cut(&r.omega_c), t_e: cut(&r.t_e), ..r.clone() };
+        let fitted = Track::new(&Recording {
+            x_to_cmd: cut(&r.x_to_cmd),
+            theta_h: cut(&r.theta_h),
+            brake: r.brake.as_ref().map(|b| b[..350].to_vec()),
+            ..fitted
+        });
+        let phases: Vec<Phase> = (0..350)
+            .map(|k| {
+                if k < 120 {
+                    Phase::Open
+                } else if k < 200 {
+                    Phase::Slipping
+                } else {
+                    Phase::Locked
+                }
+            })
+            .collect();
+        let d = drive(&r, |k, count| k + 1 == count, Some((&fitted, &phases))).unwrap();
+        let close = |found: [f64; 2], expected: [f64; 2]| found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9);
+        assert!(d.braked.len() == 2 && close(d.braked[0], [0.0, 1.0]) && close(d.braked[1], [3.0, 3.99]), "{:?}", d.braked);
+        assert!(d.engagements.len() == 1 && close(d.engagements[0].0, [1.0, 3.0]) && d.engagements[0].1, "{:?}", d.engagements);
+        let expected = [([0.0, 1.2], 0), ([1.2, 2.0], 1), ([2.0, 3.49], 2)];
+        assert_eq!(d.phases.len(), 3);
+        assert!(d.phases.iter().zip(expected).all(|(found, (span, phase))| close(found.0, span) && found.1 == phase), "{:?}", d.phases);
+        assert!(d.recording == "r01" && d.time.len() == 400 && d.speeds[0][7] == 100.0 && d.speeds[1][7] == 0.0);
+        assert!(drive(&r, |_, _| false, None).unwrap().phases.is_empty());
+        assert!(drive(&Recording { brake: None, ..r }, |_, _| false, None).is_none());
+    }
 }
