@@ -111,3 +111,16 @@ fn a_law_that_does_not_carry_over_is_refused() {
     assert_eq!(tried.refused, Some(Refusal::LeftOut));
     assert!(tried.share_left_out() < LEAST_CLOSED);
 }
+
+/// What a law learned at the true place does for cars with each effect outside the library. The figures are in docs/validation.md.
+#[test]
+#[ignore = "takes minutes; prints a table"]
+fn what_is_learned_of_each_effect_outside_the_library() {
+    for (id, place) in realcar::outside() {
+        let place = Subsystem::ALL.into_iter().find(|s| s.id() == place).unwrap();
+        for seed in [3, 4] {
+            print!("{id} ({}) ", place.id());
+            learned(&everyday(seed, Kind::Outside(id)), place);
+        }
+    }
+}

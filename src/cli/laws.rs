@@ -241,7 +241,11 @@ fn learned(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law>
             Law {
                 title: names::curve(c.name),
                 over: c.over.to_owned(),
-                unit: if c.unit() == "1" { "relative" } else { "N·m" },
+                unit: match c.unit() {
+                    "1" => "relative",
+                    "N.m" => "N·m",
+                    other => other,
+                },
                 lines: vec![
                     Line { identified: false, hot: false, points: vec![(first, 0.0), (last, 0.0)] },
                     Line { identified: true, hot: false, points },

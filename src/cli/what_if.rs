@@ -2,7 +2,6 @@
 
 use super::laws::source;
 use crate::campaign::Campaign;
-use crate::effects::param::clutch_speed_gain;
 use crate::effects::{Entry, PARAMETERS, Parameters, REGISTRY, find};
 use crate::fmu;
 use crate::gap::diagnosis::Diagnosis;
@@ -10,7 +9,7 @@ use crate::gap::measure::Overlay;
 use crate::gap::model::replay;
 use crate::gap::model::tolerance::Car;
 use crate::gap::model::track::{Channel, Track};
-use crate::plant::Start;
+use crate::plant::{Start, sensed};
 use crate::report::what_if::{Drive, Effect, Plant, Player, Replays, Size, WhatIf};
 
 /// Stops of a slider.
@@ -80,7 +79,8 @@ fn drive(campaign: &Campaign, found: &Diagnosis, o: &Overlay) -> Option<(Track, 
     let (recording, begin) = source(campaign, o).filter(|(r, _)| !r.x_to_cmd.is_empty())?;
     let track = Track::new(recording);
     let first = |channel: Channel| o.channels.iter().find(|c| c.column == channel.column()).and_then(|c| c.after.first()).copied();
-    let speeds = [first(Channel::OmegaF)?, first(Channel::OmegaC)? / found.effects[clutch_speed_gain::gain]];
+    let speeds = [first(Channel::OmegaF)?, first(Channel::OmegaC)?];
+    let speeds: [f64; 2] = std::array::from_fn(|k| sensed::meant(&found.effects, k, speeds[k]));
     let end = begin + o.channels.first()?.real.len();
     let ticks = &track.ticks[track.tick_of_row[begin]..track.tick_of_row[end]];
     let from = track.tick_of_row[begin];

@@ -9,8 +9,10 @@
 //! | clutch force | F (1 + Σ) on the spring's force | normalised position, its direction, disc temperature |
 //! | engine | T_e + Σ at the crankshaft | speed, torque asked for |
 //! | driveline | T_L + Σ tanh(ω/ω_L) against the motion | speed |
+//! | actuator | ė = −e/τ of the distance e to the command, τ = Σ; then an offset, then play | distance, position |
+//! | sensors | ω (1 + δ) behind τ ṡ + s = ω, for either speed | speed |
 //!
-//! A factor is never less than [`LEAST_FACTOR`], so that faces that slip always brake. Parameters are the values at the breakpoints,
+//! A factor is never less than [`LEAST_FACTOR`], so that faces that slip always brake; a time constant or a play is never less than none. Parameters are the values at the breakpoints,
 //! `<curve>_1` and on; while all of a law are zero it takes no part.
 
 use super::{PARAMETERS, Parameters, Subsystem, param::empirical as at};
@@ -88,6 +90,12 @@ const FORCE: [usize; 3] = [4, 5, 6];
 const DIRECTION: usize = FORCE[1];
 const ENGINE: [usize; 2] = [7, 8];
 const LOAD: usize = 9;
+const TIME: [usize; 2] = [10, 11];
+const OFFSET: usize = 12;
+const PLAY: usize = 13;
+const ACTUATOR: [usize; 4] = [TIME[0], TIME[1], OFFSET, PLAY];
+const SCALE: [usize; 2] = [16, 14];
+const FILTER: [usize; 2] = [17, 15];
 
 const fn curve(name: &'static str, subsystem: Subsystem, over: &'static str, breakpoints: &'static [f64], first: usize) -> Curve {
     Curve { name, subsystem, over, breakpoints, first, reference: None }
@@ -97,10 +105,10 @@ const fn pinned(curve: Curve, reference: usize) -> Curve {
     Curve { reference: Some(reference), ..curve }
 }
 
-use Subsystem::{ClutchForce, Driveline, Engine, Friction};
+use Subsystem::{Actuator, ClutchForce, Driveline, Engine, Friction, Sensors};
 
 /// All curves.
-pub static CURVES: [Curve; 10] = [
+pub static CURVES: [Curve; 18] = [
     curve("friction_slip", Friction, "slip, rad/s", &[0.0, 4.0, 12.0, 30.0, 60.0, 110.0, 180.0], at::friction_slip_1),
     pinned(
         curve(
@@ -138,7 +146,17 @@ pub static CURVES: [Curve; 10] = [
     curve("engine_speed", Engine, "engine speed, rad/s", &[50.0, 80.0, 110.0, 150.0, 200.0, 270.0, 360.0], at::engine_speed_1),
     pinned(curve("engine_torque", Engine, "torque asked for, N·m", &[-20.0, 0.0, 20.0, 45.0, 75.0, 110.0], at::engine_torque_1), 2),
     curve("load_speed", Driveline, "disc speed, rad/s", &[0.0, 5.0, 20.0, 50.0, 100.0, 170.0, 260.0], at::load_speed_1),
+    curve("actuator_time", Actuator, "distance to the command, mm", &[-6.0, -2.0, -0.5, 0.0, 0.5, 2.0, 6.0], at::actuator_time_1),
+    pinned(curve("actuator_slowing", Actuator, SHARE_OF_CLOSED, &[0.0, 0.3, 0.5, 0.7, 1.0], at::actuator_slowing_1), 2),
+    curve("actuator_offset", Actuator, SHARE_OF_CLOSED, &[0.0, 0.3, 0.5, 0.6, 0.7, 0.85, 1.0], at::actuator_offset_1),
+    curve("actuator_play", Actuator, SHARE_OF_CLOSED, &[0.3, 0.5, 0.7, 1.0], at::actuator_play_1),
+    curve("disc_scale", Sensors, "disc speed, rad/s", &[5.0, 20.0, 50.0, 100.0, 150.0, 200.0, 280.0], at::disc_scale_1),
+    curve("disc_filter", Sensors, "disc speed, rad/s", &[10.0, 60.0, 200.0], at::disc_filter_1),
+    curve("flywheel_scale", Sensors, "flywheel speed, rad/s", &[50.0, 80.0, 110.0, 150.0, 200.0, 270.0, 360.0], at::flywheel_scale_1),
+    curve("flywheel_filter", Sensors, "flywheel speed, rad/s", &[60.0, 120.0, 240.0], at::flywheel_filter_1),
 ];
+
+const SHARE_OF_CLOSED: &str = "position, share of the closed clutch's";
 
 /// Curves of a subsystem's law.
 pub fn curves(of: Subsystem) -> impl Iterator<Item = &'static Curve> {
@@ -163,13 +181,31 @@ pub struct Active {
     pub engine: bool,
     /// [`load`].
     pub load: bool,
+    /// Anything of the actuator.
+    pub actuator: bool,
+    /// [`approach`].
+    pub slow: bool,
+    /// [`scale`].
+    pub scales: bool,
+    /// [`smoothing`].
+    pub filters: bool,
 }
 
 impl Active {
     /// Those of which any value is not zero.
     pub fn of(p: &Parameters) -> Self {
         let any = |curves: &[usize]| curves.iter().any(|&c| !CURVES[c].is_null(p));
-        Self { friction: any(&FRICTION), force: any(&FORCE), direction: any(&[DIRECTION]), engine: any(&ENGINE), load: any(&[LOAD]) }
+        Self {
+            friction: any(&FRICTION),
+            force: any(&FORCE),
+            direction: any(&[DIRECTION]),
+            engine: any(&ENGINE),
+            load: any(&[LOAD]),
+            actuator: any(&ACTUATOR),
+            slow: any(&TIME),
+            scales: any(&SCALE),
+            filters: any(&FILTER),
+        }
     }
 }
 
@@ -196,6 +232,109 @@ pub fn engine(p: &Parameters, omega_f: f64, torque: f64) -> f64 {
 /// Torque in N·m against the motion at a speed in rad/s; `omega_l` is the speed scale of the rolling load.
 pub fn load(p: &Parameters, omega: f64, omega_l: f64) -> f64 {
     CURVES[LOAD].value(p, omega.abs()) * driveline::tanh(omega / omega_l)
+}
+
+/// Time constant in s of an actuator that is `distance` mm short of its command, at a position as share of the closed clutch's.
+pub fn time(p: &Parameters, distance: f64, share: f64) -> f64 {
+    let (k, along) = CURVES[TIME[0]].place(distance);
+    let (a, b) = (time_at(p, k, share), time_at(p, k + 1, share));
+    a + along * (b - a)
+}
+
+/// Time constant in s at breakpoint `k` of the distance.
+fn time_at(p: &Parameters, k: usize, share: f64) -> f64 {
+    let [over_distance, over_share] = TIME.map(|c| &CURVES[c]);
+    (p[over_distance.first + k] + over_share.value(p, share)).max(0.0)
+}
+
+/// Greatest time constant in s that an actuator has anywhere.
+pub fn longest_time(p: &Parameters) -> f64 {
+    TIME.into_iter().map(|c| CURVES[c].parameters().map(|k| p[k]).fold(0.0, f64::max)).sum()
+}
+
+/// Distance in mm that is left after `h` s of `distance` mm, for an actuator that set out at a position as share of the closed clutch's: ė = −e/τ(e), solved
+/// interval by interval of the table. Between two breakpoints τ = a + b |e|, and from e_0 to e it takes a ln(e_0/e) + b (e_0 − e).
+pub fn approach(p: &Parameters, distance: f64, share: f64, h: f64) -> f64 {
+    let curve = &CURVES[TIME[0]];
+    let node = |k: usize| time_at(p, k, share);
+    let (centre, last) = (curve.breakpoints.len() / 2, curve.breakpoints.len() - 1);
+    let side = |steps: usize| if distance > 0.0 { centre + steps } else { last - centre - steps };
+    let (mut left, mut time) = (distance.abs(), h);
+    if !left.is_finite() {
+        return distance;
+    }
+    for steps in (0..=centre).rev() {
+        let lower = curve.breakpoints[side(steps)].abs();
+        if left <= lower {
+            continue;
+        }
+        let here = node(side(steps));
+        // Beyond the last breakpoint the table is constant.
+        let (slope, width) = if steps == centre { (0.0, 1.0) } else { (node(side(steps + 1)) - here, curve.breakpoints[side(steps + 1)].abs() - lower) };
+        let b = slope / width;
+        let a = here - b * lower;
+        let through = if lower > 0.0 {
+            a * (left / lower).ln() + b * (left - lower)
+        } else if a > 0.0 {
+            f64::INFINITY
+        } else {
+            b * left
+        };
+        if time < through {
+            return within(a, b, [lower, left], time).copysign(distance);
+        }
+        (left, time) = (lower, time - through);
+    }
+    0.0
+}
+
+/// The e after `time` s from e_0, where a ln(e_0/e) + b (e_0 − e) is that time and e is not below `lower`: by Newton's method in ln e, kept within a bracket.
+fn within(a: f64, b: f64, [lower, e_0]: [f64; 2], time: f64) -> f64 {
+    if b == 0.0 {
+        return e_0 * (-time / a).exp();
+    }
+    if a == 0.0 {
+        return (e_0 - time / b).max(lower);
+    }
+    // s = ln(e/e_0) ≤ 0: a s + b e_0 (eˢ − 1) + time = 0, which grows by τ.
+    let at = |s: f64| a * s + b * e_0 * s.exp_m1() + time;
+    let (mut low, mut high) = if lower > 0.0 { ((lower / e_0).ln(), 0.0) } else { (-1.0, 0.0) };
+    while lower == 0.0 && at(low) > 0.0 && low > LEAST_LOGARITHM {
+        (low, high) = (2.0 * low, low);
+    }
+    let mut s = 0.5 * (low + high);
+    for _ in 0..MOST_SEARCHED {
+        let found = at(s);
+        if found > 0.0 { high = s } else { low = s }
+        let newton = s - found / (a + b * e_0 * s.exp());
+        let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+        if (next - s).abs() <= 1e-15 * next.abs() {
+            break;
+        }
+        s = next;
+    }
+    e_0 * s.exp()
+}
+
+/// Logarithm of a share of a distance that is nothing.
+const LEAST_LOGARITHM: f64 = -700.0;
+
+/// Steps of a search that bisection alone would end by.
+const MOST_SEARCHED: usize = 60;
+
+/// Offset of the bearing and half of its play, mm, at a position as share of the closed clutch's.
+pub fn offset_and_play(p: &Parameters, share: f64) -> (f64, f64) {
+    (CURVES[OFFSET].value(p, share), CURVES[PLAY].value(p, share).max(0.0))
+}
+
+/// Sensed speed over speed: of the flywheel (0) or the disc (1), at a speed in rad/s.
+pub fn scale(p: &Parameters, side: usize, speed: f64) -> f64 {
+    1.0 + CURVES[SCALE[side]].value(p, speed.abs())
+}
+
+/// Time constant in s of the filter behind which a speed is sensed: of the flywheel (0) or the disc (1), at a speed in rad/s.
+pub fn smoothing(p: &Parameters, side: usize, speed: f64) -> f64 {
+    CURVES[FILTER[side]].value(p, speed.abs()).max(0.0)
 }
 
 /// Greatest slope of the engine's law over speed, N·m·s/rad.
@@ -247,6 +386,8 @@ mod tests {
         assert_eq!(of(ClutchForce), [("force_position", "1"), ("force_direction", "1"), ("force_temperature", "1")]);
         assert_eq!(of(Engine), [("engine_speed", "N.m"), ("engine_torque", "N.m")]);
         assert_eq!(of(Driveline), [("load_speed", "N.m")]);
+        assert_eq!(of(Actuator), [("actuator_time", "s"), ("actuator_slowing", "s"), ("actuator_offset", "mm"), ("actuator_play", "mm")]);
+        assert_eq!(of(Sensors), [("disc_scale", "1"), ("disc_filter", "s"), ("flywheel_scale", "1"), ("flywheel_filter", "s")]);
         assert_eq!(of(Subsystem::Thermal), []);
     }
 
@@ -285,6 +426,63 @@ mod tests {
         assert_eq!(load(&p, 0.0, 2.0), 0.0);
     }
 
+    /// Distances left under some tables of time constants, on both sides, against many small steps of ė = −e/τ(e).
+    #[test]
+    fn an_actuator_closes_its_distance_as_its_time_constants_say() {
+        let tables = [[0.3, 0.2, 0.05, 0.02, 0.04, 0.1, 0.5], [0.01, 0.1, 0.0, 0.1, 0.0, 0.2, 0.2], [0.2, 0.1, 0.05, 0.0, 0.02, 0.4, 0.1]];
+        for (n, table) in tables.iter().enumerate() {
+            for (added, from) in [(0.0, 9.0), (0.0, -9.0), (0.0, 4.0), (0.02, -1.3), (-0.03, 5.0), (0.01, 0.2)] {
+                let mut p = null();
+                p[at::actuator_time_1..=at::actuator_time_7].copy_from_slice(table);
+                p[at::actuator_slowing_5] = added;
+                let mut e: f64 = from;
+                let steps = 20_000;
+                let h = 0.15 / f64::from(steps);
+                for k in 1..=steps {
+                    // Where there is no time constant it leaps.
+                    while time(&p, e, 1.0) < 1e-9 && e.abs() > 1e-9 {
+                        e *= 0.9999;
+                    }
+                    let half = e * (-0.5 * h / time(&p, e, 1.0)).exp();
+                    e *= (-h / time(&p, half, 1.0).max(1e-12)).exp();
+                    if k % 5_000 == 0 {
+                        let found = approach(&p, from, 1.0, f64::from(k) * h);
+                        assert!((found - e).abs() < 3e-3 * from.abs(), "table {n} from {from}: {found} against {e}");
+                        // In pieces as in one.
+                        let pieces = (0..4).fold(from, |e, _| approach(&p, e, 1.0, 0.25 * f64::from(k) * h));
+                        assert!((pieces - found).abs() < 1e-12 * from.abs(), "table {n} from {from}: {pieces} against {found}");
+                    }
+                }
+                assert!(longest_time(&p) >= time(&p, from, 1.0));
+            }
+        }
+        // The same time constant at all distances is a lag; one that grows with the distance from none at the command is a speed.
+        let mut p = null();
+        p[at::actuator_time_1..=at::actuator_time_7].fill(0.08);
+        close(approach(&p, 5.0, 0.4, 0.1), 5.0 * (-0.1_f64 / 0.08).exp());
+        p[at::actuator_time_1..=at::actuator_time_7].copy_from_slice(&[0.6, 0.2, 0.05, 0.0, 0.05, 0.2, 0.6]);
+        close(approach(&p, -5.5, 0.4, 0.2), -3.5);
+        close(approach(&p, 5.5, 0.4, 0.55), 0.0);
+        close(approach(&p, 0.0, 0.4, 0.01), 0.0);
+        assert!(approach(&p, f64::NAN, 0.4, 0.01).is_nan() && approach(&p, f64::INFINITY, 0.4, 0.01) == f64::INFINITY);
+    }
+
+    #[test]
+    fn offset_play_scale_and_filter_are_read_off_their_tables() {
+        let mut p = null();
+        (p[at::actuator_offset_2], p[at::actuator_play_1], p[at::actuator_play_2]) = (0.5, 0.2, -0.3);
+        let (offset, play) = offset_and_play(&p, 0.4);
+        close(offset, 0.25);
+        close(play, 0.0);
+        close(offset_and_play(&p, 0.0).1, 0.2);
+        (p[at::disc_scale_4], p[at::flywheel_scale_1]) = (0.02, -0.01);
+        (p[at::disc_filter_2], p[at::flywheel_filter_3]) = (0.04, -0.04);
+        close(scale(&p, 1, -75.0), 1.01);
+        close(scale(&p, 0, 10.0), 0.99);
+        close(smoothing(&p, 1, 35.0), 0.02);
+        close(smoothing(&p, 0, 240.0), 0.0);
+    }
+
     #[test]
     fn a_law_takes_part_if_any_of_its_values_does() {
         assert_eq!(Active::of(&null()), Active::default());
@@ -293,9 +491,12 @@ mod tests {
                 let mut p = null();
                 p[k] = 0.01;
                 let a = Active::of(&p);
-                let of = [(Friction, a.friction), (ClutchForce, a.force), (Engine, a.engine), (Driveline, a.load)];
+                let sensed = a.scales || a.filters;
+                let of = [(Friction, a.friction), (ClutchForce, a.force), (Engine, a.engine), (Driveline, a.load), (Actuator, a.actuator), (Sensors, sensed)];
                 of.iter().for_each(|(s, on)| assert_eq!(*on, *s == c.subsystem, "{}", PARAMETERS[k].name));
                 assert_eq!(a.direction, c.name == "force_direction");
+                assert_eq!(a.slow, ["actuator_time", "actuator_slowing"].contains(&c.name));
+                assert_eq!((a.scales, a.filters), (c.name.ends_with("_scale"), c.name.ends_with("_filter")));
             }
         }
     }

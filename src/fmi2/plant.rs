@@ -256,7 +256,7 @@ fn walk_parameters(parameters: &mut Parameters, words: &mut impl Words) {
 
 /// Every field by name: a new field does not compile until it is saved too.
 fn walk_state(state: &mut State, words: &mut impl Words) {
-    let State { time, y, stuck, direction, rest, engine, limited, lagged, bearing, memory, presliding, filtered, inputs } = state;
+    let State { time, y, stuck, direction, rest, engine, limited, lagged, led, bearing, memory, presliding, filtered, inputs } = state;
     let Inputs { x_to, t_e_ref, theta_h, t_load } = inputs;
     words.real(time);
     words.reals(y);
@@ -277,7 +277,7 @@ fn walk_state(state: &mut State, words: &mut impl Words) {
         words.real(rate);
     }
     let Branch { x, z } = memory;
-    for x in [limited, bearing, x, z, x_to, t_e_ref, theta_h, t_load] {
+    for x in [limited, led, bearing, x, z, x_to, t_e_ref, theta_h, t_load] {
         words.real(x);
     }
 }

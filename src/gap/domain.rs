@@ -23,6 +23,7 @@ use crate::plant::Phase;
 use crate::plant::clutch::{self, Branch, Found};
 use crate::plant::config::Config;
 use crate::plant::motion::{Motion, index};
+use crate::plant::sensed;
 use crate::validated::{CLOSING, Place, SLIPS, THETA, Validated};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -90,11 +91,11 @@ fn visited(problem: &Problem, point: &Point, config: &Config, k: usize) -> Visit
     let n = track.observations();
     let mut places: Vec<Place> = Vec::with_capacity(n);
     let mut slips = vec![false; n];
-    let gain = config.constants.clutch_speed_gain;
+    let meant = |k: usize, seen: f64| sensed::meant(&config.parameters, k, seen);
     let innovations = replay::corrected(track, filter, &car, problem.temperatures(point, k), None, |row, now| {
         if row % track.rows_per_observation == 0 && places.len() < n {
             slips[places.len()] = now.phase == Phase::Slipping;
-            let slip = if now.phase == Phase::Locked { 0.0 } else { now.omega_f - now.omega_c / gain };
+            let slip = if now.phase == Phase::Locked { 0.0 } else { meant(0, now.omega_f) - meant(1, now.omega_c) };
             let closing = clutch::closing(config, now.x_to_actual, now.theta_c);
             places.push(Place { slip, theta: now.theta_c, closing, torque: now.t_fc });
         }

@@ -71,12 +71,11 @@ pub fn laws_for(place: Subsystem) -> &'static [Subsystem] {
     use Subsystem::{Actuator, ClutchForce, Driveline, Engine, Friction, Sensors, Thermal};
     match place {
         Engine => &[Engine],
-        Actuator => &[ClutchForce],
+        Actuator => &[Actuator, ClutchForce],
         ClutchForce => &[ClutchForce, Friction],
         Friction | Thermal => &[Friction, ClutchForce],
         Driveline => &[Driveline],
-        // Curves over a state of the plant are no law of a sensor.
-        Sensors => &[],
+        Sensors => &[Sensors],
     }
 }
 
@@ -232,12 +231,12 @@ mod tests {
         use Subsystem::{Actuator, ClutchForce, Driveline, Engine, Friction, Sensors, Thermal};
         let expected: [(Subsystem, &[Subsystem]); 7] = [
             (Engine, &[Engine]),
-            (Actuator, &[ClutchForce]),
+            (Actuator, &[Actuator, ClutchForce]),
             (ClutchForce, &[ClutchForce, Friction]),
             (Friction, &[Friction, ClutchForce]),
             (Thermal, &[Friction, ClutchForce]),
             (Driveline, &[Driveline]),
-            (Sensors, &[]),
+            (Sensors, &[Sensors]),
         ];
         expected.iter().for_each(|(place, laws)| assert_eq!(laws_for(*place), *laws));
     }

@@ -212,6 +212,7 @@ mod tests {
             sensors: [still; 2],
             late: [0.0; 2],
             skew: 0.0,
+            stamps: 0.0,
         }
     }
 

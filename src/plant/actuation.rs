@@ -1,6 +1,6 @@
 //! From commands to engine torque and bearing position.
 //!
-//! Command → delay → rate limit → lag → play → bearing; report → gain and bias → lag → crankshaft. Inputs are held over
+//! Command → delay → rate limit → lag → what was learned → play → bearing; report → gain and bias → lag → crankshaft. Inputs are held over
 //! a substep, so the chain is solved exactly at its start, middle and end and no lag, however short, is stiff.
 
 use super::clutch::{Branch, Found};
@@ -8,6 +8,7 @@ use super::config::Config;
 use super::motion::{self, index};
 use super::sensed;
 use super::{MAX_SUBSTEP, State};
+use crate::effects::empirical;
 use crate::physics::driveline;
 use crate::physics::lag::{self, LagState};
 
@@ -26,6 +27,7 @@ pub struct Chain {
     engine: LagState,
     limited: f64,
     lagged: LagState,
+    led: f64,
     bearing: f64,
 }
 
@@ -42,6 +44,7 @@ impl Chain {
         state.engine = self.engine;
         state.limited = self.limited;
         state.lagged = self.lagged;
+        state.led = self.led;
         state.bearing = self.bearing;
     }
 }
@@ -71,7 +74,7 @@ pub fn way(config: &Config, state: &State, x_cmd: f64, h: f64) -> Way {
 #[inline]
 pub fn immediate(config: &Config) -> bool {
     let c = &config.constants;
-    c.engine_lag.time_constant <= 0.0 && c.actuator_lag.time_constant <= 0.0 && c.inverse_speed <= 0.0
+    c.engine_lag.time_constant <= 0.0 && c.actuator_lag.time_constant <= 0.0 && c.inverse_speed <= 0.0 && !config.empirical.slow
 }
 
 /// Torque on the crankshaft that the report asks for, N·m.
@@ -83,8 +86,8 @@ fn engine_target(config: &Config, report: f64) -> f64 {
 /// Chain after `h` seconds with the (delayed) command `x_cmd` held.
 #[inline]
 pub fn advance(config: &Config, state: &State, x_cmd: f64, h: f64) -> Chain {
-    let Actuated { limited, lagged, bearing } = actuate(config, state, x_cmd, h);
-    Chain { engine: engine(config, state, h), limited, lagged, bearing }
+    let Actuated { limited, lagged, led, bearing } = actuate(config, state, x_cmd, h);
+    Chain { engine: engine(config, state, h), limited, lagged, led, bearing }
 }
 
 /// Torque on the crankshaft after `h` seconds.
@@ -103,6 +106,7 @@ fn engine(config: &Config, state: &State, h: f64) -> LagState {
 struct Actuated {
     limited: f64,
     lagged: LagState,
+    led: f64,
     bearing: f64,
 }
 
@@ -120,10 +124,35 @@ fn actuate(config: &Config, state: &State, x_cmd: f64, h: f64) -> Actuated {
         }
         false => LagState { value: limited, rate: 0.0 },
     };
-    let pushed =
-        if c.release.width > 0.0 { lagged.value - held_back(config, follow(config, state.presliding, lagged.value)) } else { lagged.value };
-    let bearing = if c.play > 0.0 { drag_along(state.bearing, pushed, 0.5 * c.play) } else { pushed };
-    Actuated { limited, lagged, bearing }
+    let led = if config.empirical.slow { learned(config, state, lagged.value, h) } else { lagged.value };
+    let mut pushed = if c.release.width > 0.0 { led - held_back(config, follow(config, state.presliding, led)) } else { led };
+    let mut reach = 0.5 * c.play;
+    if config.empirical.actuator {
+        let (offset, play) = empirical::offset_and_play(&config.parameters, share_of_closed(config, led));
+        (pushed, reach) = (pushed + offset, reach + play);
+    }
+    let bearing = if reach > 0.0 { drag_along(state.bearing, pushed, reach) } else { pushed };
+    Actuated { limited, lagged, led, bearing }
+}
+
+/// Position as share of the closed clutch's, cold and as the vehicle's file has it.
+fn share_of_closed(config: &Config, x: f64) -> f64 {
+    x / config.vehicle.actuator.x_cls_0
+}
+
+/// Whether what leads a learned law moves by itself, behind the command.
+fn leads(config: &Config) -> bool {
+    config.constants.actuator_lag.time_constant > 0.0 || config.constants.inverse_speed > 0.0
+}
+
+/// Position after `h` seconds of an actuator whose way of following was learned, behind one that came to `leader` by then.
+fn learned(config: &Config, state: &State, leader: f64, h: f64) -> f64 {
+    if h == 0.0 {
+        return state.led;
+    }
+    // What leads it on its way counts as held half-way.
+    let target = if leads(config) { 0.5 * (state.lagged.value + leader) } else { leader };
+    target - empirical::approach(&config.parameters, target - state.led, share_of_closed(config, state.led), h)
 }
 
 /// Memory of the release bearing's friction: where the actuator had it, and how far both parts of the friction have gone, −1 to 1.
@@ -158,7 +187,7 @@ fn held_back(config: &Config, memory: Presliding) -> f64 {
 /// The friction's memory takes in where the actuator has come to.
 pub fn remember(config: &Config, state: &mut State) {
     if config.constants.release.width > 0.0 {
-        state.presliding = follow(config, state.presliding, state.lagged.value);
+        state.presliding = follow(config, state.presliding, state.led);
     }
 }
 
@@ -178,7 +207,8 @@ pub fn stages(config: &Config, state: &State, x_cmd: f64, h: f64, way: &Way) -> 
         let mean = lag::mean(&c.engine_lag, way.begin.engine, way.end.engine, target, h);
         begin.t_e = 6.0 * mean - 4.0 * middle.t_e - end.t_e;
     }
-    if let Some(over) = over_within(&c.actuator_lag, h) {
+    let learned = || short(empirical::longest_time(&config.parameters), h);
+    if let Some(over) = over_within(&c.actuator_lag, h).or_else(|| config.empirical.slow.then(learned).flatten()) {
         begin.x = first_stage([begin.x, middle.x, end.x], |t| actuate(config, state, x_cmd, t).bearing, over, h);
     }
     [begin, middle, end]
@@ -188,7 +218,12 @@ pub fn stages(config: &Config, state: &State, x_cmd: f64, h: f64, way: &Way) -> 
 #[inline]
 fn over_within(lag: &lag::Lag, h: f64) -> Option<f64> {
     let tau = lag.time_constant * (1.0 - lag.asymmetry.abs());
-    (lag.time_constant > 0.0 && tau < SHORT_LAG * h).then(|| (ARRIVAL * tau).min(h))
+    if lag.time_constant > 0.0 { short(tau, h) } else { None }
+}
+
+#[inline]
+fn short(tau: f64, h: f64) -> Option<f64> {
+    (tau < SHORT_LAG * h).then(|| (ARRIVAL * tau).min(h))
 }
 
 /// The first of three stages with which they give the mean over `h` seconds, by Simpson's rule before and after what is `over` until then.
@@ -253,6 +288,14 @@ pub fn smooth_for(config: &Config, state: &State, x_cmd: f64, max_substep: f64) 
     };
     under_way(&c.engine_lag, state.engine, engine_target(config, state.inputs.t_e_ref));
     under_way(&c.actuator_lag, state.lagged, if c.inverse_speed > 0.0 { state.limited } else { x_cmd });
+    if config.empirical.slow {
+        let leader = if leads(config) { state.lagged.value } else { x_cmd };
+        let distance = leader - state.led;
+        let tau = empirical::time(&config.parameters, distance, share_of_closed(config, state.led));
+        if distance.abs() > ARRIVED && tau > 0.0 {
+            longest = longest.min(PIECE_OF_A_LAG * tau);
+        }
+    }
     if c.inverse_speed > 0.0 {
         let distance = (x_cmd - state.limited).abs();
         let left = (distance - c.approach.max(0.0)) * c.inverse_speed;
@@ -272,8 +315,10 @@ pub fn rest(config: &Config, state: &mut State) {
     state.engine = at(engine_target(config, state.inputs.t_e_ref));
     state.limited = x;
     state.lagged = at(x);
-    state.bearing = x;
-    state.memory = Branch { x, z: 0.0 };
+    state.led = x;
+    let offset = if config.empirical.actuator { empirical::offset_and_play(&config.parameters, share_of_closed(config, x)).0 } else { 0.0 };
+    state.bearing = x + offset;
+    state.memory = Branch { x: state.bearing, z: 0.0 };
     state.presliding = Presliding { x, ..Presliding::default() };
 }
 
@@ -297,13 +342,13 @@ pub fn carry_over(old: &Config, new: &Config, state: &mut State) {
     } else if new.compliant() && springs(new) != springs(old) {
         state.y[index::TWIST] = motion::twist_under(new, motion::spring_torque(old, &state.y));
     }
-    for (k, ((_, place, before), (_, _, after))) in sensed::channels(old).into_iter().zip(sensed::channels(new)).enumerate() {
-        if before.smoothing <= 0.0 && after.smoothing > 0.0 {
+    for (k, place) in sensed::PLACES.into_iter().enumerate() {
+        if !sensed::filters(old, k) && sensed::filters(new, k) {
             state.filtered[k] = state.y[place];
         }
     }
     if old.constants.release.width <= 0.0 {
-        state.presliding = Presliding { x: state.lagged.value, ..Presliding::default() };
+        state.presliding = Presliding { x: state.led, ..Presliding::default() };
     }
     if new.constants.surface.resistance == 0.0 {
         state.y[index::SURFACE] = 0.0;

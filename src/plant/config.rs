@@ -144,7 +144,7 @@ impl Config {
     /// Whether a speed is sensed behind a filter.
     #[inline]
     pub fn filters(&self) -> bool {
-        self.constants.engine_speed_delay.smoothing > 0.0 || self.constants.clutch_speed_delay.smoothing > 0.0
+        (0..2).any(|k| super::sensed::filters(self, k))
     }
 
     /// Whether something twists between disc and car: shafts, or tyres.

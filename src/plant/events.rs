@@ -56,6 +56,7 @@ pub fn initial(start: &Start, inputs: &Inputs) -> State {
         engine: Default::default(),
         limited: 0.0,
         lagged: Default::default(),
+        led: 0.0,
         bearing: 0.0,
         memory: Default::default(),
         presliding: Default::default(),

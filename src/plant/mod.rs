@@ -120,6 +120,8 @@ pub struct State {
     pub limited: f64,
     /// Position behind the lag, mm.
     pub lagged: LagState,
+    /// Position behind the learned law of the actuator, mm.
+    pub led: f64,
     /// Position behind the play: the bearing's, mm.
     pub bearing: f64,
     /// Memory of the force hysteresis.
@@ -206,7 +208,7 @@ impl Plant {
     fn start_delay_lines(&mut self, command: f64) {
         let s = &self.state;
         let [flywheel, disc] = sensed::speeds(&self.config, s, &self.history);
-        let [late_flywheel, late_disc] = sensed::channels(&self.config).map(|(_, _, delay)| delay.dead_time > 0.0);
+        let [late_flywheel, late_disc] = sensed::channels(&self.config, &self.state.y).map(|(_, _, delay)| delay.dead_time > 0.0);
         let lines = [
             (Signal::Command, self.config.constants.command_delay <= 0.0, command),
             (Signal::Flywheel, !late_flywheel, flywheel),
@@ -245,13 +247,13 @@ impl Plant {
     /// momentum. What the observer saw was the speed of the flywheel (`seen` 0) or the disc (1), as old as that sensor is late, and torques that it found
     /// missing have been moving the speeds by `rate` rad/s² since then.
     pub fn correct_speeds(&mut self, by: [f64; 2], rate: [f64; 2], seen: usize) {
-        let (c, d) = (&self.config.constants, &self.config.constants.driveline);
-        let since = [c.engine_speed_delay, c.clutch_speed_delay][seen].mean();
+        let d = &self.config.constants.driveline;
+        let since = sensed::channels(&self.config, &self.state.y)[seen].2.mean();
         let common = |v: [f64; 2]| [events::common_speed([d.J_f, d.J_c], v); 2];
         let (by, rate) = if self.state.stuck { (common(by), common(rate)) } else { (by, rate) };
         events::correct_speeds(&mut self.state, by[0] + rate[0] * since, by[1] + rate[1] * since);
         let now = self.state.time;
-        for (k, (signal, _, delay)) in sensed::channels(&self.config).into_iter().enumerate() {
+        for (k, (signal, _, delay)) in sensed::channels(&self.config, &self.state.y).into_iter().enumerate() {
             // What was seen has been growing for longer than its filter remembers: a beginning within that would show as another size.
             let steady = |age: f64| since - delay.smoothing - age;
             let begun = |age: f64| sensed::ramp((since - age).max(0.0), delay.smoothing);
@@ -301,11 +303,11 @@ impl Plant {
 
     /// Outputs now.
     pub fn outputs(&self) -> Outputs {
-        let (s, c) = (&self.state, &self.config.constants);
+        let s = &self.state;
         let [omega_f, omega_c] = sensed::speeds(&self.config, s, &self.history);
         Outputs {
-            omega_f,
-            omega_c: c.clutch_speed_gain * omega_c,
+            omega_f: sensed::shown(&self.config, 0, omega_f),
+            omega_c: sensed::shown(&self.config, 1, omega_c),
             t_e: s.inputs.t_e_ref,
             t_fc: events::clutch_torque(&self.config, &self.found, s),
             theta_c: s.y[index::THETA_C],

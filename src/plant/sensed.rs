@@ -7,25 +7,53 @@ use super::State;
 use super::config::Config;
 use super::history::{self, History, Signal};
 use super::motion::{Motion, index};
-use crate::effects::SignalDelay;
+use crate::effects::{Parameters, SignalDelay, empirical, param};
 
-/// Flywheel and disc: line, place among the states, and delay.
-pub fn channels(config: &Config) -> [(Signal, usize, SignalDelay); 2] {
+/// Places of flywheel and disc among the states.
+pub const PLACES: [usize; 2] = [index::OMEGA_F, index::OMEGA_C];
+
+/// Flywheel and disc: line, place among the states, and delay at these speeds.
+pub fn channels(config: &Config, y: &Motion) -> [(Signal, usize, SignalDelay); 2] {
     let c = &config.constants;
-    [(Signal::Flywheel, index::OMEGA_F, c.engine_speed_delay), (Signal::Disc, index::OMEGA_C, c.clutch_speed_delay)]
+    let all = [(Signal::Flywheel, c.engine_speed_delay), (Signal::Disc, c.clutch_speed_delay)];
+    std::array::from_fn(|k| {
+        let (signal, mut delay) = all[k];
+        if config.empirical.filters {
+            delay.smoothing += empirical::smoothing(&config.parameters, k, y[PLACES[k]]);
+        }
+        (signal, PLACES[k], delay)
+    })
+}
+
+/// Whether channel `k` has a filter, be it that it lets everything through now.
+pub fn filters(config: &Config, k: usize) -> bool {
+    let c = &config.constants;
+    [c.engine_speed_delay, c.clutch_speed_delay][k].smoothing > 0.0 || config.empirical.filters
 }
 
 /// Speed of channel `k` behind its filter now, rad/s.
-fn filtered(state: &State, k: usize, place: usize, delay: SignalDelay) -> f64 {
-    if delay.smoothing > 0.0 { state.filtered[k] } else { state.y[place] }
+fn filtered(config: &Config, state: &State, k: usize) -> f64 {
+    if filters(config, k) { state.filtered[k] } else { state.y[PLACES[k]] }
+}
+
+/// What the sensor of channel `k` makes of a speed behind filter and dead time, rad/s.
+pub fn shown(config: &Config, k: usize, speed: f64) -> f64 {
+    let scaled = if k == 1 { config.constants.clutch_speed_gain * speed } else { speed };
+    if config.empirical.scales { scaled * empirical::scale(&config.parameters, k, speed) } else { scaled }
+}
+
+/// Speed that the sensor of channel `k` shows as `seen` once it is steady, rad/s: exact but for the change of a learned scale over its own error.
+pub fn meant(effects: &Parameters, k: usize, seen: f64) -> f64 {
+    let speed = if k == 1 { seen / effects[param::clutch_speed_gain::gain] } else { seen };
+    speed / empirical::scale(effects, k, speed)
 }
 
 /// Both speeds as they are sensed now, rad/s.
 pub fn speeds(config: &Config, state: &State, history: &History) -> [f64; 2] {
-    let all = channels(config);
+    let all = channels(config, &state.y);
     std::array::from_fn(|k| {
-        let (signal, place, delay) = all[k];
-        let now = filtered(state, k, place, delay);
+        let (signal, _, delay) = all[k];
+        let now = filtered(config, state, k);
         if delay.dead_time <= 0.0 {
             return now;
         }
@@ -44,20 +72,21 @@ pub fn record(config: &Config, state: &State, history: &mut History) {
 
 #[inline(never)]
 fn push(config: &Config, state: &State, history: &mut History) {
-    for (k, (signal, place, delay)) in channels(config).into_iter().enumerate() {
+    for (k, (signal, _, delay)) in channels(config, &state.y).into_iter().enumerate() {
         if delay.dead_time > 0.0 {
-            history.push(signal, state.time, filtered(state, k, place, delay));
+            history.push(signal, state.time, filtered(config, state, k));
         }
     }
 }
 
 /// Filters after `h` s that take the speeds to those of `y`, with the accelerations at the beginning and at the end, rad/s².
 pub fn advance(config: &Config, state: &mut State, y: &Motion, accelerations: [[f64; 2]; 2], h: f64) {
-    for (k, (_, place, delay)) in channels(config).into_iter().enumerate() {
-        if delay.smoothing > 0.0 {
-            let slopes = accelerations.map(|a| a[k]);
-            state.filtered[k] = filter(state.filtered[k], [state.y[place], y[place]], slopes, delay.smoothing, h);
-        }
+    let delays = [channels(config, &state.y), channels(config, y)];
+    for (k, place) in PLACES.into_iter().enumerate().filter(|(k, _)| filters(config, *k)) {
+        let smoothing = 0.5 * (delays[0][k].2.smoothing + delays[1][k].2.smoothing);
+        let slopes = accelerations.map(|a| a[k]);
+        let through = || filter(state.filtered[k], [state.y[place], y[place]], slopes, smoothing, h);
+        state.filtered[k] = if smoothing > 0.0 { through() } else { y[place] };
     }
 }
 

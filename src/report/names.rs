@@ -59,7 +59,7 @@ pub fn effect(id: &str) -> String {
 }
 
 /// What each curve of a learned law is called.
-pub const CURVES: [(&str, &str); 10] = [
+pub const CURVES: [(&str, &str); 18] = [
     ("friction_slip", "Friction over slip"),
     ("friction_temperature", "Friction over disc temperature"),
     ("friction_pressure", "Friction over pressure"),
@@ -70,6 +70,14 @@ pub const CURVES: [(&str, &str); 10] = [
     ("engine_speed", "Engine torque over speed"),
     ("engine_torque", "Engine torque over torque asked for"),
     ("load_speed", "Load over speed"),
+    ("actuator_time", "Actuator’s time constant over distance to the command"),
+    ("actuator_slowing", "Actuator’s time constant over position"),
+    ("actuator_offset", "Actuator’s offset over position"),
+    ("actuator_play", "Actuator’s play over position, half of it"),
+    ("disc_scale", "Scale error of the disc-speed signal"),
+    ("disc_filter", "Filter of the disc-speed signal"),
+    ("flywheel_scale", "Scale error of the flywheel-speed signal"),
+    ("flywheel_filter", "Filter of the flywheel-speed signal"),
 ];
 
 /// The title of a learned curve.

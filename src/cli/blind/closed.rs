@@ -10,7 +10,7 @@
 //! the grade, nor the wander of the torque report, nor more of the start temperatures than was noted.
 
 use crate::effects::{self, PARAMETERS, Parameters};
-use crate::plant::{Inputs, Plant, Start};
+use crate::plant::{Inputs, Plant, Start, sensed};
 use crate::vehicle::{NUMBERS, Vehicle};
 use realcar::{Real, Recording};
 use serde_json::Value;
@@ -63,8 +63,12 @@ impl Replayed for Plant {
     }
 
     fn move_by(&mut self, [f, c]: [f64; 2]) {
-        let gain = self.config().constants.clutch_speed_gain;
-        self.correct_speeds([f, c / gain], [0.0; 2], 0);
+        let now = self.outputs();
+        let meant = |k: usize, seen: f64, by: f64| {
+            let of = |seen| sensed::meant(&self.config().parameters, k, seen);
+            of(seen + by) - of(seen)
+        };
+        self.correct_speeds([meant(0, now.omega_f, f), meant(1, now.omega_c, c)], [0.0; 2], 0);
     }
 
     fn go(&mut self, r: &Recording, k: usize, h: f64) {

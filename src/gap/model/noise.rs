@@ -23,12 +23,40 @@ const LEAST_NOISE: [f64; 5] = [0.01, 0.01, 0.001, 0.05, 0.05];
 
 /// Noise of every channel over all recordings of a car.
 pub fn channels(tracks: &[Track]) -> [Noise; 5] {
+    let stamps = stamps(tracks);
     std::array::from_fn(|c| {
-        let parts: Vec<(&[f64], &[f64])> = tracks.iter().map(|t| (t.time.as_slice(), t.measured[c].as_slice())).collect();
-        let white = white(&parts);
+        let parts = parts_of(tracks, c);
+        let white = if stamps > 0.0 { left_of(&parts).white(stamps) } else { white(&parts) };
         let white = white.max(LEAST_NOISE[c]).max(0.29 * quantum(parts.iter().map(|p| p.1)));
         Noise { white, coloured: 0.0, memory_s: 1.0 }
     })
+}
+
+fn parts_of(tracks: &[Track], channel: usize) -> Vec<(&[f64], &[f64])> {
+    tracks.iter().map(|t| (t.time.as_slice(), t.measured[channel].as_slice())).collect()
+}
+
+/// Standard deviation in s by which uneven stamps are off the instants of their samples; none of even ones.
+///
+/// A logger may sample at uneven times, or write uneven times to even samples. A speed v with the pace a = v̇ tells: what its neighbours leave of a sample has the variance
+/// σ² + a² s². What the eighth of the samples with the least pace and the quarter with the greatest leave gives s, by least squares over both speeds; never more than how uneven the stamps are.
+pub fn stamps(tracks: &[Track]) -> f64 {
+    if !tracks.iter().any(Track::jitters) {
+        return 0.0;
+    }
+    let (mut products, mut squares) = (0.0, 0.0);
+    for c in 0..2 {
+        let all = left_of(&parts_of(tracks, c));
+        let (steady, fast) = (all.steady(), all.fast());
+        if steady.is_empty() || fast.is_empty() {
+            continue;
+        }
+        let pace = mean_square_pace(fast) - mean_square_pace(steady);
+        products += (spread(fast).powi(2) - spread(steady).powi(2)) * pace;
+        squares += pace * pace;
+    }
+    let found = if squares > 0.0 { (products / squares).max(0.0).sqrt() } else { 0.0 };
+    found.min(tracks.iter().map(Track::unevenness).fold(0.0, f64::max))
 }
 
 /// White noise of the torque report, N·m.
@@ -98,9 +126,40 @@ fn quantum<'a>(columns: impl Iterator<Item = &'a [f64]>) -> f64 {
     if tenth < 1.3 * least { tenth } else { 0.0 }
 }
 
-/// Standard deviation of white noise on a smooth signal: what a cubic through two neighbours on either side leaves, by its median.
-fn white(parts: &[(&[f64], &[f64])]) -> f64 {
-    let mut left: Vec<f64> = Vec::new();
+/// What a cubic through two neighbours on either side leaves of a sample, in units in which white noise has its own size, and the pace of the signal there.
+#[derive(Clone, Copy)]
+struct Left {
+    size: f64,
+    pace: f64,
+}
+
+/// By rising pace.
+struct ByPace(Vec<Left>);
+
+impl ByPace {
+    /// The eighth with the least pace.
+    fn steady(&self) -> &[Left] {
+        &self.0[..self.0.len() / 8]
+    }
+
+    /// The quarter with the greatest.
+    fn fast(&self) -> &[Left] {
+        &self.0[self.0.len() - self.0.len() / 4..]
+    }
+
+    /// Standard deviation of the noise that stamps of this error in s do not account for.
+    fn white(&self, stamps: f64) -> f64 {
+        let steady = self.steady();
+        (spread(steady).powi(2) - stamps.powi(2) * mean_square_pace(steady)).max(0.0).sqrt()
+    }
+}
+
+fn mean_square_pace(of: &[Left]) -> f64 {
+    of.iter().map(|l| l.pace * l.pace).sum::<f64>() / of.len().max(1) as f64
+}
+
+fn left_of(parts: &[(&[f64], &[f64])]) -> ByPace {
+    let mut left: Vec<Left> = Vec::new();
     for (time, value) in parts {
         let known: Vec<usize> = (0..value.len()).filter(|&k| value[k].is_finite()).collect();
         for w in known.windows(5) {
@@ -108,12 +167,24 @@ fn white(parts: &[(&[f64], &[f64])]) -> f64 {
             let weight = |k: usize| [0, 1, 3, 4].iter().filter(|&&j| j != k).map(|&j| (t(2) - t(j)) / (t(k) - t(j))).product::<f64>();
             let weights = [0, 1, 3, 4].map(weight);
             let between: f64 = [0, 1, 3, 4].iter().zip(weights).map(|(&k, w)| w * v(k)).sum();
-            left.push((v(2) - between).abs() / (1.0 + weights.iter().map(|w| w * w).sum::<f64>()).sqrt());
+            let size = (v(2) - between).abs() / (1.0 + weights.iter().map(|w| w * w).sum::<f64>()).sqrt();
+            left.push(Left { size, pace: ((v(4) - v(0)) / (t(4) - t(0))).abs() });
         }
     }
-    if left.is_empty() {
+    left.sort_by(|a, b| a.pace.total_cmp(&b.pace));
+    ByPace(left)
+}
+
+/// Standard deviation of white noise on a smooth signal: what a cubic through its neighbours leaves, by its median.
+fn white(parts: &[(&[f64], &[f64])]) -> f64 {
+    spread(&left_of(parts).0)
+}
+
+fn spread(of: &[Left]) -> f64 {
+    if of.is_empty() {
         return 0.0;
     }
+    let mut left: Vec<f64> = of.iter().map(|l| l.size).collect();
     left.sort_by(f64::total_cmp);
     // 0.6745 is the median of a half-normal variable. Quantised signals stand still often, so the mean of the lower nine tenths joins in.
     let median = left[left.len() / 2] / 0.6745;
@@ -152,6 +223,27 @@ mod tests {
             let found = white(&[(&t, &v)]);
             assert!((found / 0.2 - 1.0).abs() < 0.1, "{interval}: {found}");
         }
+    }
+
+    /// A speed that goes up and down, whose even samples got uneven stamps, or which was sampled at uneven times.
+    #[test]
+    fn stamps_that_are_off_are_told_from_uneven_samples() {
+        use crate::campaign::Recording;
+        let (time, noise) = signal(0.05, 1e-9);
+        let uneven: Vec<f64> = signal(0.002, 1e-9).1.iter().zip(&noise).rev().map(|(v, _)| v - 100.0).collect();
+        let speed = |t: f64| 100.0 + 60.0 * (2.0 * t).sin();
+        let found = |written: bool| {
+            let at: Vec<f64> = (0..time.len()).map(|k| 0.01 * k as f64 + if k == 0 { 0.0 } else { uneven[k].clamp(-0.0045, 0.0045) }).collect();
+            let omega_f = (0..time.len()).map(|k| speed(if written { 0.01 * k as f64 } else { at[k] }) + noise[k] - 100.0).collect();
+            let n = time.len();
+            let r = Recording { sample_rate_hz: 100.0, time: at, omega_f, omega_c: vec![0.0; n], t_e: vec![0.0; n], x_to_cmd: vec![3.0; n], theta_h: vec![25.0; n], ..Recording::default() };
+            let tracks = [Track::new(&r)];
+            (stamps(&tracks), channels(&tracks)[0].white)
+        };
+        let (off, white) = found(true);
+        assert!((off / 0.002 - 1.0).abs() < 0.15 && (white / 0.05 - 1.0).abs() < 0.3, "{off} s, {white} rad/s");
+        let (off, white) = found(false);
+        assert!(off < 3e-4 && (white / 0.05 - 1.0).abs() < 0.15, "{off} s, {white} rad/s");
     }
 
     #[test]

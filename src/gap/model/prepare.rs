@@ -25,7 +25,7 @@ const NONE: Wander = Wander { sigma: 0.0, time_s: 1.0 };
 /// Disturbances of a healthy car: sensors as the recordings show them, the rest as declared or by default.
 pub fn disturbances(tracks: &[Track], tolerances: &Tolerances) -> Disturbances {
     let with = healthy(noise::channels(tracks), noise::of_report(tracks), noise::report_quantum(tracks), tolerances);
-    Disturbances { skew: filter::skew(tracks, &with, tolerances.skew()), ..with }
+    Disturbances { skew: filter::skew(tracks, &with, tolerances.skew()), stamps: noise::stamps(tracks), ..with }
 }
 
 /// The same with sensors of this noise, and a torque report of this noise and in these steps, N·m.
@@ -42,6 +42,7 @@ pub fn healthy(noise: [Noise; 5], report_noise: f64, quantum: f64, tolerances: &
         sensors: [NONE; 2],
         late: [0.0; 2],
         skew: 0.0,
+        stamps: 0.0,
     }
 }
 

@@ -6,7 +6,7 @@ use super::tolerance::{Car, Signal};
 use super::track::{Channel, Track};
 use super::unknown_clutch;
 use crate::effects::param;
-use crate::plant::{Inputs, Outputs, Plant, Start};
+use crate::plant::{Inputs, Outputs, Plant, Start, sensed};
 use std::ops::Range;
 
 /// Substep of the plant in a replay, s; the error it adds is far below any sensor's noise.
@@ -89,14 +89,13 @@ pub const HIDDEN: f64 = 10.0;
 
 /// State at a row: the speeds as measured there; a clutch that is closed on two nearly equal speeds is locked.
 pub fn start(track: &Track, car: &Car, row: usize, theta: [f64; 2], noise: f64) -> Start {
-    use param::clutch_speed_gain::gain;
     let first = |c: Channel| {
         let v = &track.measured[c as usize][row..];
         let seen = v.iter().copied().find(|v| v.is_finite()).unwrap_or(0.0);
         // A slow wheel that shows nothing yet stands still, or nearly.
         if v.first().is_some_and(|v| v.is_nan()) && seen.abs() < HIDDEN { 0.0 } else { seen }
     };
-    let (omega_f, omega_c) = (first(Channel::OmegaF), first(Channel::OmegaC) / car.effects[gain]);
+    let (omega_f, omega_c) = (sensed::meant(&car.effects, 0, first(Channel::OmegaF)), sensed::meant(&car.effects, 1, first(Channel::OmegaC)));
     if let Some(unknown) = &track.unknown_clutch {
         let omega_f = unknown.omega_f(track.time[row] + unknown_clutch::age_of_flywheel(car));
         let locked = unknown.locked[track.observation_of(row)];

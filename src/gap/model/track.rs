@@ -176,6 +176,13 @@ impl Track {
         span / (self.rows().max(2) - 1) as f64
     }
 
+    /// Standard deviation of the stamps around a uniform grid, s.
+    pub fn unevenness(&self) -> f64 {
+        let (first, interval) = (self.time.first().copied().unwrap_or(0.0), self.interval());
+        let off = |(k, t): (usize, &f64)| (t - first - k as f64 * interval).powi(2);
+        (self.time.iter().enumerate().map(off).sum::<f64>() / self.rows().max(1) as f64).sqrt()
+    }
+
     /// Whether stamps are off a uniform grid by more than the digits they are written with.
     pub fn jitters(&self) -> bool {
         let interval = self.interval();
