@@ -43,7 +43,7 @@ tests() {
     control) echo val_control_promises val_control val_control_faults val_control_estimators val_control_governed regress_table2 ;;
     fmi2) echo fmi_refusals fmi_within_a_step fmi_tells fmi_resources fmi_realtime fmi_random fmi_abuse ;;
     campaign) echo campaign_guards campaign_defects campaign_formats campaign_random ;;
-    gap) echo regress_gap gap_model ;;
+    gap) echo regress_gap gap_model empirical plan ;;
     *) echo "mutants.sh: no area $1 among ${areas[*]}" >&2 && exit 1 ;;
     esac
 }

@@ -15,6 +15,7 @@ use kisspoint::gap::measure::{self, Closed};
 use kisspoint::gap::model::prepare;
 use kisspoint::gap::verdict::{Conclusion, Verdict};
 use kisspoint::vehicle::Vehicle;
+use realcar::catalogue::{NEW, OUTSIDE};
 use realcar::{Car, Kind, Place, draw_car_of};
 
 /// The first car of this kind that is recorded at 100 Hz and without a bench.
@@ -116,7 +117,8 @@ fn a_law_that_does_not_carry_over_is_refused() {
 #[test]
 #[ignore = "takes minutes; prints a table"]
 fn what_is_learned_of_each_effect_outside_the_library() {
-    for (id, place) in realcar::outside() {
+    let chosen = |id: &str| std::env::var("KISSPOINT_EFFECTS").map_or(true, |ids| ids.split(',').any(|c| c == id));
+    for (id, place) in OUTSIDE.into_iter().chain(NEW).filter(|e| chosen(e.0)) {
         let place = Subsystem::ALL.into_iter().find(|s| s.id() == place).unwrap();
         for seed in [3, 4] {
             print!("{id} ({}) ", place.id());

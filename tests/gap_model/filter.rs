@@ -6,7 +6,7 @@ use kisspoint::effects::{self, param};
 use kisspoint::gap::infer::density::{Problem, misfit};
 use kisspoint::gap::model::tolerance::Car;
 use kisspoint::gap::model::track::{Channel, Track};
-use kisspoint::gap::model::{filter, prepare};
+use kisspoint::gap::model::{filter, prepare, replay};
 use kisspoint::plant::Phase;
 use kisspoint::vehicle::Vehicle;
 
@@ -211,6 +211,99 @@ fn a_command_that_a_slow_logger_misses_is_noise_of_the_torque() {
         let left = mean_square_from(&prepared(&slow(step)), effects::null(), 0.1);
         assert!((0.3..1.25).contains(&left), "every {step}: {left}");
     }
+}
+
+/// The bearing's position beside it: what it is just before a sample the last command would tell, which a slow logger has not seen.
+#[test]
+fn a_command_that_a_slow_logger_misses_is_noise_of_the_position() {
+    let (_, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let mut normal = normals(29);
+    let mut command = 5.3;
+    let inputs: Vec<[f64; 2]> = (0..300)
+        .map(|_| {
+            command += 0.05 * normal() - 0.02 * (command - 5.3);
+            [40.0, command]
+        })
+        .collect();
+    let moving = |row: usize, now: [f64; 2]| if row == 0 && now == [0.0; 2] { [250.0, 20.0] } else { now };
+    let mut whole = answered(&Car::nominal(&vehicle), &inputs, 0.1, |_| false, moving);
+    // A bearing that follows at once, seen just before the next command.
+    whole.x_to = Some((0..300_usize).map(|k| inputs[k.saturating_sub(1)][1] + 0.015 * normal()).collect());
+    let every = |v: &[f64], step: usize| v.iter().copied().step_by(step).collect::<Vec<f64>>();
+    for step in [1, 2, 5] {
+        let r = Recording {
+            sample_rate_hz: 100.0 / step as f64,
+            time: every(&whole.time, step),
+            omega_f: every(&whole.omega_f, step),
+            omega_c: every(&whole.omega_c, step),
+            t_e: every(&whole.t_e, step),
+            x_to_cmd: every(&whole.x_to_cmd, step),
+            x_to: whole.x_to.as_ref().map(|x| every(x, step)),
+            theta_h: every(&whole.theta_h, step),
+            ..whole.clone()
+        };
+        let mut problem = prepared(&r);
+        // A command that goes any way hides the noise from its neighbours: here it is told, not found.
+        let mut with = prepare::disturbances(&problem.tracks, &prepare::read(&[&r], &vehicle_json).unwrap().1);
+        with.noise[Channel::XTo as usize].white = 0.015;
+        problem.filters = problem.tracks.iter().map(|t| prepare::filter_of(t, &vehicle, &with)).collect();
+        let n = problem.tracks[0].observations();
+        let all = &problem.all_residuals(&problem.nominal(), None)[0][2 * n + 2..3 * n];
+        let left = all.iter().map(|r| r * r).sum::<f64>() / all.len() as f64;
+        // How far a command goes is known from two bends alone, which leaves more than one; unallowed for it would be six and more.
+        assert!((0.5..2.5).contains(&left), "every {step}: {left}");
+    }
+}
+
+/// Even samples whose stamps are up to 4.5 ms off, or samples at such times: either is no gap.
+#[test]
+fn uneven_stamps_are_no_gap() {
+    let (_, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let mut normal = normals(31);
+    // A motor that swings, an open clutch.
+    let inputs: Vec<[f64; 2]> = (0..600).map(|k| [50.0 * (0.05 * f64::from(k)).sin(), 1.0]).collect();
+    let moving = |row: usize, now: [f64; 2]| if row == 0 && now == [0.0; 2] { [200.0, 20.0] } else { now };
+    let mut uneven = answered(&Car::nominal(&vehicle), &inputs, 0.05, |_| false, moving);
+    uneven.time.iter_mut().skip(1).for_each(|t| *t += (0.0026 * normal()).clamp(-0.0045, 0.0045));
+    let left = |with_stamps: bool| {
+        let mut problem = prepared(&uneven);
+        let tolerances = prepare::read(&[&uneven], &vehicle_json).unwrap().1;
+        let with = prepare::disturbances(&problem.tracks, &tolerances);
+        assert!((with.stamps / 0.0025 - 1.0).abs() < 0.25 && with.noise[0].white < 0.1, "{with:?}");
+        let with = filter::Disturbances { stamps: if with_stamps { with.stamps } else { 0.0 }, ..with };
+        problem.filters = problem.tracks.iter().map(|t| prepare::filter_of(t, &vehicle, &with)).collect();
+        mean_square_from(&problem, effects::null(), 0.1)
+    };
+    let (known, ignored) = (left(true), left(false));
+    assert!((0.4..1.3).contains(&known) && ignored > 5.0, "{known} {ignored}");
+}
+
+/// Rows at the end that fill no observation belong to the last one.
+#[test]
+fn torques_of_rows_that_fill_no_observation_belong_to_the_last_one() {
+    let (_, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let n = 107;
+    let r = Recording {
+        name: "made up".into(),
+        sample_rate_hz: 1000.0,
+        time: (0..n).map(|k| 0.001 * f64::from(k)).collect(),
+        theta_c0: 40.0,
+        theta_b0: 40.0,
+        omega_f: vec![200.0; 107],
+        omega_c: vec![20.0; 107],
+        t_e: vec![40.0; 107],
+        x_to_cmd: (0..n).map(|k| if k < 102 { 5.5 } else { 1.0 }).collect(),
+        theta_h: vec![30.0; 107],
+        ..Recording::default()
+    };
+    let problem = prepared(&r);
+    let torques = replay::torques(&problem.tracks[0], &problem.filters[0], &Car::nominal(&vehicle), [40.0; 2]);
+    assert_eq!(torques.len(), 10);
+    // Open by the end of the last observation.
+    assert!(torques[8] > 1.0 && torques[9] == 0.0, "{torques:?}");
 }
 
 #[test]

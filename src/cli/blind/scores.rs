@@ -133,6 +133,7 @@ fn drawn(outcomes: &[Outcome]) -> Vec<Score> {
     let placed = |o: &Outcome| o.is_at(o.unexplained_at.as_deref()) || o.is_at(o.primary.as_deref());
     let left_open = |o: &Outcome| o.doubted.iter().any(|s| o.is_at(Some(s)));
     let unknown = |o: &Outcome| yes(matches!(o.verdict.as_str(), "unexplained" | "partly_explained"));
+    let fraction = |o: &Outcome| o.closed.and_then(|c| c.fraction());
     let mut table = vec![
         share("healthy cars flagged", of_size(0), flagged),
         share("gaps detected", faulty(), flagged),
@@ -147,6 +148,9 @@ fn drawn(outcomes: &[Outcome]) -> Vec<Score> {
         table.push(share(format!("{mark}: flagged"), outside(new), unknown));
         table.push(share(format!("{mark}: located"), outside(new), |o| yes(placed(o))));
         table.push(share(format!("{mark}: located or left open"), outside(new), |o| yes(placed(o) || left_open(o))));
+        let measurable = || outside(new).filter(|o| fraction(o).is_some());
+        table.push(share(format!("{mark}: 80 % of the gap closed"), measurable(), |o| yes(fraction(o) >= Some(0.8))));
+        table.push(share(format!("{mark}: made worse"), measurable(), |o| yes(fraction(o) < Some(0.0))));
     }
     table.retain(|s| s.count > 0);
     let count = outcomes.len();
