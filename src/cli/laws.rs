@@ -237,7 +237,13 @@ fn learned(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law>
             let points: Vec<(f64, f64)> = c.breakpoints.iter().copied().zip(values).collect();
             let band = points.iter().zip(l.learned.sigma(c)).map(|((x, y), s)| (*x, y - BAND * s, y + BAND * s)).collect();
             let (first, last) = (c.breakpoints[0], c.breakpoints[c.breakpoints.len() - 1]);
-            let cloud = if apart(c) { Vec::new() } else { shown.iter().map(|s| (s.at[place], s.sum - others(s))).collect() };
+            let cloud = match l.law {
+                Subsystem::Actuator | Subsystem::Sensors => {
+                    found.overlays.iter().zip(traces).flat_map(|(o, t)| by_itself(c, &found.effects, &found.vehicle, o, t)).collect()
+                }
+                _ if apart(c) => Vec::new(),
+                _ => shown.iter().map(|s| (s.at[place], s.sum - others(s))).collect(),
+            };
             Law {
                 title: names::curve(c.name),
                 over: c.over.to_owned(),
@@ -257,6 +263,39 @@ fn learned(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law>
             }
         })
         .collect()
+}
+
+/// Pace of a bearing in mm/s under which its distance to the command tells no time constant.
+const MOVING: f64 = 2.0;
+/// Speed in rad/s under which a ratio of speeds is mostly noise.
+const TURNING: f64 = 5.0;
+
+/// What an overlay shows of one curve of an actuator or a sensor, beside the replay with all of them: a time constant by the measured position's pace, an offset, or a scale. Nothing is seen
+/// of the others by themselves.
+fn by_itself(c: &Curve, effects: &crate::effects::Parameters, vehicle: &Vehicle, o: &Overlay, t: &Trace) -> Vec<(f64, f64)> {
+    let channel = |column: &str| o.channels.iter().find(|c| c.column == column);
+    let seen = |column: &str| channel(column).map(|c| c.real.iter().copied().zip(c.after.iter().copied()).collect::<Vec<_>>()).unwrap_or_default();
+    let command = t.signals.iter().find(|s| s.column == "x_to_cmd_mm").map_or(&[][..], |s| s.values.as_slice());
+    let all: Vec<(f64, f64)> = match c.name {
+        "actuator_time" => {
+            let x = seen("x_to_mm");
+            let reach = ((0.5 * SLOPE_S / o.dt).round() as usize).max(1);
+            let pace = |i: usize| (x[i + reach].0 - x[i - reach].0) / (2.0 * reach as f64 * o.dt);
+            let range = reach..x.len().min(command.len()).saturating_sub(reach);
+            range.filter(|&i| pace(i).abs() > MOVING).map(|i| (command[i] - x[i].0, (command[i] - x[i].0) / pace(i))).collect()
+        }
+        "actuator_offset" => {
+            let at = |x: f64| x / vehicle.actuator.x_cls_0;
+            seen("x_to_mm").iter().zip(command).map(|((real, after), x)| (at(*x), real - after + c.value(effects, at(*x)))).collect()
+        }
+        "disc_scale" | "flywheel_scale" => {
+            let column = if c.name == "disc_scale" { "omega_c_rad_s" } else { "omega_f_rad_s" };
+            let scaled = |(real, after): &(f64, f64)| (*after, (real / after - 1.0) * (1.0 + c.value(effects, *after)) + c.value(effects, *after));
+            seen(column).iter().filter(|(_, after)| after.abs() > TURNING).map(scaled).collect()
+        }
+        _ => Vec::new(),
+    };
+    all.into_iter().filter(|(x, y)| x.is_finite() && y.is_finite()).collect()
 }
 
 /// What an overlay shows of a law, by the balances: torque over that of the car without it, or torque that is left.
