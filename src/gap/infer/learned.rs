@@ -4,10 +4,14 @@
 //! and smooth: second differences from breakpoint to breakpoint have the size `density::BEND` of that.
 
 use super::coordinate::{Coordinate, coordinates};
-use super::density::{Point, Problem};
+use super::density::{Point, Problem, misfit, prior};
 use super::fit::{Fit, along, stepped};
 use super::linear::{Frame, all_products, assemble};
 use crate::effects::empirical::Curve;
+use rayon::prelude::*;
+
+/// Factors on the priors' precision, less one, that are tried where a whole step leads too far.
+const DAMPINGS: [f64; 5] = [0.0, 3.0, 30.0, 300.0, 3000.0];
 
 /// Iterations of a fit.
 const ITERATIONS: usize = 8;
@@ -47,7 +51,7 @@ impl Learned {
         curve.parameters().map(of).collect()
     }
 
-    /// The points that a fit without one of the recordings would have come to, one for each: a Newton step on what the others say.
+    /// The points that a fit without one of the recordings would have come to, one for each: a Newton step on what the others say, or as much of it as they bear.
     pub fn without_each(&self, problem: &Problem) -> Vec<Point> {
         let columns = self.fit.derivatives(problem, &self.frame, None);
         let parts = all_products(&columns, &self.fit.residuals);
@@ -55,9 +59,23 @@ impl Learned {
             let mut others = parts.clone();
             others[k].0.fill(0.0);
             others[k].1.fill(0.0);
-            let equations = assemble(&self.fit.point, &self.frame, &others, 0.0);
-            equations.and_then(|e| stepped(problem, &self.frame, &e, &self.fit.point)).unwrap_or_else(|| self.fit.point.clone())
+            let damped = |damping| assemble(&self.fit.point, &self.frame, &others, damping);
+            let tried = DAMPINGS.into_iter().filter_map(damped).filter_map(|e| stepped(problem, &self.frame, &e, &self.fit.point));
+            self.borne_without(problem, k, tried.chain([self.fit.point.clone()]).collect())
         };
         (0..parts.len()).map(one).collect()
+    }
+
+    /// The one of these points at which the recordings but one cost least.
+    fn borne_without(&self, problem: &Problem, left_out: usize, mut tried: Vec<Point>) -> Point {
+        let cost = |point: &Point| {
+            let others = (0..problem.tracks.len()).into_par_iter().filter(|k| *k != left_out);
+            let mut believed = point.clone();
+            believed.own[left_out].fill(0.0);
+            others.map(|k| misfit(&[problem.residuals(k, point, None)])).sum::<f64>() + prior(&believed)
+        };
+        let costs: Vec<f64> = tried.iter().map(cost).collect();
+        let least = (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).unwrap_or(0);
+        tried.swap_remove(least)
     }
 }
