@@ -13,7 +13,7 @@ use super::infer::posterior::{Posterior, laws_far_ahead, posterior};
 use super::infer::search::{Search, exchange, search};
 use super::infer::sensors;
 use super::map;
-use super::measure::{self, Overlay};
+use super::measure::{self, Closed, Overlay};
 use super::model::filter::Disturbances;
 use super::model::prepare;
 use super::model::tolerance::{ToleranceError, Tolerances};
@@ -22,11 +22,12 @@ use super::model::unknown_clutch;
 use super::plan::manoeuvre::{Manoeuvre, built_in};
 use super::plan::{Outlook, Planner, outlook};
 use super::progress::{Watch, Work, watched};
-use super::verdict::{Conclusion, Verdict, conclude};
+use super::verdict::{Conclusion, MISLED, Verdict, conclude};
 use crate::campaign::{Campaign, NO_POSITION, Note, Recording};
 use crate::effects::{self, PARAMETERS, Parameters, REGISTRY};
 use crate::validated::Validated;
 use crate::vehicle::{Vehicle, VehicleError};
+use rayon::prelude::*;
 
 /// Why a campaign cannot be diagnosed.
 #[derive(Debug, thiserror::Error)]
@@ -157,14 +158,17 @@ fn diagnosed(
     }
     let point = &conclusion.explanation.fit.as_ref().expect("the best was fitted").point.clone();
     notes.extend(temperature_notes(&problem, point));
+    let misled = || misled(&problem, &split.taught, &vehicle, &tuned_by(&found, &conclusion, point));
+    let named = matches!(conclusion.verdict, Verdict::Explained | Verdict::PartlyExplained);
+    if let Some([before, after]) = named.then(misled).flatten() {
+        let names = conclusion.effects.iter().map(|&e| REGISTRY[e].id).collect::<Vec<_>>().join(", ");
+        notes.push(format!("{names} would account for the innovations, but free replays of the recordings of the fit are off by {after:.1} rad/s with them and by {before:.1} without: nothing is named, and where the gap lies is hardly known"));
+        conclusion.withdraw();
+    }
     // Tolerances beside a law that nobody has a formula for retune nothing: the car is handed back as it came.
     let retuned = !matches!(conclusion.verdict, Verdict::Unexplained | Verdict::InputsDoNotFit);
-    // The FMU has no law beside its effects: it gets the numbers that suit best without one. Where the law's absence bends them it gets those beside the law, if
-    // that and the effects are not of one subsystem, in which one may make up for the other.
-    let apart = conclusion.unexplained_at.is_some_and(|at| conclusion.effects.iter().all(|&e| REGISTRY[e].effect.subsystem != at));
-    let alone = found.of(&conclusion.effects).map(|h| &h.fit).filter(|f| !(apart && f.strains()));
-    let near = alone.or(conclusion.explanation.fit.as_ref());
-    let alone = &alone.map_or_else(|| beside_law(&conclusion, point), |f| f.point.clone());
+    let near = fitted_alone(&found, &conclusion).or(conclusion.explanation.fit.as_ref());
+    let alone = &tuned_by(&found, &conclusion, point);
     let tuned = if retuned { problem.car(alone, None) } else { super::model::tolerance::Car::nominal(&vehicle) };
     let null = effects::null();
     let (before, after) = ((&vehicle, &null), (&tuned.vehicle, &tuned.effects));
@@ -264,6 +268,31 @@ pub fn with_inputs_held(campaign: &Campaign) -> Campaign {
     let mut campaign = campaign.clone();
     campaign.recordings.iter_mut().for_each(|r| r.held = true);
     campaign
+}
+
+/// The fit of the named effects that the FMU gets. It has no law beside its effects: it gets the numbers that suit best without one. Where the law's absence bends them it gets those
+/// beside the law, if that and the effects are not of one subsystem, in which one may make up for the other.
+fn fitted_alone<'a>(found: &'a Search, conclusion: &Conclusion) -> Option<&'a Fit> {
+    let apart = conclusion.unexplained_at.is_some_and(|at| conclusion.effects.iter().all(|&e| REGISTRY[e].effect.subsystem != at));
+    found.of(&conclusion.effects).map(|h| &h.fit).filter(|f| !(apart && f.strains()))
+}
+
+/// The point at which the car is handed back if it is retuned.
+fn tuned_by(found: &Search, conclusion: &Conclusion, point: &Point) -> Point {
+    fitted_alone(found, conclusion).map_or_else(|| beside_law(conclusion, point), |f| f.point.clone())
+}
+
+/// Mean gap of both speeds in free replays of the recordings of the fit, rad/s, of the file's car and with the named effects, if these lead further off.
+fn misled(problem: &Problem, taught: &[Recording], vehicle: &Vehicle, tuned: &Point) -> Option<[f64; 2]> {
+    if tuned.effects == effects::null() || problem.tracks.iter().all(|t| t.position_free) {
+        return None;
+    }
+    let (car, null) = (problem.car(tuned, None), effects::null());
+    let one = |r: &Recording| Closed::of(&measure::evaluate(r, (vehicle, &null), (&car.vehicle, &car.effects)));
+    let gaps: Vec<Closed> = taught.par_iter().map(one).collect();
+    let mean = |of: fn(&Closed) -> f64| gaps.iter().map(of).sum::<f64>() / gaps.len().max(1) as f64;
+    let (before, after) = (mean(|c| c.before), mean(|c| c.after));
+    (after > MISLED * before).then_some([before, after])
 }
 
 /// What was fitted beside a law, without the law and the effects that stood in for it.
@@ -396,6 +425,22 @@ mod tests {
                 assert_eq!([late(0.99 * least), late(1.01 * least)], [false, true], "side {side}, interval {interval} s");
             }
         }
+    }
+
+    /// Half a clutch's friction is further off than the car of the file, its whole friction is not.
+    #[test]
+    fn effects_whose_car_follows_worse_than_the_file_s_are_told() {
+        let campaign = crate::campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
+        let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
+        let Ready { problem, split, .. } = Ready::new(&campaign, &vehicle, &Work::default()).unwrap();
+        let with = |factor: f64| {
+            let mut point = problem.nominal();
+            point.effects[crate::effects::param::friction_level::factor] = factor;
+            misled(&problem, &split.taught, &vehicle, &point)
+        };
+        assert_eq!([with(1.0), with(1.001)], [None; 2]);
+        let [before, after] = with(0.5).unwrap();
+        assert!(before > 1.0 && after > 1.5 * before, "{before} {after}");
     }
 
     /// Four standard deviations, which are 1 K or more, in either direction; how far off in K, and in which recordings.

@@ -37,6 +37,9 @@ pub const STRANGE: f64 = 60.0;
 /// million. It is asked where no position is known, for then one factor may make up for the inputs of another car; with a position the clutch's own torque contradicts it.
 pub const BEYOND_A_CAR: f64 = 5.0;
 
+/// How many times as far off as the car of the file a car with effects may be, in free replays of the recordings that taught them, for the effects to be named.
+pub const MISLED: f64 = 1.5;
+
 /// What was concluded.
 #[derive(Clone, Debug)]
 pub struct Conclusion {
@@ -92,6 +95,18 @@ fn verdict_of(effects: bool, named: bool, law: bool) -> Verdict {
 }
 
 impl Conclusion {
+    /// Takes back the effects, with which free replays of the recordings that taught them are further off than without. There is a gap, and a model that does not
+    /// follow it says little about where: no more than that it is in one of the subsystems.
+    pub fn withdraw(&mut self) {
+        self.effects.clear();
+        self.verdict = Verdict::Unexplained;
+        self.probability = 1.0 / Subsystem::ALL.len() as f64;
+        let at = self.unexplained_at.or(self.shares.first().map(|s| s.0));
+        let others = self.shares.iter().map(|s| s.0).filter(|s| Some(*s) != at && !self.or_at.contains(s));
+        self.or_at = self.or_at.iter().copied().chain(others).collect();
+        self.unexplained_at = at;
+    }
+
     /// Takes it that something irregular is left.
     pub fn leave(&mut self, irregular: &Irregular) {
         let of = |e: &usize| REGISTRY[*e].effect.subsystem;
@@ -241,6 +256,20 @@ mod tests {
         c.leave(&left(&[Subsystem::Sensors], 1.0));
         assert_eq!((c.verdict, c.unexplained_at, c.probability), (Verdict::Unexplained, Some(Subsystem::Sensors), 0.9));
         assert_eq!(c.shares, [(Subsystem::Sensors, 1.0)]);
+    }
+
+    /// What is left is that there is a gap, in one of seven subsystems; those of the effects come first.
+    #[test]
+    fn effects_that_mislead_are_taken_back() {
+        let mut c = concluded(&["vehicle_mass", "friction_level", "engine_torque_lag"]);
+        c.or_at = vec![Subsystem::Sensors, Subsystem::Friction];
+        c.withdraw();
+        assert!(c.effects.is_empty() && c.verdict == Verdict::Unexplained && (c.probability - 1.0 / 7.0).abs() < 1e-12);
+        assert_eq!(c.unexplained_at, Some(Subsystem::Driveline));
+        assert_eq!(c.or_at, [Subsystem::Sensors, Subsystem::Friction, Subsystem::Engine]);
+        let mut c = Conclusion { unexplained_at: Some(Subsystem::Sensors), ..concluded(&["vehicle_mass"]) };
+        c.withdraw();
+        assert_eq!((c.unexplained_at, c.or_at.as_slice()), (Some(Subsystem::Sensors), &[Subsystem::Driveline][..]));
     }
 
     #[test]

@@ -163,6 +163,31 @@ fn a_common_factor_on_torques_and_inertias_changes_nothing() {
     assert!((plain - scaled).abs() < 0.01 * plain, "{plain} {scaled}");
 }
 
+/// Of a speed in the first sample nothing is known but that sample: white noise, noise with a memory, and a disturbance of the sensor, before as in it.
+#[test]
+fn the_first_sample_is_as_uncertain_as_its_sensor_twice() {
+    let (recordings, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let (tracks, tolerances) = prepare::read(&[&recordings[0]], &vehicle_json).unwrap();
+    let mut with = prepare::disturbances(&tracks, &tolerances);
+    (with.noise[0].white, with.noise[0].coloured) = (0.1, 0.2);
+    with.sensors[0] = kisspoint::gap::model::tolerance::Wander { sigma: 0.3, time_s: 1.0 };
+    let variance = filter::filter(&tracks[0], &vehicle, &with, &[]).gains[0].weight[0].powi(-2);
+    assert!((variance - 2.0 * (0.01 + 0.04 + 0.09)).abs() < 1e-12, "{variance}");
+}
+
+#[test]
+fn a_wheel_that_shows_nothing_stands_still_if_it_begins_slowly() {
+    let (recordings, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let mut track = Track::new(&recordings[0]);
+    let mut begins_with = |first: f64, second: f64| {
+        (track.measured[Channel::OmegaC as usize][0], track.measured[Channel::OmegaC as usize][1]) = (first, second);
+        replay::start(&track, &Car::nominal(&vehicle), 0, [40.0; 2], 0.1).omega_c
+    };
+    assert_eq!([begins_with(f64::NAN, 3.0), begins_with(f64::NAN, 30.0), begins_with(2.0, 3.0)], [0.0, 30.0, 2.0]);
+}
+
 #[test]
 fn a_wheel_that_shows_nothing_yet_stands_nearly_still() {
     let mut problem = made_up(|_| ());
