@@ -360,6 +360,44 @@ fn learned_laws_act_beside_the_known_ones() {
     }
 }
 
+/// Those of actuator and sensors, where they are the same everywhere, do what the effect of that size does; and an offset moves the bearing.
+#[test]
+fn learned_laws_of_actuator_and_sensors_are_effects_where_they_are_flat() {
+    use effects::empirical::CURVES;
+    let mut bench = Bench::held(150.0, 100.0, 60.0, 5.0).moved(0.0, 6.0);
+    bench.then[0].1.t_e_ref = 30.0;
+    let flat = |name: &str, value: f64| {
+        let curve = CURVES.iter().find(|c| c.name == name).unwrap();
+        with(&curve.parameters().map(|k| (k, value)).collect::<Vec<_>>())
+    };
+    let pairs = [
+        ("actuator_time", 0.02, param::actuator_lag::time_constant, 0.02),
+        ("actuator_slowing", 0.03, param::actuator_lag::time_constant, 0.03),
+        ("actuator_play", 0.05, param::actuator_backlash::play, 0.1),
+        ("disc_scale", 0.03, param::clutch_speed_gain::gain, 1.03),
+        ("disc_filter", 0.02, param::clutch_speed_delay::smoothing, 0.02),
+        ("flywheel_filter", 0.02, param::engine_speed_delay::smoothing, 0.02),
+    ];
+    let nominal = bench.run(&effects::null(), 0.05).outputs();
+    for (curve, value, effect, size) in pairs {
+        let (learned, expected) = (bench.run(&flat(curve, value), 0.05).outputs(), bench.run(&with(&[(effect, size)]), 0.05).outputs());
+        assert!(learned != nominal, "{curve} does something");
+        for (what, a, b) in [
+            ("flywheel", learned.omega_f, expected.omega_f),
+            ("disc", learned.omega_c, expected.omega_c),
+            ("bearing", learned.x_to_actual, expected.x_to_actual),
+            ("torque", learned.t_fc, expected.t_fc),
+        ] {
+            close(&format!("{what} under {curve}"), a, b, 1e-7);
+        }
+    }
+    let moved = bench.run(&flat("actuator_offset", 0.2), 0.05).outputs();
+    close("offset", moved.x_to_actual, nominal.x_to_actual + 0.2, 1e-12);
+    let shown = bench.run(&flat("flywheel_scale", -0.02), 0.05).outputs();
+    close("flywheel's scale", shown.omega_f, 0.98 * nominal.omega_f, 1e-9);
+    assert_eq!((shown.omega_c, shown.t_fc), (nominal.omega_c, nominal.t_fc));
+}
+
 #[test]
 fn corrections_move_both_sides_apart_or_together() {
     let mut bench = Bench::held(100.0, 50.0, 25.0, 5.0);
