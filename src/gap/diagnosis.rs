@@ -440,7 +440,7 @@ mod tests {
         };
         assert_eq!([with(1.0), with(1.001)], [None; 2]);
         let [before, after] = with(0.5).unwrap();
-        assert!(before > 1.0 && after > 1.5 * before, "{before} {after}");
+        assert!(before > 1.0 && after > MISLED * before, "{before} {after}");
     }
 
     /// Four standard deviations, which are 1 K or more, in either direction; how far off in K, and in which recordings.

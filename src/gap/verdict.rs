@@ -38,7 +38,7 @@ pub const STRANGE: f64 = 60.0;
 pub const BEYOND_A_CAR: f64 = 5.0;
 
 /// How many times as far off as the car of the file a car with effects may be, in free replays of the recordings that taught them, for the effects to be named.
-pub const MISLED: f64 = 1.5;
+pub const MISLED: f64 = 2.0;
 
 /// What was concluded.
 #[derive(Clone, Debug)]
