@@ -427,6 +427,24 @@ mod tests {
         }
     }
 
+    /// The bundled campaign has a contact point that moves with temperature; a mass that was named beside it goes, before anything is weighed.
+    #[test]
+    fn members_of_the_best_set_are_exchanged_before_it_is_weighed() {
+        use crate::gap::infer::search::Hypothesis;
+        let campaign = crate::campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
+        let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
+        let work = Work::default();
+        let Ready { problem, .. } = Ready::new(&campaign, &vehicle, &work).unwrap();
+        let mut pair = ["kiss_point_thermal", "vehicle_mass"].map(|id| effects::find(id).unwrap()).to_vec();
+        pair.sort_unstable();
+        let fitted = |set: Vec<usize>| Hypothesis::fitted(&problem, set, &problem.nominal(), 12, None);
+        let mut found = search(&problem, &|_, _| {});
+        found.hypotheses.retain(|h| h.effects.is_empty());
+        found.hypotheses.insert(0, fitted(pair));
+        let weights = watched(&|_, _| {}, &work, 1, |watch| weighed(&problem, &mut found, watch));
+        assert_eq!(weights.best().effects, [effects::find("kiss_point_thermal").unwrap()]);
+    }
+
     /// Half a clutch's friction is further off than the car of the file, its whole friction is not.
     #[test]
     fn effects_whose_car_follows_worse_than_the_file_s_are_told() {
