@@ -416,7 +416,7 @@ pub fn exchange(problem: &Problem, found: &mut Search) {
             finish(problem, found, looked);
         }
         let now = &found.best().fit;
-        if found.best().effects == best.effects || strained && now.pull() > STRAIN_LEFT * best.fit.pull() {
+        if found.best().effects == best.effects || strained && !is_relieved(best.fit.pull(), now.pull()) {
             return;
         }
     }
@@ -427,9 +427,18 @@ const EXCHANGES: usize = 4;
 /// Share of its strain that a strained set may keep in a round for another one: what only changes places is not on its way to what is wrong.
 const STRAIN_LEFT: f64 = 0.75;
 
+fn is_relieved(before: f64, now: f64) -> bool {
+    now <= STRAIN_LEFT * before
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn strain_that_only_changes_places_ends_the_exchange() {
+        assert_eq!([5.0, 5.9, 6.1, 9.0].map(|now| is_relieved(8.0, now)), [true, true, false, false]);
+    }
 
     #[test]
     fn an_effect_costs_its_odds_and_a_small_one_more() {

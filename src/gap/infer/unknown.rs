@@ -55,6 +55,10 @@ const FITTED_NATS: f64 = 15.0;
 const FITTED: usize = 2;
 const MOST_FITTED: usize = 4;
 
+fn is_near(best: f64, lead: f64) -> bool {
+    best - lead < FITTED_NATS
+}
+
 /// Sizes of what follows nothing but time, relative to that of what follows states, each as likely.
 const OF_TIME: [f64; 3] = [0.0, 0.25, 1.0];
 
@@ -89,7 +93,7 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
     for _ in 0..MOST_FITTED {
         found.sort_by(|a, b| b.unknown.lead.total_cmp(&a.unknown.lead));
         let best = found[0].unknown.lead;
-        let worthwhile = |u: &Unknown| u.fit.is_none() && best > least && best - u.lead < FITTED_NATS;
+        let worthwhile = |u: &Unknown| u.fit.is_none() && best > least && is_near(best, u.lead);
         let Some(promise) = found.iter_mut().take(FITTED).find(|p| worthwhile(&p.unknown)) else { break };
         if promise.known.is_empty() {
             *promise = promised(problem, of, [&sharp, &coarse], promise.unknown.law.place);
@@ -353,5 +357,16 @@ impl<'a> Mode<'a> {
             slope -= solved.tr_mul(&self.equations.gradient);
         }
         Information { gram, slope }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Odds of three million to one are no longer made up for by a fit that beats its promise.
+    #[test]
+    fn a_place_fifteen_nats_behind_is_not_fitted() {
+        assert_eq!([14.9, 15.1, 0.0, -3.0].map(|behind| is_near(100.0, 100.0 - behind)), [true, false, true, true]);
     }
 }

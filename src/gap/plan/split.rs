@@ -160,6 +160,15 @@ mod tests {
         assert!(lopsided.splits(&p) < 0.05 && even.splits(&p) > 0.95);
     }
 
+    /// Odds of 19 to one or more are apart, and a manoeuvre that says nothing does not change that.
+    #[test]
+    fn what_says_nothing_leaves_the_odds_as_they_are() {
+        let silent = split(2, &[0.0; 4]);
+        // 24 to one: apart if the first is true; 3 to one: not.
+        assert!((silent.told_apart(&[0.96, 0.04], 1) - 0.96).abs() < 1e-12);
+        assert_eq!(silent.told_apart(&[0.75, 0.25], 1), 0.0);
+    }
+
     /// Against drawn Bayes factors.
     #[test]
     fn the_probability_of_a_split_is_its_frequency() {
