@@ -89,6 +89,7 @@ fn a_learned_law_closes_the_gap_of_recordings_that_did_not_teach_it() {
     let (tried, closed) = learned(&car, Subsystem::Friction);
     assert_eq!((tried.law, tried.refused), (Subsystem::Friction, None));
     assert!(closed.fraction() > 0.8 && tried.share_left_out() > LEAST_CLOSED);
+    assert!(tried.stands_out());
     let parameters = serde_json::to_value(plant_parameters(&tried.vehicle, &tried.effects)).unwrap();
     let later = closed::on(&car.unseen, &car.campaign.vehicle_json, &parameters, &car.real).unwrap();
     assert!(later.fraction().unwrap() > 0.8, "{later:?}");

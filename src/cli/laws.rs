@@ -4,6 +4,7 @@ use crate::campaign::{Campaign, Recording};
 use crate::effects::Subsystem;
 use crate::effects::empirical::{Curve, curves};
 use crate::gap::diagnosis::Diagnosis;
+use crate::gap::empirical::BAND;
 use crate::gap::measure::Overlay;
 use crate::gap::model::replay;
 use crate::gap::model::tolerance::Car;
@@ -197,8 +198,6 @@ pub fn laws(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law
     laws
 }
 
-/// Half width of a 95 % band in standard deviations.
-const BAND: f64 = 1.96;
 /// Torque that the model transmits below which a relative change is mostly noise, N·m.
 const LOADED: f64 = 15.0;
 

@@ -323,7 +323,14 @@ fn reason(f: &Findings, l: &Tried) -> String {
     let least = format!("{:.0} %", 100.0 * LEAST_CLOSED);
     let (with, without) = (three_digits(closed.after), three_digits(l.without));
     match l.refused {
-        None => format!("on {held} a free replay is off by {with} rad/s with it and by {without} without"),
+        None => {
+            let flat = if l.stands_out() {
+                ""
+            } else {
+                "; no value of its curves stands out of its 95 % band around zero: what closes the gap are the numbers of the vehicle file, moved within their tolerances beside it"
+            };
+            format!("on {held} a free replay is off by {with} rad/s with it and by {without} without{flat}")
+        }
         Some(Refusal::LeftOut) => {
             let share = l.share_left_out();
             let does = if share > 0.0 { format!("closes {} of what is left", percent(share)) } else { "closes nothing".to_owned() };

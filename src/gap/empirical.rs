@@ -58,7 +58,16 @@ pub enum Refusal {
     NothingToJudge,
 }
 
+/// Half width of a 95 % band in standard deviations.
+pub const BAND: f64 = 1.96;
+
 impl Tried {
+    /// Whether any value of the curves stands out of its 95 % band around zero. If none does, what closes the gap are the tolerances that were fitted beside them.
+    pub fn stands_out(&self) -> bool {
+        let outside = |(k, sigma): (usize, f64)| sigma > 0.0 && self.learned.fit.point.effects[k].abs() > BAND * sigma;
+        self.learned.curves.iter().any(|c| c.parameters().zip(self.learned.sigma(c)).any(outside))
+    }
+
     /// Share of the gap that it closes on recordings that did not teach it, of those that taught the others.
     pub fn share_left_out(&self) -> f64 {
         let [without, with] = self.left_out;
