@@ -185,7 +185,9 @@ def test_declared_dependencies_hold(request, name):
                 found[output].add(known.name)
         instance.set(**{known.name: old})
     for output, names in listed.items():
-        assert names is None or names == found[output], output
+        # Of a table the values beside a start value count, so that one start value does not show them all.
+        tables = {n for n in names or () if n.startswith("effect.empirical.")}
+        assert names is None or found[output] <= names and names - tables == found[output] - tables, output
     assert any(found.values())
     instance.fmu.exitInitializationMode()
     running = instance.outputs()
