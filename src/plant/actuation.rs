@@ -268,6 +268,9 @@ const PIECE_OF_A_LAG: f64 = 0.2;
 /// Departure from its target, of engine torque in N·m and bearing in mm, under which a lag has arrived.
 const ARRIVED: f64 = 1e-9;
 
+/// Shortest piece that is cut for the sake of a learned law, s: where its time constants go to zero, pieces would too.
+const SHORTEST_PIECE_OF_A_TABLE: f64 = MAX_SUBSTEP / 16.0;
+
 /// Shortest piece that is cut for the chain's sake, s.
 const SHORTEST_PIECE: f64 = 1e-9;
 
@@ -293,7 +296,7 @@ pub fn smooth_for(config: &Config, state: &State, x_cmd: f64, max_substep: f64) 
         let distance = leader - state.led;
         let tau = empirical::time(&config.parameters, distance, share_of_closed(config, state.led));
         if distance.abs() > ARRIVED && tau > 0.0 {
-            longest = longest.min(PIECE_OF_A_LAG * tau);
+            longest = longest.min((PIECE_OF_A_LAG * tau).max(SHORTEST_PIECE_OF_A_TABLE));
         }
     }
     if c.inverse_speed > 0.0 {
