@@ -16,7 +16,7 @@
 //! `<curve>_1` and on; while all of a law are zero it takes no part.
 
 use super::{PARAMETERS, Parameters, Subsystem, param::empirical as at};
-use crate::physics::driveline;
+use crate::physics::{approach, driveline};
 use std::ops::Range;
 
 /// Least factor on friction or force.
@@ -252,75 +252,17 @@ pub fn longest_time(p: &Parameters) -> f64 {
     TIME.into_iter().map(|c| CURVES[c].parameters().map(|k| p[k]).fold(0.0, f64::max)).sum()
 }
 
-/// Distance in mm that is left after `h` s of `distance` mm, for an actuator that set out at a position as share of the closed clutch's: ė = −e/τ(e), solved
-/// interval by interval of the table. Between two breakpoints τ = a + b |e|, and from e_0 to e it takes a ln(e_0/e) + b (e_0 − e).
+/// Distance in mm that is left after `h` s of `distance` mm, for an actuator that set out at a position as share of the closed clutch's.
 pub fn approach(p: &Parameters, distance: f64, share: f64, h: f64) -> f64 {
-    let curve = &CURVES[TIME[0]];
-    let node = |k: usize| time_at(p, k, share);
-    let (centre, last) = (curve.breakpoints.len() / 2, curve.breakpoints.len() - 1);
-    let side = |steps: usize| if distance > 0.0 { centre + steps } else { last - centre - steps };
-    let (mut left, mut time) = (distance.abs(), h);
-    if !left.is_finite() {
-        return distance;
-    }
-    for steps in (0..=centre).rev() {
-        let lower = curve.breakpoints[side(steps)].abs();
-        if left <= lower {
-            continue;
-        }
-        let here = node(side(steps));
-        // Beyond the last breakpoint the table is constant.
-        let (slope, width) = if steps == centre { (0.0, 1.0) } else { (node(side(steps + 1)) - here, curve.breakpoints[side(steps + 1)].abs() - lower) };
-        let b = slope / width;
-        let a = here - b * lower;
-        let through = if lower > 0.0 {
-            a * (left / lower).ln() + b * (left - lower)
-        } else if a > 0.0 {
-            f64::INFINITY
-        } else {
-            b * left
-        };
-        if time < through {
-            return within(a, b, [lower, left], time).copysign(distance);
-        }
-        (left, time) = (lower, time - through);
-    }
-    0.0
+    let breakpoints = CURVES[TIME[0]].breakpoints;
+    // From the command outwards, on the side on which the actuator is.
+    let place = |steps: usize| if distance > 0.0 { HALF + steps } else { HALF - steps };
+    let distances: [f64; HALF + 1] = std::array::from_fn(|k| breakpoints[place(k)].abs());
+    approach::left(distances, std::array::from_fn(|k| time_at(p, place(k), share)), distance.abs(), h).copysign(distance)
 }
 
-/// The e after `time` s from e_0, where a ln(e_0/e) + b (e_0 − e) is that time and e is not below `lower`: by Newton's method in ln e, kept within a bracket.
-fn within(a: f64, b: f64, [lower, e_0]: [f64; 2], time: f64) -> f64 {
-    if b == 0.0 {
-        return e_0 * (-time / a).exp();
-    }
-    if a == 0.0 {
-        return (e_0 - time / b).max(lower);
-    }
-    // s = ln(e/e_0) ≤ 0: a s + b e_0 (eˢ − 1) + time = 0, which grows by τ.
-    let at = |s: f64| a * s + b * e_0 * s.exp_m1() + time;
-    let (mut low, mut high) = if lower > 0.0 { ((lower / e_0).ln(), 0.0) } else { (-1.0, 0.0) };
-    while lower == 0.0 && at(low) > 0.0 && low > LEAST_LOGARITHM {
-        (low, high) = (2.0 * low, low);
-    }
-    let mut s = 0.5 * (low + high);
-    for _ in 0..MOST_SEARCHED {
-        let found = at(s);
-        if found > 0.0 { high = s } else { low = s }
-        let newton = s - found / (a + b * e_0 * s.exp());
-        let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
-        if (next - s).abs() <= 1e-15 * next.abs() {
-            break;
-        }
-        s = next;
-    }
-    e_0 * s.exp()
-}
-
-/// Logarithm of a share of a distance that is nothing.
-const LEAST_LOGARITHM: f64 = -700.0;
-
-/// Steps of a search that bisection alone would end by.
-const MOST_SEARCHED: usize = 60;
+/// Breakpoints of the time constant on either side of the command.
+const HALF: usize = 3;
 
 /// Offset of the bearing and half of its play, mm, at a position as share of the closed clutch's.
 pub fn offset_and_play(p: &Parameters, share: f64) -> (f64, f64) {
@@ -426,45 +368,23 @@ mod tests {
         assert_eq!(load(&p, 0.0, 2.0), 0.0);
     }
 
-    /// Distances left under some tables of time constants, on both sides, against many small steps of ė = −e/τ(e).
+    /// Either side has its own time constants; a position adds to both, and none is less than none.
     #[test]
     fn an_actuator_closes_its_distance_as_its_time_constants_say() {
-        let tables = [[0.3, 0.2, 0.05, 0.02, 0.04, 0.1, 0.5], [0.01, 0.1, 0.0, 0.1, 0.0, 0.2, 0.2], [0.2, 0.1, 0.05, 0.0, 0.02, 0.4, 0.1]];
-        for (n, table) in tables.iter().enumerate() {
-            for (added, from) in [(0.0, 9.0), (0.0, -9.0), (0.0, 4.0), (0.02, -1.3), (-0.03, 5.0), (0.01, 0.2)] {
-                let mut p = null();
-                p[at::actuator_time_1..=at::actuator_time_7].copy_from_slice(table);
-                p[at::actuator_slowing_5] = added;
-                let mut e: f64 = from;
-                let steps = 20_000;
-                let h = 0.15 / f64::from(steps);
-                for k in 1..=steps {
-                    // Where there is no time constant it leaps.
-                    while time(&p, e, 1.0) < 1e-9 && e.abs() > 1e-9 {
-                        e *= 0.9999;
-                    }
-                    let half = e * (-0.5 * h / time(&p, e, 1.0)).exp();
-                    e *= (-h / time(&p, half, 1.0).max(1e-12)).exp();
-                    if k % 5_000 == 0 {
-                        let found = approach(&p, from, 1.0, f64::from(k) * h);
-                        assert!((found - e).abs() < 3e-3 * from.abs(), "table {n} from {from}: {found} against {e}");
-                        // In pieces as in one.
-                        let pieces = (0..4).fold(from, |e, _| approach(&p, e, 1.0, 0.25 * f64::from(k) * h));
-                        assert!((pieces - found).abs() < 1e-12 * from.abs(), "table {n} from {from}: {pieces} against {found}");
-                    }
-                }
-                assert!(longest_time(&p) >= time(&p, from, 1.0));
-            }
-        }
-        // The same time constant at all distances is a lag; one that grows with the distance from none at the command is a speed.
         let mut p = null();
-        p[at::actuator_time_1..=at::actuator_time_7].fill(0.08);
-        close(approach(&p, 5.0, 0.4, 0.1), 5.0 * (-0.1_f64 / 0.08).exp());
-        p[at::actuator_time_1..=at::actuator_time_7].copy_from_slice(&[0.6, 0.2, 0.05, 0.0, 0.05, 0.2, 0.6]);
+        p[at::actuator_time_1..=at::actuator_time_7].copy_from_slice(&[0.6, 0.2, 0.05, 0.0, 0.1, 0.1, 0.1]);
+        p[at::actuator_time_4] = 0.0;
         close(approach(&p, -5.5, 0.4, 0.2), -3.5);
-        close(approach(&p, 5.5, 0.4, 0.55), 0.0);
-        close(approach(&p, 0.0, 0.4, 0.01), 0.0);
-        assert!(approach(&p, f64::NAN, 0.4, 0.01).is_nan() && approach(&p, f64::INFINITY, 0.4, 0.01) == f64::INFINITY);
+        // The first half millimetre is closed at 5 mm/s.
+        close(approach(&p, 0.4, 0.4, 0.02), 0.3);
+        close(approach(&p, 3.0, 0.4, 0.05), 3.0 * (-0.5_f64).exp());
+        (p[at::actuator_slowing_4], p[at::actuator_slowing_5]) = (0.05, -0.2);
+        close(time(&p, 3.0, 0.7), 0.15);
+        close(approach(&p, 3.0, 0.7, 0.03), 3.0 * (-0.2_f64).exp());
+        close(time(&p, 3.0, 1.0), 0.0);
+        close(approach(&p, 3.0, 1.0, 0.001), 0.0);
+        close(longest_time(&p), 0.65);
+        assert!(approach(&p, f64::NAN, 0.4, 0.01).is_nan());
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //!
 //! Nothing here knows of effects, of FMI or of files. Units: s, rad/s, N·m, N, mm for throwout position, °C, J.
 
+pub mod approach;
 pub mod cushion;
 pub mod driveline;
 pub mod friction;

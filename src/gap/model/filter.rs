@@ -19,7 +19,8 @@
 use super::noise::Noise;
 use super::replay::HIDDEN;
 use super::tolerance::{LATE_SIGMAS, Wander};
-use super::track::{CONTROL_INTERVAL_S, Channel, Track, misses};
+use super::track::{Channel, Track};
+use super::unseen::{self, PACE_OBSERVATIONS, interval, slope};
 use crate::plant::Phase;
 use crate::vehicle::Vehicle;
 use nalgebra::{SMatrix, SVector};
@@ -85,8 +86,6 @@ const LOCKED: f64 = 6.0;
 const LOCKED_MEAN: f64 = 3.0;
 /// Least time in which two speeds that go together are those of a locked clutch, s.
 const TOGETHER_S: f64 = 0.3;
-/// Observations to both sides over which the pace of a speed is taken.
-const PACE_OBSERVATIONS: usize = 3;
 
 /// Gains of one observation.
 #[derive(Clone, Copy, Debug, Default)]
@@ -182,8 +181,10 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     }
     let report: Vec<f64> = (0..n).map(|k| track.ticks[track.tick_of_row[track.rows_of(k).start]].t_e).collect();
     let command: Vec<f64> = (0..n).map(|k| track.ticks[track.tick_of_row[track.rows_of(k).start]].x_to).collect();
-    let bends = [bends(track, &report, |_| true), bends(track, torque, |k| !locked[k]), bends(track, &command, |_| true)];
-    let impulse = |of: usize, k: usize| bends[of][k] * interval(track, k).powi(2) / 6.0;
+    let report_bends = unseen::bends(track, &report, |_| true);
+    let torque_bends = unseen::bends(track, torque, |k| !locked[k]);
+    let command_bends = unseen::bends(track, &command, |_| true);
+    let impulse = |bends: &[f64], k: usize| bends[k] * interval(track, k).powi(2) / 6.0;
     for k in 0..n {
         let mut gain = Gain { interval: interval(track, k), ..Gain::default() };
         let pinned = unknown.is_some() && !locked[k];
@@ -197,8 +198,8 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
             }
             let (speed, noise) = [(OMEGA_F, NOISE_F), (OMEGA_C, NOISE_C)][c];
             let share = if c == 0 { j_c / total } else { j_f / total };
-            let stamp = if with.stamps > 0.0 { with.stamps * slope(&speeds[c], |k| track.time[track.rows_of(k).start], k) } else { 0.0 };
-            let r = variance(c, count) + (share * blur[k]).powi(2) + stamp.powi(2) + if pinned { followed } else { 0.0 };
+            let stamp = unseen::of_stamps(track, with.stamps, &speeds[c], k);
+            let r = variance(c, count) + (share * blur[k]).powi(2) + stamp + if pinned { followed } else { 0.0 };
             let mut h = SVector::<f64, STATES>::zeros();
             (h[speed], h[noise]) = (1.0, 1.0);
             let ph = p * h;
@@ -220,7 +221,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
         torque_variance.push(h.dot(&(p * h)));
         // To the next observation.
         let dt = gain.interval;
-        let report_impulse = with.report_noise.powi(2) * dt * (dt / track.rows_of(k).len().max(1) as f64) + impulse(0, k);
+        let report_impulse = with.report_noise.powi(2) * dt * (dt / track.rows_of(k).len().max(1) as f64) + impulse(&report_bends, k);
         let mut f = Covariance::identity();
         let mut decay = [1.0; STATES];
         let mut q = Covariance::zeros();
@@ -265,7 +266,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
             f[(OMEGA_F, CLUTCH)] /= j_f;
             f[(OMEGA_C, LOAD)] /= j_c;
             f[(OMEGA_C, CLUTCH)] /= j_c;
-            let unseen = impulse(1, k);
+            let unseen = impulse(&torque_bends, k);
             q[(OMEGA_F, OMEGA_F)] = (report_impulse + unseen) / (j_f * j_f);
             q[(OMEGA_C, OMEGA_C)] = unseen / (j_c * j_c);
             q[(OMEGA_F, OMEGA_C)] = -unseen / (j_f * j_c);
@@ -282,8 +283,9 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
             gains[k].decay[LOAD] = 0.0;
         }
     }
-    let unseen = [Channel::XTo, Channel::TFc].map(|c| before_sample(track, &bends[if c == Channel::XTo { 2 } else { 1 }]));
-    let bench = bench(track, with, &locked, [&unseen[0], &unseen[1]], &torque_variance, &mut samples, &mut log_det);
+    let of_torque = unseen::before_samples(track, &torque_bends).iter().zip(&torque_variance).map(|(a, b)| a + b).collect();
+    let beyond = [unseen::before_samples(track, &command_bends), of_torque, vec![0.0; n]];
+    let bench = bench(track, with, &locked, &beyond, &mut samples, &mut log_det);
     let phase = |k: usize| match (locked[k], closed(k)) {
         (true, _) => Phase::Locked,
         (_, true) => Phase::Slipping,
@@ -322,42 +324,12 @@ fn stands(track: &Track, omega_c: &[(f64, usize)], noise: f64, braking: impl Fn(
         .collect()
 }
 
-/// How a signal may have gone unseen after each observation, beyond the straight line to the next one: none where a sample shows every step of the control unit.
-///
-/// A signal that goes any way between its samples is a Wiener process. With intervals T its variance s² per second shows in how far a sample lies off the
-/// middle of its neighbours, δ² = s² T/2, which this gives. The integral between two samples, given both, has the variance s² T³/12 = δ² T²/6: the impulse of a torque. The
-/// signal itself has s² T u (1 − u) = 2 δ² u (1 − u) at the share u of the way.
-fn bends(track: &Track, signal: &[f64], counts: impl Fn(usize) -> bool) -> Vec<f64> {
-    let n = track.observations();
-    let off = |k: usize| {
-        let known = k > 0 && k + 1 < signal.len() && (k - 1..=k + 1).all(&counts);
-        if known { (signal[k] - 0.5 * (signal[k - 1] + signal[k + 1])).powi(2) } else { 0.0 }
-    };
-    (0..n).map(|k| if misses(interval(track, k)) && !track.held { 0.5 * (off(k) + off(k + 1)) } else { 0.0 }).collect()
-}
-
-/// Variance of such a signal just before each sample, when the control unit's last step is still the one that holds.
-fn before_sample(track: &Track, bends: &[f64]) -> Vec<f64> {
-    let one = |k: usize| {
-        let Some(before) = k.checked_sub(1).filter(|&j| bends[j] > 0.0) else { return 0.0 };
-        let left = CONTROL_INTERVAL_S / interval(track, before);
-        2.0 * bends[before] * left * (1.0 - left)
-    };
-    (0..bends.len()).map(one).collect()
-}
-
 /// A coloured noise and a further one: both are first-order, and the slower one's time stands for both where both are there.
 fn joined(noise: Noise, further: Wander) -> Wander {
     if further.sigma > 0.0 {
         return Wander { sigma: noise.coloured.hypot(further.sigma), time_s: further.time_s };
     }
     Wander { sigma: noise.coloured, time_s: noise.memory_s }
-}
-
-fn interval(track: &Track, k: usize) -> f64 {
-    let begin = track.time[track.rows_of(k).start];
-    let end = if k + 1 < track.observations() { track.time[track.rows_of(k + 1).start] } else { track.duration() };
-    end - begin
 }
 
 /// Whether the command at observation `k` asks for a closed clutch: two speeds that only cross while it is open are not locked.
@@ -367,20 +339,7 @@ fn closed(track: &Track, vehicle: &Vehicle, k: usize) -> bool {
 
 /// Slope of the mean of both speeds around an observation, rad/s², from the first and the last sample there that are known; zero where two are not.
 fn pace(speeds: &[Vec<(f64, usize)>; 2], time: impl Fn(usize) -> f64, k: usize) -> f64 {
-    known_slope(&speeds[0], &time, k).zip(known_slope(&speeds[1], &time, k)).map_or(0.0, |(f, c)| 0.5 * (f + c))
-}
-
-/// Slope of a channel around an observation per second, from the first and the last sample there that are known.
-fn known_slope(samples: &[(f64, usize)], time: &impl Fn(usize) -> f64, k: usize) -> Option<f64> {
-    let near = k.saturating_sub(PACE_OBSERVATIONS)..(k + PACE_OBSERVATIONS + 1).min(samples.len());
-    let mut known = near.filter(|&j| samples[j].0.is_finite());
-    let (a, b) = known.next().zip(known.next_back())?;
-    Some((samples[b].0 - samples[a].0) / (time(b) - time(a)).max(1e-3))
-}
-
-/// The same; zero where two are not known.
-fn slope(samples: &[(f64, usize)], time: impl Fn(usize) -> f64, k: usize) -> f64 {
-    known_slope(samples, &time, k).unwrap_or(0.0)
+    slope(&speeds[0], &time, k).zip(slope(&speeds[1], &time, k)).map_or(0.0, |(f, c)| 0.5 * (f + c))
 }
 
 /// How much later the flywheel's speed is sensed than the disc's, s, at most `most`: by least squares over stretches of the recordings in which two speeds that
@@ -463,16 +422,17 @@ fn lock_up_blur(track: &Track, speeds: &[Vec<(f64, usize)>; 2], locked: &[bool])
     blur
 }
 
+/// Gains of the bench channels; `beyond` are the variances by observation of what each shows, beyond its noise.
 fn bench(
     track: &Track,
     with: &Disturbances,
     locked: &[bool],
-    unseen: [&[f64]; 2],
-    torque_variance: &[f64],
+    beyond: &[Vec<f64>; 3],
     samples: &mut usize,
     log_det: &mut f64,
 ) -> [Vec<BenchGain>; 3] {
-    [Channel::XTo, Channel::TFc, Channel::ThetaC].map(|channel| {
+    std::array::from_fn(|place| {
+        let channel = [Channel::XTo, Channel::TFc, Channel::ThetaC][place];
         if track.measured[channel as usize].is_empty() {
             return Vec::new();
         }
@@ -480,7 +440,6 @@ fn bench(
         let wander = if channel == Channel::XTo { with.bearing } else { Wander { sigma: 0.0, time_s: 1.0 } };
         let mut p = wander.sigma.powi(2);
         let means: Vec<(f64, usize)> = (0..track.observations()).map(|k| track.mean(channel, k)).collect();
-        let unseen = [Channel::XTo, Channel::TFc].iter().position(|c| *c == channel).map(|c| unseen[c]);
         (0..track.observations())
             .map(|k| {
                 let dt = interval(track, k);
@@ -490,10 +449,8 @@ fn bench(
                 let near = k.saturating_sub(2)..(k + 3).min(locked.len());
                 let jumps = channel == Channel::TFc && near.clone().any(|j| locked[j] != locked[k]);
                 if mean.is_finite() && !jumps {
-                    let torque = if channel == Channel::TFc { torque_variance[k] } else { 0.0 };
-                    let stamp = if with.stamps > 0.0 { with.stamps * slope(&means, |k| track.time[track.rows_of(k).start], k) } else { 0.0 };
-                    let between = unseen.map_or(0.0, |u| u[k]) + stamp.powi(2);
-                    let r = with.noise[channel as usize].white.powi(2) / count as f64 + lasting.powi(2) / dt + torque + between;
+                    let further = beyond[place][k] + unseen::of_stamps(track, with.stamps, &means, k);
+                    let r = with.noise[channel as usize].white.powi(2) / count as f64 + lasting.powi(2) / dt + further;
                     let s = p + r;
                     (gain.weight, gain.of) = (1.0 / s.sqrt(), p / s);
                     p *= r / s;

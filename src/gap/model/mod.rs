@@ -9,3 +9,4 @@ pub mod replay;
 pub mod tolerance;
 pub mod track;
 pub mod unknown_clutch;
+pub mod unseen;
