@@ -1,6 +1,6 @@
 //! Single equations against numbers worked out by hand, where no scenario of the plant singles them out.
 
-use kisspoint::effects::{self, PARAMETERS, REGISTRY, SIMULATED, SignalDelay, Subsystem, Tyre, param};
+use kisspoint::effects::{self, PARAMETERS, REGISTRY, SIMULATED, Subsystem, Tyre, param};
 use kisspoint::physics::cushion::{self, CushionSpring};
 use kisspoint::physics::friction::{self, Friction};
 use kisspoint::physics::lag::{self, Lag, LagState};
@@ -150,13 +150,6 @@ fn a_tyre_gives_way_the_more_the_nearer_its_grip() {
     {
         close("deflection", tyre.deflection(torque), deflection);
     }
-}
-
-#[test]
-fn a_signal_without_dead_time_and_filter_is_not_late() {
-    close("mean age", SignalDelay { dead_time: 0.02, smoothing: 0.01 }.mean(), 0.03);
-    assert!(SignalDelay::default().is_none() && !SignalDelay { dead_time: 0.01, smoothing: 0.0 }.is_none());
-    assert!(!SignalDelay { dead_time: 0.0, smoothing: 0.01 }.is_none());
 }
 
 #[test]

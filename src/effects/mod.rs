@@ -239,18 +239,6 @@ pub struct SignalDelay {
     pub smoothing: f64,
 }
 
-impl SignalDelay {
-    /// Whether there is none.
-    pub fn is_none(self) -> bool {
-        self.dead_time <= 0.0 && self.smoothing <= 0.0
-    }
-
-    /// Mean age of what is sensed, s.
-    pub fn mean(self) -> f64 {
-        self.dead_time + self.smoothing
-    }
-}
-
 /// Constants of the plant that effects may change; the nominal ones come from the vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Constants {

@@ -208,7 +208,7 @@ impl Plant {
     fn start_delay_lines(&mut self, command: f64) {
         let s = &self.state;
         let [flywheel, disc] = sensed::speeds(&self.config, s, &self.history);
-        let [late_flywheel, late_disc] = sensed::channels(&self.config, &self.state.y).map(|(_, _, delay)| delay.dead_time > 0.0);
+        let [late_flywheel, late_disc] = [0, 1].map(|k| sensed::dead_time(&self.config, k) > 0.0);
         let lines = [
             (Signal::Command, self.config.constants.command_delay <= 0.0, command),
             (Signal::Flywheel, !late_flywheel, flywheel),
@@ -248,18 +248,19 @@ impl Plant {
     /// missing have been moving the speeds by `rate` rad/s² since then.
     pub fn correct_speeds(&mut self, by: [f64; 2], rate: [f64; 2], seen: usize) {
         let d = &self.config.constants.driveline;
-        let since = sensed::channels(&self.config, &self.state.y)[seen].2.mean();
+        let smoothing = [0, 1].map(|k| sensed::smoothing(&self.config, k, &self.state.y));
+        let since = sensed::dead_time(&self.config, seen) + smoothing[seen];
         let common = |v: [f64; 2]| [events::common_speed([d.J_f, d.J_c], v); 2];
         let (by, rate) = if self.state.stuck { (common(by), common(rate)) } else { (by, rate) };
         events::correct_speeds(&mut self.state, by[0] + rate[0] * since, by[1] + rate[1] * since);
         let now = self.state.time;
-        for (k, (signal, _, delay)) in sensed::channels(&self.config, &self.state.y).into_iter().enumerate() {
+        for (k, signal) in sensed::LINES.into_iter().enumerate() {
             // What was seen has been growing for longer than its filter remembers: a beginning within that would show as another size.
-            let steady = |age: f64| since - delay.smoothing - age;
-            let begun = |age: f64| sensed::ramp((since - age).max(0.0), delay.smoothing);
+            let steady = |age: f64| since - smoothing[k] - age;
+            let begun = |age: f64| sensed::ramp((since - age).max(0.0), smoothing[k]);
             let grown = |age: f64| rate[k] * if k == seen { steady(age) } else { begun(age) };
             self.state.filtered[k] += by[k] + grown(0.0);
-            self.history.correct(signal, by[k], grown, now, delay.dead_time);
+            self.history.correct(signal, by[k], grown, now, sensed::dead_time(&self.config, k));
         }
     }
 

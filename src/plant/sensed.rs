@@ -9,34 +9,44 @@ use super::history::{self, History, Signal};
 use super::motion::{Motion, index};
 use crate::effects::{Parameters, SignalDelay, empirical, param};
 
-/// Places of flywheel and disc among the states.
+/// Delay lines of flywheel and disc.
+pub const LINES: [Signal; 2] = [Signal::Flywheel, Signal::Disc];
+
+/// Their places among the states.
 pub const PLACES: [usize; 2] = [index::OMEGA_F, index::OMEGA_C];
 
-/// Flywheel and disc: line, place among the states, and delay at these speeds.
-pub fn channels(config: &Config, y: &Motion) -> [(Signal, usize, SignalDelay); 2] {
-    let c = &config.constants;
-    let all = [(Signal::Flywheel, c.engine_speed_delay), (Signal::Disc, c.clutch_speed_delay)];
-    std::array::from_fn(|k| {
-        let (signal, mut delay) = all[k];
-        if config.empirical.filters {
-            delay.smoothing += empirical::smoothing(&config.parameters, k, y[PLACES[k]]);
-        }
-        (signal, PLACES[k], delay)
-    })
+#[inline]
+fn delay(config: &Config, k: usize) -> SignalDelay {
+    if k == 0 { config.constants.engine_speed_delay } else { config.constants.clutch_speed_delay }
+}
+
+/// Dead time of channel `k`, s.
+#[inline]
+pub fn dead_time(config: &Config, k: usize) -> f64 {
+    delay(config, k).dead_time
+}
+
+/// Time constant of the filter of channel `k` at the speeds of `y`, s.
+#[inline]
+pub fn smoothing(config: &Config, k: usize, y: &Motion) -> f64 {
+    let learned = if config.empirical.filters { empirical::smoothing(&config.parameters, k, y[PLACES[k]]) } else { 0.0 };
+    delay(config, k).smoothing + learned
 }
 
 /// Whether channel `k` has a filter, be it that it lets everything through now.
+#[inline]
 pub fn filters(config: &Config, k: usize) -> bool {
-    let c = &config.constants;
-    [c.engine_speed_delay, c.clutch_speed_delay][k].smoothing > 0.0 || config.empirical.filters
+    delay(config, k).smoothing > 0.0 || config.empirical.filters
 }
 
 /// Speed of channel `k` behind its filter now, rad/s.
+#[inline]
 fn filtered(config: &Config, state: &State, k: usize) -> f64 {
     if filters(config, k) { state.filtered[k] } else { state.y[PLACES[k]] }
 }
 
 /// What the sensor of channel `k` makes of a speed behind filter and dead time, rad/s.
+#[inline]
 pub fn shown(config: &Config, k: usize, speed: f64) -> f64 {
     let scaled = if k == 1 { config.constants.clutch_speed_gain * speed } else { speed };
     if config.empirical.scales { scaled * empirical::scale(&config.parameters, k, speed) } else { scaled }
@@ -49,44 +59,39 @@ pub fn meant(effects: &Parameters, k: usize, seen: f64) -> f64 {
 }
 
 /// Both speeds as they are sensed now, rad/s.
+#[inline]
 pub fn speeds(config: &Config, state: &State, history: &History) -> [f64; 2] {
-    let all = channels(config, &state.y);
     std::array::from_fn(|k| {
-        let (signal, _, delay) = all[k];
-        let now = filtered(config, state, k);
-        if delay.dead_time <= 0.0 {
+        let (now, dead_time) = (filtered(config, state, k), dead_time(config, k));
+        if dead_time <= 0.0 {
             return now;
         }
-        history.line(signal).interpolate(state.time - delay.dead_time.min(history::LONGEST), state.time, now)
+        history.line(LINES[k]).interpolate(state.time - dead_time.min(history::LONGEST), state.time, now)
     })
 }
 
 /// Keeps what the delay lines need of the present.
 #[inline]
 pub fn record(config: &Config, state: &State, history: &mut History) {
-    let c = &config.constants;
-    if c.engine_speed_delay.dead_time > 0.0 || c.clutch_speed_delay.dead_time > 0.0 {
+    if (0..2).any(|k| dead_time(config, k) > 0.0) {
         push(config, state, history);
     }
 }
 
 #[inline(never)]
 fn push(config: &Config, state: &State, history: &mut History) {
-    for (k, (signal, _, delay)) in channels(config, &state.y).into_iter().enumerate() {
-        if delay.dead_time > 0.0 {
-            history.push(signal, state.time, filtered(config, state, k));
-        }
+    for k in (0..2).filter(|&k| dead_time(config, k) > 0.0) {
+        history.push(LINES[k], state.time, filtered(config, state, k));
     }
 }
 
 /// Filters after `h` s that take the speeds to those of `y`, with the accelerations at the beginning and at the end, rad/s².
 pub fn advance(config: &Config, state: &mut State, y: &Motion, accelerations: [[f64; 2]; 2], h: f64) {
-    let delays = [channels(config, &state.y), channels(config, y)];
     for (k, place) in PLACES.into_iter().enumerate().filter(|(k, _)| filters(config, *k)) {
-        let smoothing = 0.5 * (delays[0][k].2.smoothing + delays[1][k].2.smoothing);
+        let tau = 0.5 * (smoothing(config, k, &state.y) + smoothing(config, k, y));
         let slopes = accelerations.map(|a| a[k]);
-        let through = || filter(state.filtered[k], [state.y[place], y[place]], slopes, smoothing, h);
-        state.filtered[k] = if smoothing > 0.0 { through() } else { y[place] };
+        let through = || filter(state.filtered[k], [state.y[place], y[place]], slopes, tau, h);
+        state.filtered[k] = if tau > 0.0 { through() } else { y[place] };
     }
 }
 
