@@ -52,6 +52,7 @@ fn learned(car: &Car, place: Subsystem) -> (Tried, Closed) {
         unexplained_at: Some(place),
         shares: vec![(place, 1.0)],
         or_at: Vec::new(),
+        taken_back: None,
     };
     let null = effects::null();
     let held_out = &campaign.recordings[split.judge];

@@ -257,6 +257,8 @@ pub struct Equation {
 pub struct Which {
     /// The effects added, most important first.
     pub effects: Vec<Effect>,
+    /// Effects that would account for the innovations and lead a free replay further off: they are not named.
+    pub taken_back: Option<TakenBack>,
     /// Every candidate.
     pub ranked: Vec<Ranked>,
     /// What the recordings cannot show.
@@ -267,6 +269,17 @@ pub struct Which {
     pub explanations: Vec<Weighed>,
     /// Strongest correlations of an effect's parameter with another unknown.
     pub correlations: Vec<Correlation>,
+}
+
+/// Effects that were taken back, and why.
+#[derive(Clone, Debug, Serialize)]
+pub struct TakenBack {
+    /// Ids.
+    pub effects: Vec<&'static str>,
+    /// Mean gap of both speeds in free replays of the recordings of the fit, rad/s: of the file's car.
+    pub before: Real,
+    /// The same with the effects.
+    pub after: Real,
 }
 
 /// Posterior correlation of two unknowns.

@@ -3,7 +3,7 @@
 use super::advice;
 use super::answer::{
     Answer, Correlation, Domain, Effect, Empirical, EmpiricalCurve, Equation, Figures, HowFar, Interval, LeftOut, NotAssessable,
-    PerRecording, Plant, Ranked, Real, Share, Visible, Weighed, Where, Which, plant_parameters,
+    PerRecording, Plant, Ranked, Real, Share, TakenBack, Visible, Weighed, Where, Which, plant_parameters,
 };
 use super::empirical::{LEAST_CLOSED, Refusal, Tried};
 use super::infer::coordinate::Coordinate;
@@ -181,6 +181,11 @@ fn which(f: &Findings) -> Which {
     let best = f.posterior.best().log_posterior;
     Which {
         effects: named(f).into_iter().map(|e| effect(f, e)).collect(),
+        taken_back: f.conclusion.taken_back.as_ref().map(|t| TakenBack {
+            effects: t.effects.iter().map(|&e| REGISTRY[e].id).collect(),
+            before: Real(t.gaps[0]),
+            after: Real(t.gaps[1]),
+        }),
         ranked: ranked(f, &too_large),
         not_assessable: (0..REGISTRY.len())
             .filter(|e| too_large(*e) && !named(f).contains(e))

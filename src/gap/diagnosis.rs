@@ -160,10 +160,8 @@ fn diagnosed(
     notes.extend(temperature_notes(&problem, point));
     let misled = || misled(&problem, &split.taught, &vehicle, &tuned_by(&found, &conclusion, point));
     let named = matches!(conclusion.verdict, Verdict::Explained | Verdict::PartlyExplained);
-    if let Some([before, after]) = named.then(misled).flatten() {
-        let names = conclusion.effects.iter().map(|&e| REGISTRY[e].id).collect::<Vec<_>>().join(", ");
-        notes.push(format!("{names} would account for the innovations, but free replays of the recordings of the fit are off by {after:.1} rad/s with them and by {before:.1} without: nothing is named, and where the gap lies is hardly known"));
-        conclusion.withdraw();
+    if let Some(gaps) = named.then(misled).flatten() {
+        conclusion.withdraw(gaps);
     }
     // Tolerances beside a law that nobody has a formula for retune nothing: the car is handed back as it came.
     let retuned = !matches!(conclusion.verdict, Verdict::Unexplained | Verdict::InputsDoNotFit);

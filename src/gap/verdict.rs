@@ -57,6 +57,17 @@ pub struct Conclusion {
     pub shares: Vec<(Subsystem, f64)>,
     /// Subsystems in which the gap, or its remainder, may lie instead.
     pub or_at: Vec<Subsystem>,
+    /// Effects that were taken back.
+    pub taken_back: Option<TakenBack>,
+}
+
+/// Effects that would account for the innovations, with which the car follows the recordings of the fit worse than without.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TakenBack {
+    /// The effects.
+    pub effects: Vec<usize>,
+    /// Mean gap of both speeds in free replays of the recordings of the fit, rad/s: of the file's car, and with the effects.
+    pub gaps: [f64; 2],
 }
 
 /// Concludes.
@@ -81,7 +92,7 @@ pub fn conclude(problem: &Problem, search: &Search, posterior: &Posterior) -> Co
     let or_at =
         if matches!(verdict, Verdict::NoGap | Verdict::InputsDoNotFit) { Vec::new() } else { doubted(&posterior.explanations, &shown) };
     let shares = if strange { Vec::new() } else { shares };
-    Conclusion { verdict, probability, explanation: best, effects: named, unexplained_at, shares, or_at }
+    Conclusion { verdict, probability, explanation: best, effects: named, unexplained_at, shares, or_at, taken_back: None }
 }
 
 /// What an explanation amounts to that has effects or none, some that are named or none, and a missing law or none.
@@ -97,14 +108,19 @@ fn verdict_of(effects: bool, named: bool, law: bool) -> Verdict {
 impl Conclusion {
     /// Takes back the effects, with which free replays of the recordings that taught them are further off than without. There is a gap, and a model that does not
     /// follow it says little about where: no more than that it is in one of the subsystems.
-    pub fn withdraw(&mut self) {
-        self.effects.clear();
+    pub fn withdraw(&mut self, gaps: [f64; 2]) {
+        self.taken_back = Some(TakenBack { effects: std::mem::take(&mut self.effects), gaps });
         self.verdict = Verdict::Unexplained;
         self.probability = 1.0 / Subsystem::ALL.len() as f64;
-        let at = self.unexplained_at.or(self.shares.first().map(|s| s.0));
-        let others = self.shares.iter().map(|s| s.0).filter(|s| Some(*s) != at && !self.or_at.contains(s));
-        self.or_at = self.or_at.iter().copied().chain(others).collect();
-        self.unexplained_at = at;
+        let places: Vec<Subsystem> = self.unexplained_at.into_iter().chain(self.shares.iter().map(|s| s.0)).chain(self.or_at.drain(..)).collect();
+        for place in places {
+            match self.unexplained_at {
+                None => self.unexplained_at = Some(place),
+                Some(first) if first != place && !self.or_at.contains(&place) => self.or_at.push(place),
+                Some(_) => {}
+            }
+        }
+        self.shares = self.unexplained_at.map(|place| (place, 1.0)).into_iter().collect();
     }
 
     /// Takes it that something irregular is left.
@@ -247,7 +263,7 @@ mod tests {
             fit: None,
         };
         let verdict = if effects.is_empty() { Verdict::NoGap } else { Verdict::Explained };
-        Conclusion { verdict, probability: 1.0, explanation, effects, unexplained_at: None, shares, or_at: Vec::new() }
+        Conclusion { verdict, probability: 1.0, explanation, effects, unexplained_at: None, shares, or_at: Vec::new(), taken_back: None }
     }
 
     #[test]
@@ -263,12 +279,15 @@ mod tests {
     fn effects_that_mislead_are_taken_back() {
         let mut c = concluded(&["vehicle_mass", "friction_level", "engine_torque_lag"]);
         c.or_at = vec![Subsystem::Sensors, Subsystem::Friction];
-        c.withdraw();
+        let named = c.effects.clone();
+        c.withdraw([2.0, 9.0]);
+        assert_eq!(c.taken_back, Some(TakenBack { effects: named, gaps: [2.0, 9.0] }));
         assert!(c.effects.is_empty() && c.verdict == Verdict::Unexplained && (c.probability - 1.0 / 7.0).abs() < 1e-12);
         assert_eq!(c.unexplained_at, Some(Subsystem::Driveline));
-        assert_eq!(c.or_at, [Subsystem::Sensors, Subsystem::Friction, Subsystem::Engine]);
+        assert_eq!(c.or_at, [Subsystem::Friction, Subsystem::Engine, Subsystem::Sensors]);
+        assert_eq!(c.shares, [(Subsystem::Driveline, 1.0)]);
         let mut c = Conclusion { unexplained_at: Some(Subsystem::Sensors), ..concluded(&["vehicle_mass"]) };
-        c.withdraw();
+        c.withdraw([2.0, 9.0]);
         assert_eq!((c.unexplained_at, c.or_at.as_slice()), (Some(Subsystem::Sensors), &[Subsystem::Driveline][..]));
     }
 

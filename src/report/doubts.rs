@@ -43,6 +43,7 @@ pub fn of(input: &Input) -> Vec<Doubt> {
     for effect in list(&d["which"], "effects") {
         tell(true, rivals(effect));
     }
+    tell(true, taken_back(d));
     tell(true, elsewhere(d));
     tell(true, thin(input));
     tell(true, far_off(d));
@@ -61,6 +62,19 @@ fn rivals(effect: &Value) -> Option<String> {
     let how =
         text(effect, "separated_by").map_or_else(String::new, |how| format!(" To tell them apart: {}.", escape(how.trim_end_matches('.'))));
     Some(format!("These recordings cannot tell <b>{own}</b> from {}.{how}", alternatives(&rivals)))
+}
+
+/// Effects with which a free replay is further off than without.
+fn taken_back(d: &Value) -> Option<String> {
+    let taken = &d["which"]["taken_back"];
+    let [before, after] = ["before", "after"].map(|k| real(taken, k).map(|v| number(v, 3)));
+    let named: Vec<String> = texts(taken, "effects").into_iter().map(|id| format!("<b>{}</b>", escape(&names::effect(id)))).collect();
+    Some(format!(
+        "Taken back: {}. From sample to sample the recordings of the fit look that way, but in free replays of them the model is off by {} rad/s with these effects, and by {} as the vehicle file has it. Where the gap lies is hardly known.",
+        enumeration(&named),
+        after?,
+        before?
+    ))
 }
 
 fn elsewhere(d: &Value) -> Option<String> {
@@ -91,7 +105,8 @@ fn thin(input: &Input) -> Option<String> {
 
 /// Numbers of the vehicle file that the fit had to bend.
 fn far_off(d: &Value) -> Option<String> {
-    let map = d["which"]["tolerances"].as_object()?;
+    // What was taken back is nobody's fit.
+    let map = d["which"]["tolerances"].as_object().filter(|_| d["which"]["taken_back"].is_null())?;
     let mut far: Vec<(&String, f64)> = map.iter().filter_map(|(n, z)| Some((n, z.as_f64()?))).filter(|(_, z)| z.abs() > FAR).collect();
     far.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
     let named: Vec<String> = far.iter().take(3).map(|(n, z)| format!("<code>{}</code> by {}", escape(n), number(z.abs(), 2))).collect();

@@ -139,6 +139,9 @@ pub fn next_best(diagnosis: &Value) -> Option<(String, f64)> {
 
 /// How sure the answer is, in words.
 pub fn confidence(diagnosis: &Value) -> Option<String> {
+    if !diagnosis["which"]["taken_back"].is_null() {
+        return Some("Not settled.".to_owned());
+    }
     let (name, behind) = next_best(diagnosis)?;
     let odds = match behind.exp() {
         r if r > 1e6 => "more than a million to one".to_owned(),
@@ -167,7 +170,8 @@ pub fn confidence(diagnosis: &Value) -> Option<String> {
 pub fn settled(diagnosis: &Value) -> bool {
     let rivals = list(&diagnosis["which"], "effects").iter().any(|e| !texts(e, "ambiguous_with").is_empty());
     let elsewhere = !texts(&diagnosis["where"], "ambiguous_with").is_empty();
-    !rivals && !elsewhere && next_best(diagnosis).is_none_or(|(_, behind)| behind >= 3.0)
+    let taken_back = !diagnosis["which"]["taken_back"].is_null();
+    !rivals && !elsewhere && !taken_back && next_best(diagnosis).is_none_or(|(_, behind)| behind >= 3.0)
 }
 
 /// Header of the report.

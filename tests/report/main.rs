@@ -276,6 +276,22 @@ fn the_place_of_the_rest_is_told_apart_from_the_place_of_the_gap() {
     assert!(visible(&page).contains("The rest may just as well lie in"));
 }
 
+/// What was taken back is said with the verdict, which is not settled; nothing of its fit is told as if it stood.
+#[test]
+fn effects_that_were_taken_back_stand_with_the_verdict() {
+    let mut made = campaign::campaign();
+    made.diagnosis["verdict"] = json!("unexplained");
+    made.diagnosis["which"]["effects"] = json!([]);
+    made.diagnosis["which"]["tolerances"] = json!({"b": -19.2});
+    let before = visible(&render(&made.diagnosis, &made.overlays));
+    assert!(before.contains("by 19 standard deviations") && !before.contains("Taken back"));
+    made.diagnosis["which"]["taken_back"] = json!({"effects": ["vehicle_mass", "judder"], "before": 27.46, "after": 68.45});
+    let page = visible(&render(&made.diagnosis, &made.overlays));
+    assert!(page.contains("Taken back: ") && page.contains("vehicle mass") && page.contains("judder"));
+    assert!(page.contains("68.5 rad/s with these effects, and by 27.5 as"));
+    assert!(page.contains("Not settled.") && !page.contains("Next best") && !page.contains("by 19 standard deviations"));
+}
+
 /// Numbers that the fit moved farther than the drawing reaches are told from those at its edge.
 #[test]
 fn a_number_beyond_the_scale_is_drawn_as_an_arrow() {
