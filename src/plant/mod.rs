@@ -248,7 +248,7 @@ impl Plant {
     /// missing have been moving the speeds by `rate` rad/s² since then.
     pub fn correct_speeds(&mut self, by: [f64; 2], rate: [f64; 2], seen: usize) {
         let d = &self.config.constants.driveline;
-        let smoothing = [0, 1].map(|k| sensed::smoothing(&self.config, k, &self.state.y));
+        let smoothing = [0, 1].map(|k| sensed::smoothing(&self.config, k, self.state.y[sensed::PLACES[k]]));
         let since = sensed::dead_time(&self.config, seen) + smoothing[seen];
         let common = |v: [f64; 2]| [events::common_speed([d.J_f, d.J_c], v); 2];
         let (by, rate) = if self.state.stuck { (common(by), common(rate)) } else { (by, rate) };

@@ -26,10 +26,10 @@ pub fn dead_time(config: &Config, k: usize) -> f64 {
     delay(config, k).dead_time
 }
 
-/// Time constant of the filter of channel `k` at the speeds of `y`, s.
+/// Time constant of the filter of channel `k` at a speed in rad/s, s.
 #[inline]
-pub fn smoothing(config: &Config, k: usize, y: &Motion) -> f64 {
-    let learned = if config.empirical.filters { empirical::smoothing(&config.parameters, k, y[PLACES[k]]) } else { 0.0 };
+pub fn smoothing(config: &Config, k: usize, speed: f64) -> f64 {
+    let learned = if config.empirical.filters { empirical::smoothing(&config.parameters, k, speed) } else { 0.0 };
     delay(config, k).smoothing + learned
 }
 
@@ -88,10 +88,19 @@ fn push(config: &Config, state: &State, history: &mut History) {
 /// Filters after `h` s that take the speeds to those of `y`, with the accelerations at the beginning and at the end, rad/s².
 pub fn advance(config: &Config, state: &mut State, y: &Motion, accelerations: [[f64; 2]; 2], h: f64) {
     for (k, place) in PLACES.into_iter().enumerate().filter(|(k, _)| filters(config, *k)) {
-        let tau = 0.5 * (smoothing(config, k, &state.y) + smoothing(config, k, y));
-        let slopes = accelerations.map(|a| a[k]);
-        let through = || filter(state.filtered[k], [state.y[place], y[place]], slopes, tau, h);
-        state.filtered[k] = if tau > 0.0 { through() } else { y[place] };
+        let (u, v) = ([state.y[place], y[place]], accelerations.map(|a| a[k]));
+        let through = |s: f64, [from, to]: [[f64; 2]; 2], h: f64| {
+            let tau = 0.5 * (smoothing(config, k, from[0]) + smoothing(config, k, to[0]));
+            if tau > 0.0 { filter(s, [from[0], to[0]], [from[1], to[1]], tau, h) } else { to[0] }
+        };
+        let (begin, end) = ([u[0], v[0]], [u[1], v[1]]);
+        state.filtered[k] = if config.empirical.filters {
+            // A time constant that changes with the speed is a mean over either half.
+            let middle = [0.5 * (u[0] + u[1]) + 0.125 * h * (v[0] - v[1]), 1.5 * (u[1] - u[0]) / h - 0.25 * (v[0] + v[1])];
+            through(through(state.filtered[k], [begin, middle], 0.5 * h), [middle, end], 0.5 * h)
+        } else {
+            through(state.filtered[k], [begin, end], h)
+        };
     }
 }
 

@@ -1,6 +1,6 @@
 //! What the filter takes for noise is noise, and what it was not shown it does not make up.
 
-use crate::made_up::{answered, example, made_up, mean_square_from, normals, prepared};
+use crate::made_up::{answered, every, example, made_up, mean_square_from, normals, prepared};
 use kisspoint::campaign::Recording;
 use kisspoint::effects::{self, param};
 use kisspoint::gap::infer::density::{Problem, misfit};
@@ -221,19 +221,8 @@ fn a_command_that_a_slow_logger_misses_is_noise_of_the_torque() {
         .collect();
     let moving = |row: usize, now: [f64; 2]| if row == 0 && now == [0.0; 2] { [150.0, 20.0] } else { now };
     let whole = answered(&Car::nominal(&vehicle), &inputs, 0.1, |_| false, moving);
-    let every = |v: &[f64], step: usize| v.iter().copied().step_by(step).collect::<Vec<f64>>();
-    let slow = |step: usize| Recording {
-        sample_rate_hz: 100.0 / step as f64,
-        time: every(&whole.time, step),
-        omega_f: every(&whole.omega_f, step),
-        omega_c: every(&whole.omega_c, step),
-        t_e: every(&whole.t_e, step),
-        x_to_cmd: every(&whole.x_to_cmd, step),
-        theta_h: every(&whole.theta_h, step),
-        ..whole.clone()
-    };
     for step in [1, 2, 5] {
-        let left = mean_square_from(&prepared(&slow(step)), effects::null(), 0.1);
+        let left = mean_square_from(&prepared(&every(step, &whole)), effects::null(), 0.1);
         assert!((0.3..1.25).contains(&left), "every {step}: {left}");
     }
 }
@@ -255,19 +244,8 @@ fn a_command_that_a_slow_logger_misses_is_noise_of_the_position() {
     let mut whole = answered(&Car::nominal(&vehicle), &inputs, 0.1, |_| false, moving);
     // A bearing that follows at once, seen just before the next command.
     whole.x_to = Some((0..300_usize).map(|k| inputs[k.saturating_sub(1)][1] + 0.015 * normal()).collect());
-    let every = |v: &[f64], step: usize| v.iter().copied().step_by(step).collect::<Vec<f64>>();
     for step in [1, 2, 5] {
-        let r = Recording {
-            sample_rate_hz: 100.0 / step as f64,
-            time: every(&whole.time, step),
-            omega_f: every(&whole.omega_f, step),
-            omega_c: every(&whole.omega_c, step),
-            t_e: every(&whole.t_e, step),
-            x_to_cmd: every(&whole.x_to_cmd, step),
-            x_to: whole.x_to.as_ref().map(|x| every(x, step)),
-            theta_h: every(&whole.theta_h, step),
-            ..whole.clone()
-        };
+        let r = every(step, &whole);
         let mut problem = prepared(&r);
         // A command that goes any way hides the noise from its neighbours: here it is told, not found.
         let mut with = prepare::disturbances(&problem.tracks, &prepare::read(&[&r], &vehicle_json).unwrap().1);
