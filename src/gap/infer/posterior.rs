@@ -4,7 +4,7 @@
 
 use super::density::{ACCURACIES, ByAccuracy, Point, Problem, misfit};
 use super::fit::Fit;
-use super::search::{Hypothesis, MOST_EFFECTS, Search, taken_over};
+use super::search::{Hypothesis, MOST_EFFECTS, Search, moment, taken_over};
 use super::unknown::{Unknown, beside, places};
 use crate::effects::{REGISTRY, Subsystem};
 use std::f64::consts::LN_2;
@@ -116,18 +116,44 @@ pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Poste
             distinct.push(u);
         }
     }
-    all.extend(distinct.into_iter().map(|u| Explanation {
-        effects: u.effects,
-        place: Some(u.law.place),
-        log_posterior: f64::NEG_INFINITY,
-        by_accuracy: u.by_accuracy,
-        probability: 0.0,
-        fit: u.fit,
+    all.extend(distinct.into_iter().map(|u| {
+        let none_of_the_library = prior_beside_the_library(search, &u);
+        Explanation {
+            effects: u.effects,
+            place: Some(u.law.place),
+            log_posterior: f64::NEG_INFINITY,
+            by_accuracy: u.by_accuracy.map(|l| l + none_of_the_library),
+            probability: 0.0,
+            fit: u.fit,
+        }
     }));
     average(&mut all);
     order(&mut all, |e| e.fit.is_some());
     Posterior { explanations: all, base_misfit: misfit(&search.base().fit.residuals) }
 }
+
+/// Logarithm of the factor that the prior of a missing law has because it is none of the library's, from the sets that have an effect of its subsystem instead.
+fn prior_beside_the_library(search: &Search, law: &Unknown) -> f64 {
+    let (Some(fit), Some(without)) = (&law.fit, search.of(&law.effects)) else { return 0.0 };
+    let instead = |h: &&Hypothesis| {
+        let further: Vec<usize> = h.effects.iter().copied().filter(|e| !law.effects.contains(e)).collect();
+        h.effects.len() == law.effects.len() + 1 && further.iter().all(|e| REGISTRY[*e].effect.subsystem == law.law.place)
+    };
+    let library = search.hypotheses.iter().filter(instead).map(|h| misfit(&h.fit.residuals)).min_by(f64::total_cmp);
+    library.map_or(0.0, |library| departure(misfit(&without.fit.residuals), misfit(&fit.residuals), library))
+}
+
+/// The same from what is left without law and effect, with the law, and with the effect of the law's subsystem that leaves least.
+///
+/// A law's functions can also do what an effect does, and then it is that effect in another form. As the prior of an effect vanishes where it does nothing, that of a law vanishes where
+/// an effect does all that it does ([`moment`]); the square of its departure is the share of what it accounts for that the effect does not.
+fn departure(without: f64, with_law: f64, with_effect: f64) -> f64 {
+    let (law, effect) = (without - with_law, without - with_effect);
+    if law > 0.0 && effect > 0.0 { moment((1.0 - effect / law).max(LEAST_DEPARTURE)).min(0.0) } else { 0.0 }
+}
+
+/// Least square of a departure that counts: fits do not end nearer to their modes.
+const LEAST_DEPARTURE: f64 = 1e-3;
 
 /// Probabilities: the mean over the accuracies that explanations may have, each as likely.
 fn average(all: &mut [Explanation]) {
@@ -222,6 +248,18 @@ mod tests {
 
     fn explanation(effects: &[usize], by_accuracy: ByAccuracy<f64>) -> Explanation {
         Explanation { effects: effects.to_vec(), place: None, by_accuracy, log_posterior: 0.0, probability: 0.0, fit: None }
+    }
+
+    /// What an effect does to a thousandth is no law of its own; one that does twice as much as the effect pays its half, and one that an effect does nothing for pays nothing.
+    #[test]
+    fn a_law_that_does_what_an_effect_does_is_that_effect() {
+        let of = |effect: f64| departure(1000.0, 0.0, 1000.0 - effect);
+        for (effect, square) in [(1.0_f64, 0.999_f64), (500.0, 0.5), (900.0, 0.1), (999.9, 1e-3), (1100.0, 1e-3)] {
+            assert!((of(effect) - (square.ln() - 0.01 / square).min(0.0)).abs() < 1e-9, "{effect}: {}", of(effect));
+        }
+        assert!(of(999.9) < -16.0 && of(500.0) > -0.8);
+        // What does nothing, or harm, says nothing.
+        assert_eq!([of(0.0), of(-5.0), departure(1000.0, 1000.0, 500.0), departure(1000.0, 1001.0, 500.0)], [0.0; 4]);
     }
 
     /// Of two explanations one leads by 10 nats if laws are nearly exact and by less the less they are: what is believed lies between the first and the last, and all of
