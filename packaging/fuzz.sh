@@ -27,18 +27,27 @@ build=$target/fuzz-build.log
 cargo fuzz build --fuzz-dir fuzz -D -s "$sanitizer" >"$build" 2>&1 || { tail -40 "$build" >&2; exit 1; }
 built=$CARGO_TARGET_DIR/$(rustc -vV | sed -n 's/^host: //p')/debug
 
-for name in "$@"; do
-    seeds=(fuzz/seeds/"$name")
+fuzz() {
+    local name=$1 seeds=(fuzz/seeds/"$1")
     [[ $name == recordings ]] && seeds+=(tests/data/campaign/measurements tests/data/campaign/seed)
-    found=$target/fuzz-corpus/$name
+    local found=$target/fuzz-corpus/$name
     mkdir -p "$found"
-    log=$found.log
+    local log=$found.log
     if "$built/$name" "$found" "${seeds[@]}" \
         -max_total_time="$seconds" -timeout=10 -rss_limit_mb=2048 -artifact_prefix="$found-" >"$log" 2>&1; then
         echo "$name: $(grep -oE 'Done [0-9]+ runs in [0-9]+ second' "$log")s, sanitizer $sanitizer"
     else
         tail -40 "$log" >&2
         echo "fuzz.sh: $name failed; the input is beside $found, the log is $log" >&2
-        exit 1
+        return 1
     fi
+}
+
+# As many at a time as there are cores.
+jobs=()
+for name in "$@"; do
+    ((${#jobs[@]} < $(nproc))) || { wait "${jobs[0]}"; jobs=("${jobs[@]:1}"); }
+    fuzz "$name" &
+    jobs+=($!)
 done
+for job in "${jobs[@]}"; do wait "$job"; done

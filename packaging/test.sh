@@ -7,6 +7,8 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 target=${CARGO_TARGET_DIR:-target}
+# What is built once is built as fast code, not for the next build.
+export CARGO_INCREMENTAL=0
 python=${PYTHON:-python3}
 summary=()
 failed=0

@@ -8,6 +8,7 @@ use kisspoint::gap::model::replay::{self, Missing};
 use kisspoint::gap::model::tolerance::Car;
 use kisspoint::gap::model::{missing, prepare};
 use kisspoint::vehicle::Vehicle;
+use rayon::prelude::*;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -50,7 +51,7 @@ fn wrong(case: &Path) -> Option<String> {
 fn every_case_gets_its_expected_answer() {
     let all = cases();
     assert!(all.len() >= 6, "{} cases", all.len());
-    let wrong: Vec<String> = all.iter().filter_map(|c| wrong(c)).collect();
+    let wrong: Vec<String> = all.par_iter().filter_map(|c| wrong(c)).collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 

@@ -119,7 +119,7 @@ fn work(thread: usize, until: Option<Instant>) -> [usize; 2] {
             let share = [0.0, 0.0, 0.02, 0.3][(random.next() * 4.0) as usize];
             one.unsettle(&mut random, share);
             for _ in 0..64 {
-                let ok = one.step(10_f64.powf(-5.0 + 2.3 * random.next()));
+                let ok = one.step(10_f64.powf(-5.0 + 2.0 * random.next()));
                 (made, refused) = (made + usize::from(ok), refused + usize::from(!ok));
             }
         }
@@ -168,7 +168,7 @@ fn no_plant_has_more_energy_than_was_put_in() {
     let begin = Instant::now();
     let mut random = Random(0x2545_f491_4f6c_dd1d);
     let (mut plants, mut balanced, mut steps, mut most, mut fell) = (0, 0, 0, 0.0_f64, 0.0_f64);
-    while soak().map_or(plants < 400, |time| begin.elapsed() < time) {
+    while soak().map_or(plants < 200, |time| begin.elapsed() < time) {
         let vehicle = Vehicle::paper();
         let parameters = effects_at_extremes(&mut random);
         let omega_f = 300.0 * random.next();
