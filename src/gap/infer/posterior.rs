@@ -137,7 +137,7 @@ fn prior_beside_the_library(search: &Search, law: &Unknown) -> f64 {
     let (Some(fit), Some(without)) = (&law.fit, search.of(&law.effects)) else { return 0.0 };
     let instead = |h: &&Hypothesis| {
         let further: Vec<usize> = h.effects.iter().copied().filter(|e| !law.effects.contains(e)).collect();
-        h.effects.len() == law.effects.len() + 1 && further.iter().all(|e| REGISTRY[*e].effect.subsystem == law.law.place)
+        h.effects.len() == law.effects.len() + 1 && matches!(further[..], [e] if REGISTRY[e].effect.subsystem == law.law.place)
     };
     let library = search.hypotheses.iter().filter(instead).map(|h| misfit(&h.fit.residuals)).min_by(f64::total_cmp);
     library.map_or(0.0, |library| departure(misfit(&without.fit.residuals), misfit(&fit.residuals), library))

@@ -306,4 +306,15 @@ mod tests {
         speeds.value[1].iter_mut().zip(time).for_each(|(c, t)| *c += 15.0 * (t - 5.0));
         assert!(speeds.locked(ALIKE).iter().all(|l| !l));
     }
+
+    /// Speeds that are the same for some observations, and 20 rad/s apart before and after: of these the longest mean knows all but 12 at either end.
+    #[test]
+    fn speeds_that_stay_together_for_less_than_a_fifth_of_a_second_are_not_locked() {
+        for (known, locked) in [(18, 0), (23, 23 - 2 * 5 - 1)] {
+            let time: Vec<f64> = (0..1000).map(|k| 0.01 * f64::from(k)).collect();
+            let omega_f = (0..1000).map(|k| if (400..424 + known).contains(&k) { 100.0 } else { 120.0 }).collect();
+            let speeds = Speeds { time, value: [omega_f, vec![100.0; 1000]], noise: [0.1, 0.1] };
+            assert_eq!(speeds.locked(ALIKE).iter().filter(|l| **l).count(), locked, "{known}");
+        }
+    }
 }
