@@ -73,7 +73,7 @@ fi
 group "Rust: library of the FMUs" cargo build --profile quick --lib --no-default-features
 export KISSPOINT=$PWD/$target/quick/kisspoint KISSPOINT_PROFILE=quick
 [[ $target == /* ]] && KISSPOINT=$target/quick/kisspoint
-group "Python: tests" "$target/venv/bin/python" -m pytest -q -rs --numprocesses auto --dist loadfile tests/python
+group "Python: tests" "$target/venv/bin/python" -m pytest -q -rs --durations=15 --numprocesses auto --dist loadfile tests/python
 
 printf '\n== Summary\n'
 printf '%s\n' "${summary[@]}"

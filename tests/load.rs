@@ -109,7 +109,11 @@ impl Instance {
 /// Works on a thread's instances; returns steps made and refused.
 fn work(thread: usize, until: Option<Instant>) -> [usize; 2] {
     let models = [(plant::GUID, &plant::DESCRIPTION), (controller::GUID, &controller::DESCRIPTION)];
-    let instance = |k: usize| Instance { component: make(models[k % 2].0), description: models[k % 2].1, time: 0.0 };
+    // A step of a plant takes several times as long as one of a controller: of four instances one is a plant.
+    let instance = |k: usize| {
+        let (guid, description) = models[usize::from(k % 4 > 0)];
+        Instance { component: make(guid), description, time: 0.0 }
+    };
     let mut all: Vec<Instance> = (0..INSTANCES / THREADS + usize::from(thread < INSTANCES % THREADS)).map(instance).collect();
     let mut random = Random(0x9e37_79b9_7f4a_7c15 ^ (thread as u64 + 1).wrapping_mul(0x2545_f491_4f6c_dd1d));
     let (mut made, mut refused) = (0, 0);
