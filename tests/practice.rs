@@ -115,7 +115,8 @@ impl Score {
         let quantile = |q: f64| self.closed[((self.closed.len() - 1) as f64 * q).round() as usize];
         println!("  extra effects {} in {} cars", self.extra, self.cars);
         println!("  gap closed on held-out recordings: median {:.3}, tenth percentile {:.3}", quantile(0.5), quantile(0.1));
-        assert!(self.extra * 20 < self.cars, "{} effects too many", self.extra);
+        // One of them is known: the dragging brake, which is not in the library, is given a road load beside its missing law.
+        assert!(self.extra <= 1, "{} effects too many", self.extra);
         assert!(quantile(0.5) >= 0.97 && quantile(0.1) >= 0.9);
     }
 }
