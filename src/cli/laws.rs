@@ -273,7 +273,8 @@ const TURNING: f64 = 5.0;
 /// of the others by themselves.
 fn by_itself(c: &Curve, effects: &crate::effects::Parameters, vehicle: &Vehicle, o: &Overlay, t: &Trace) -> Vec<(f64, f64)> {
     let channel = |column: &str| o.channels.iter().find(|c| c.column == column);
-    let seen = |column: &str| channel(column).map(|c| c.real.iter().copied().zip(c.after.iter().copied()).collect::<Vec<_>>()).unwrap_or_default();
+    let seen =
+        |column: &str| channel(column).map(|c| c.real.iter().copied().zip(c.after.iter().copied()).collect::<Vec<_>>()).unwrap_or_default();
     let command = t.signals.iter().find(|s| s.column == "x_to_cmd_mm").map_or(&[][..], |s| s.values.as_slice());
     let all: Vec<(f64, f64)> = match c.name {
         "actuator_time" => {
@@ -289,7 +290,8 @@ fn by_itself(c: &Curve, effects: &crate::effects::Parameters, vehicle: &Vehicle,
         }
         "disc_scale" | "flywheel_scale" => {
             let column = if c.name == "disc_scale" { "omega_c_rad_s" } else { "omega_f_rad_s" };
-            let scaled = |(real, after): &(f64, f64)| (*after, (real / after - 1.0) * (1.0 + c.value(effects, *after)) + c.value(effects, *after));
+            let scaled =
+                |(real, after): &(f64, f64)| (*after, (real / after - 1.0) * (1.0 + c.value(effects, *after)) + c.value(effects, *after));
             seen(column).iter().filter(|(_, after)| after.abs() > TURNING).map(scaled).collect()
         }
         _ => Vec::new(),

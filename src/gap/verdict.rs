@@ -112,7 +112,8 @@ impl Conclusion {
         self.taken_back = Some(TakenBack { effects: std::mem::take(&mut self.effects), gaps });
         self.verdict = Verdict::Unexplained;
         self.probability = 1.0 / Subsystem::ALL.len() as f64;
-        let places: Vec<Subsystem> = self.unexplained_at.into_iter().chain(self.shares.iter().map(|s| s.0)).chain(self.or_at.drain(..)).collect();
+        let places: Vec<Subsystem> =
+            self.unexplained_at.into_iter().chain(self.shares.iter().map(|s| s.0)).chain(self.or_at.drain(..)).collect();
         for place in places {
             match self.unexplained_at {
                 None => self.unexplained_at = Some(place),

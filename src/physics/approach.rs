@@ -52,7 +52,11 @@ fn within(a: f64, b: f64, [lower, e_0]: [f64; 2], time: f64) -> f64 {
     let mut s = 0.5 * (low + high);
     for _ in 0..MOST_SEARCHED {
         let found = at(s);
-        if found > 0.0 { high = s } else { low = s }
+        if found > 0.0 {
+            high = s
+        } else {
+            low = s
+        }
         let newton = s - found / (a + b * e_0 * s.exp());
         let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
         if (next - s).abs() <= 1e-15 * next.abs() {

@@ -233,10 +233,20 @@ mod tests {
         let uneven: Vec<f64> = signal(0.002, 1e-9).1.iter().zip(&noise).rev().map(|(v, _)| v - 100.0).collect();
         let speed = |t: f64| 100.0 + 60.0 * (2.0 * t).sin();
         let found = |written: bool| {
-            let at: Vec<f64> = (0..time.len()).map(|k| 0.01 * k as f64 + if k == 0 { 0.0 } else { uneven[k].clamp(-0.0045, 0.0045) }).collect();
+            let at: Vec<f64> =
+                (0..time.len()).map(|k| 0.01 * k as f64 + if k == 0 { 0.0 } else { uneven[k].clamp(-0.0045, 0.0045) }).collect();
             let omega_f = (0..time.len()).map(|k| speed(if written { 0.01 * k as f64 } else { at[k] }) + noise[k] - 100.0).collect();
             let n = time.len();
-            let r = Recording { sample_rate_hz: 100.0, time: at, omega_f, omega_c: vec![0.0; n], t_e: vec![0.0; n], x_to_cmd: vec![3.0; n], theta_h: vec![25.0; n], ..Recording::default() };
+            let r = Recording {
+                sample_rate_hz: 100.0,
+                time: at,
+                omega_f,
+                omega_c: vec![0.0; n],
+                t_e: vec![0.0; n],
+                x_to_cmd: vec![3.0; n],
+                theta_h: vec![25.0; n],
+                ..Recording::default()
+            };
             let tracks = [Track::new(&r)];
             (stamps(&tracks), channels(&tracks)[0].white)
         };

@@ -95,7 +95,8 @@ pub fn start(track: &Track, car: &Car, row: usize, theta: [f64; 2], noise: f64) 
         // A slow wheel that shows nothing yet stands still, or nearly.
         if v.first().is_some_and(|v| v.is_nan()) && seen.abs() < HIDDEN { 0.0 } else { seen }
     };
-    let (omega_f, omega_c) = (sensed::meant(&car.effects, 0, first(Channel::OmegaF)), sensed::meant(&car.effects, 1, first(Channel::OmegaC)));
+    let (omega_f, omega_c) =
+        (sensed::meant(&car.effects, 0, first(Channel::OmegaF)), sensed::meant(&car.effects, 1, first(Channel::OmegaC)));
     if let Some(unknown) = &track.unknown_clutch {
         let omega_f = unknown.omega_f(track.time[row] + unknown_clutch::age_of_flywheel(car));
         let locked = unknown.locked[track.observation_of(row)];
