@@ -1,7 +1,7 @@
 //! Campaigns of the repository with their expected answers: each folder of `tests/data/cases`.
 #![cfg(feature = "cli")]
 
-use kisspoint::campaign::{self, ReadOptions, Recording};
+use kisspoint::campaign::{self, ReadOptions};
 use kisspoint::effects::{self, Subsystem};
 use kisspoint::gap::diagnosis::diagnose;
 use kisspoint::gap::model::replay::{self, Missing};
@@ -11,6 +11,9 @@ use kisspoint::vehicle::Vehicle;
 use rayon::prelude::*;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
+
+mod thinned;
+use thinned::every;
 
 fn cases() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/cases");
@@ -55,31 +58,13 @@ fn every_case_gets_its_expected_answer() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Every `step`-th row of a recording.
-fn thinned(r: &Recording, step: usize) -> Recording {
-    let of = |v: &[f64]| v.iter().copied().step_by(step).collect::<Vec<f64>>();
-    Recording {
-        sample_rate_hz: r.sample_rate_hz / step as f64,
-        time: of(&r.time),
-        omega_f: of(&r.omega_f),
-        omega_c: of(&r.omega_c),
-        t_e: of(&r.t_e),
-        x_to_cmd: of(&r.x_to_cmd),
-        theta_h: of(&r.theta_h),
-        x_to: r.x_to.as_deref().map(of),
-        t_fc: r.t_fc.as_deref().map(of),
-        theta_c: r.theta_c.as_deref().map(of),
-        ..r.clone()
-    }
-}
-
 /// The control unit of the first case computes at 50 Hz, as it is logged; that of the sixth at 100 Hz, of which a logger of 50 Hz would miss half.
 #[test]
 fn a_slow_control_unit_is_told_from_a_slow_logger() {
     let held = |case: &str, step: usize| {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/cases").join(case).join("campaign");
         let mut campaign = campaign::read(&folder, &ReadOptions::default()).unwrap();
-        campaign.recordings = campaign.recordings.iter().map(|r| thinned(r, step)).collect();
+        campaign.recordings = campaign.recordings.iter().map(|r| every(step, r)).collect();
         let found = diagnose(&campaign, &|_, _| {}).unwrap();
         let said = found.json["notes"].as_array().unwrap().iter().any(|n| n.as_str().unwrap().contains("held from sample to sample"));
         assert_eq!(said, found.held);

@@ -1,6 +1,7 @@
 //! What the filter takes for noise is noise, and what it was not shown it does not make up.
 
-use crate::made_up::{answered, every, example, made_up, mean_square_from, normals, prepared};
+use crate::made_up::{answered, example, made_up, mean_square_from, normals, prepared};
+use crate::thinned::every;
 use kisspoint::campaign::Recording;
 use kisspoint::effects::{self, param};
 use kisspoint::gap::infer::density::{Problem, misfit};

@@ -91,22 +91,6 @@ pub fn answered(
     r
 }
 
-/// The same by a logger that keeps one row in so many.
-pub fn every(step: usize, whole: &Recording) -> Recording {
-    let kept = |v: &[f64]| v.iter().copied().step_by(step).collect::<Vec<f64>>();
-    Recording {
-        sample_rate_hz: whole.sample_rate_hz / step as f64,
-        time: kept(&whole.time),
-        omega_f: kept(&whole.omega_f),
-        omega_c: kept(&whole.omega_c),
-        t_e: kept(&whole.t_e),
-        x_to_cmd: kept(&whole.x_to_cmd),
-        x_to: whole.x_to.as_deref().map(kept),
-        theta_h: kept(&whole.theta_h),
-        ..whole.clone()
-    }
-}
-
 pub fn prepared(recording: &Recording) -> Problem {
     let (_, vehicle_json) = example();
     let vehicle = Vehicle::from_value(&vehicle_json).unwrap();

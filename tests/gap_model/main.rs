@@ -4,3 +4,5 @@ mod filter;
 mod inference;
 mod made_up;
 mod residual_map;
+#[path = "../thinned/mod.rs"]
+mod thinned;
