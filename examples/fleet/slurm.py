@@ -1,11 +1,11 @@
 """A fleet on Slurm by dask-jobqueue: workers are jobs, and come and go with the queue.
 
-    pip install 'kisspoint[fleet,dask]' dask-jobqueue
+    pip install '.[fleet,dask]' dask-jobqueue      # in a checkout
     python examples/fleet/slurm.py '/data/cars/*' --out /data/out --jobs 20
     python examples/fleet/slurm.py '/data/cars/*' --out /data/out --script     # prints the job script and starts nothing
     python examples/fleet/slurm.py '/data/cars/*' --out /data/out --local      # the same with processes of this machine, to try it
 
-/data has to be a file system that all nodes see, or an URL of a store.
+/data has to be a file system that all nodes see, or a URL of a store.
 """
 
 import argparse

@@ -37,7 +37,7 @@ def _numbers(values: list[float | None]) -> list[float]:
 
 
 class Diagnosis(Mapping[str, Any]):
-    """diagnosis.json as a mapping, with its most wanted parts by name."""
+    """diagnosis.json as a mapping, with its most important parts as properties."""
 
     def __init__(self, campaign: Path, out: Path, keep: "list[tempfile.TemporaryDirectory[str]]") -> None:
         self.campaign = campaign
@@ -71,7 +71,7 @@ class Diagnosis(Mapping[str, Any]):
 
     @property
     def confidence(self) -> float:
-        """Of the verdict, 0 to 1."""
+        """Probability of the verdict's content, 0 to 1: that nothing is wrong, that exactly these effects are there, or that the gap lies where it says."""
         return float(self["confidence"])
 
     @property
@@ -112,9 +112,9 @@ class Diagnosis(Mapping[str, Any]):
         return {curves["recording"]: curves for curves in found}
 
     def replay(self, recording: str) -> dict[str, dict[str, list[float]]]:
-        """Curves of a recording, whatever file it came from: ``real``, ``before`` and ``after``, with ``time_s``; NaN where the car has no value.
+        """The report's curves of a recording: ``real``, ``before`` and ``after`` by channel, with ``real["time_s"]``; NaN where the car has no value.
 
-        They are those of the report: a free replay from the first sample, as the command does it.
+        The models are replayed freely from the first sample.
         """
         curves = self._curves()
         if recording not in curves:
@@ -153,10 +153,12 @@ def diagnose(
     strict: bool = False,
     threads: int = 0,
 ) -> Diagnosis:
-    """Diagnoses a campaign: a folder, or a DataFrame per recording.
+    """Diagnoses a campaign: a folder, or a mapping from recording names to DataFrames.
 
     With DataFrames, ``about`` holds what recordings.json holds for each, and ``vehicle`` is a vehicle file or its content.
-    Without ``out`` the answer lives as long as the returned object.
+    ``out`` is the folder for the answer; without it, the answer is deleted along with the returned object.
+    ``channel_map`` is a TOML or JSON file that gives the names and units of the channels. With ``strict``, a recording with a defect is an error;
+    otherwise it is left out. ``threads`` limits the threads (0: all cores); the answer does not depend on it.
     """
     keep: list[tempfile.TemporaryDirectory[str]] = []
     if not isinstance(campaign, Mapping) and (about is not None or vehicle is not None):
@@ -190,7 +192,7 @@ def _source(
 
 
 class Gaps(list[dict[str, Any]]):
-    """Rows of recording, manoeuvre, channel, unit, rms and noise; with what was noted and what was left out on reading."""
+    """A list of dicts with recording, manoeuvre, channel, unit, rms and noise. ``notes`` and ``left_out`` say what was noticed and left out on reading."""
 
     notes: list[dict[str, str]]
     left_out: list[dict[str, str]]
@@ -203,9 +205,9 @@ def gap(
     vehicle: str | Path | Mapping[str, Any] | None = None,
     channel_map: str | Path | None = None,
 ) -> Gaps:
-    """How far a campaign's simulation is off, before any diagnosis; the campaign is a folder, or a DataFrame per recording as for `diagnose`.
+    """How far the simulation of a campaign is off, before any diagnosis. Campaign, ``about`` and ``channel_map`` are as for `diagnose`.
 
-    Of a folder ``vehicle`` is another vehicle file than its own.
+    With a folder, ``vehicle`` (a file or its content) replaces the folder's own vehicle.json.
     """
     keep: list[tempfile.TemporaryDirectory[str]] = []
     options: list[str] = []
@@ -235,5 +237,5 @@ def _mapped(channel_map: str | Path | None) -> list[str]:
 
 
 def load_plant(fmu: str | Path, **start: float) -> Plant:
-    """A plant, nominal or retuned, to be stepped; ``start`` are start values by name, dots and all (``**{"friction.mu_0": 0.2}``)."""
+    """Loads a plant, nominal or retuned, to be stepped. ``start`` are start values by their full names (``**{"friction.mu_0": 0.2}``)."""
     return Plant(fmu, **start)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 class KisspointError(RuntimeError):
-    """What the command said when it refused: which input is wrong, and what to do."""
+    """The command's error message: which input is wrong, and what to do."""
 
 
 def path() -> Path:
@@ -31,7 +31,7 @@ def run(*arguments: object) -> str:
 
 
 def main() -> int:
-    """Hands the command line over to the command; that of a fleet is this package's own work."""
+    """Passes the command line on to the command; `kisspoint fleet` is run by this package itself."""
     if sys.argv[1:2] == ["fleet"]:
         try:
             from .fleet.__main__ import main as fleet

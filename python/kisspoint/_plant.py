@@ -8,7 +8,7 @@ from typing import Any
 
 
 class Plant:
-    """One instance of an FMU, from its start values on; a context manager, for the FMU holds a folder of its own."""
+    """One instance of an FMU, from its start values on. Use it as a context manager: it keeps the unpacked FMU in a temporary folder."""
 
     def __init__(self, fmu: str | Path, **start: float) -> None:
         from fmpy import extract, read_model_description
@@ -40,7 +40,7 @@ class Plant:
         return float(values[0])
 
     def step(self, seconds: float, **inputs: float) -> None:
-        """Goes on with the inputs held."""
+        """Advances by this time, with the inputs held."""
         self.set(inputs)
         self._fmu.doStep(currentCommunicationPoint=self.time, communicationStepSize=seconds)
         self.time += seconds

@@ -1,4 +1,4 @@
-"""Thousands of campaigns: diagnosed on an engine that exists, pooled, and shown on one page.
+"""Diagnoses thousands of campaigns on this machine or a cluster, pools the answers, and shows them on one page.
 
     from kisspoint import fleet
     found = fleet.diagnose("s3://bucket/cars/*", out="out/fleet.parquet")       # in processes of this machine
@@ -6,7 +6,7 @@
     print(found.population["numbers"])
     frame.mapInPandas(fleet.mapper(cache="s3://bucket/cache"), fleet.SPARK_SCHEMA)   # on Spark
 
-Needs `pip install 'kisspoint[fleet]'`; Dask and Spark only where they are used.
+Needs the extra `fleet`: in a checkout `pip install '.[fleet]'`. Dask and Spark are needed only where they are used.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ try:
     from ._engine import Progress
     from ._table import SCHEMA, Row, ddl
 except ModuleNotFoundError as error:  # pragma: no cover
-    raise ModuleNotFoundError(f"{error.name} is missing; fleets need more than the package itself: pip install 'kisspoint[fleet]'", name=error.name) from error
+    raise ModuleNotFoundError(f"{error.name} is missing; a fleet needs the extra [fleet]: in a checkout pip install '.[fleet]'", name=error.name) from error
 
 if TYPE_CHECKING:
     import pandas
@@ -43,13 +43,13 @@ _GROUP = 256
 
 
 class Fleet:
-    """The answer of a fleet: its folder, its rows, what they have in common."""
+    """The answer for a fleet: its files, its rows, and what its cars have in common."""
 
     def __init__(self, folder: _store.Place, file: _store.Place, progress: Progress) -> None:
         self._folder = folder
         self._file = file
         self.progress = progress
-        """How many were done, failed, cached."""
+        """How many campaigns were done, failed, or taken from the cache."""
 
     @property
     def rows(self) -> str:
@@ -87,11 +87,14 @@ def stream(
     storage_options: Mapping[str, Any] | None = None,
     progress: Callable[[Progress], None] = lambda _: None,
 ) -> Iterator[Row]:
-    """Diagnoses campaigns one by one as they are asked for, and tells their rows in order; closing the iterator cancels what is left.
+    """Diagnoses campaigns and yields a row for each, in the order of the campaigns. Closing the iterator cancels the rest.
 
-    ``campaigns`` are folders, URLs of any store that fsspec opens, patterns of them, or an iterable of such. ``answers`` is a folder for diagnosis.json,
-    report.html and plant.ssv of each, ``cache`` one for answers by content. ``executor`` is a Client of dask.distributed or an executor of
-    concurrent.futures; without one, ``workers`` commands (one per core) run at a time on this machine.
+    ``campaigns`` is a folder, a URL of any store that fsspec opens (with ``storage_options``), a pattern, or an iterable of these. ``answers`` is the folder for the
+    answers, one subfolder for each campaign, ``cache`` the folder of the cache. ``executor`` is a Client of dask.distributed or an executor of
+    concurrent.futures; without one, ``workers`` commands run at a time on this machine (by default one per core).
+
+    ``channel_map`` and ``strict`` are as for `kisspoint.diagnose`. With ``fmu``, DrivelinePlant.fmu of each car is written as well. A failure that may pass is
+    retried up to ``retries`` times; a diagnosis may take ``timeout_s``. A campaign that fails is a row with ``error``. ``progress`` is called after each campaign.
     """
     options = dict(storage_options or {})
     settings = _task.Settings(
@@ -109,7 +112,7 @@ def stream(
 
 
 def _absolute(url: str | Path | None, options: Mapping[str, Any]) -> str | None:
-    """So that every worker means the same folder."""
+    """The URL made absolute, so that every worker uses the same folder."""
     return None if url is None else _store.Place.of(url, options).url
 
 
@@ -122,12 +125,12 @@ def diagnose(
     cache: str | Path | None = None,
     **settings: Any,
 ) -> Fleet:
-    """Diagnoses campaigns, pools them, and writes a page.
+    """Diagnoses campaigns, pools the answers, and writes a page.
 
-    Beside the Parquet file ``out`` there will be ``cars/NAME/`` with diagnosis.json, report.html and plant.ssv of each campaign, ``fleet.json``,
-    ``cars.parquet`` (shrunk estimates), ``corrections.json`` and a corrected vehicle file, and ``index.html``. ``about`` says car, mileage_km and date of campaigns, by
-    name: a mapping, or a CSV file with a column ``campaign``; it goes before what the campaigns' own car.json says. ``cache`` is ``.kisspoint-cache`` beside ``out`` unless given:
-    a run that was ended, however, is completed by running it again. Further settings are those of `stream`.
+    Beside the Parquet file ``out`` it writes ``cars/NAME/`` (diagnosis.json, report.html, plant.ssv and vehicle.json of each campaign; DrivelinePlant.fmu with ``fmu=True``),
+    ``fleet.json``, ``cars.parquet`` (estimates of each car given the whole fleet), ``corrections.json``, ``vehicle.corrected.json`` and ``index.html``. ``about`` gives car,
+    mileage_km and date of the campaigns by name, as a mapping or as a CSV file with a column ``campaign``; it takes precedence over the campaigns' own car.json.
+    ``cache`` is ``.kisspoint-cache`` beside ``out`` unless given. However a run ended, the same call completes it from there. Further settings are those of `stream`.
     """
     options = settings.get("storage_options")
     file = _store.Place.of(out, options)
@@ -216,8 +219,8 @@ def pool(rows: str | Path, *, storage_options: Mapping[str, Any] | None = None) 
 def mapper(**settings: Any) -> Callable[[Iterator[pandas.DataFrame]], Iterator[pandas.DataFrame]]:
     """A function for Spark's ``mapInPandas``: frames with a column ``campaign`` (path or URL) become frames of `SPARK_SCHEMA`.
 
-    Settings are those of `stream`; each of Spark's tasks diagnoses one campaign after the other. `pool` makes the rest of what Spark has written as one
-    Parquet file.
+    Settings are those of `stream`; each Spark task diagnoses its campaigns one after the other. From the rows, written as one Parquet file, `pool` makes
+    the rest.
     """
     settings = {"workers": 1, **settings}
 

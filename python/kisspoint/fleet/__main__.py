@@ -16,8 +16,8 @@ from . import _store as store
 
 DESCRIPTION = """Diagnose many campaigns, one task each with one thread, and say what they have in common.
 
-DIR gets fleet.parquet (a row per campaign; what went wrong is a row, too), cars/NAME/ (diagnosis.json, report.html, plant.ssv), fleet.json (the
-population), cars.parquet (estimates of each car in the light of all), corrections.json, vehicle.corrected.json, and index.html, one page for all.
+DIR gets fleet.parquet (a row per campaign, failures included), cars/NAME/ (diagnosis.json, report.html, plant.ssv, vehicle.json), fleet.json (the
+population), cars.parquet (estimates of each car given the whole fleet), corrections.json, vehicle.corrected.json, and index.html, one page for all.
 
 A campaign already diagnosed with the same bytes by the same version of kisspoint is taken from the cache. Ctrl-C stops a run and keeps what is done; the
 same command then completes it, however the run ended."""
@@ -28,7 +28,8 @@ EXAMPLES = """examples:
   kisspoint fleet 'cars/*' --out out --scheduler tcp://10.0.0.7:8786       on a cluster of dask.distributed that sees the same folders or stores
   find /data -name vehicle.json -printf '%h\\n' | kisspoint fleet - --out out
 
-Needs the Python package: pip install 'kisspoint[fleet]'; with Dask, 'kisspoint[fleet,dask]'. Stores need their fsspec package, e.g. s3fs.
+Needs the Python package with its extra: in a checkout pip install '.[fleet]' (with Dask '.[fleet,dask]'), with a wheel in DIR
+pip install 'kisspoint[fleet]' --find-links DIR. Stores need their fsspec package, e.g. s3fs.
 Exit codes: 0 done, even if some campaigns have no answer; 1 no campaign has one, or a file is wrong; 2 the command line is wrong; 130 stopped by Ctrl-C."""
 
 
@@ -107,7 +108,7 @@ def _cluster(address: str) -> Any:
     try:
         import distributed
     except ModuleNotFoundError:
-        raise KisspointError("--scheduler needs Dask: pip install 'kisspoint[fleet,dask]'") from None
+        raise KisspointError("--scheduler needs Dask: pip install distributed") from None
     client: Any = distributed.Client
     try:
         return client(scheduler_file=address, timeout=30) if Path(address).is_file() else client(address, timeout=30)
