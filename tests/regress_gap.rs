@@ -308,7 +308,10 @@ fn screening_fits_and_evidence() {
         ));
         found.push((format!("{name}: point"), h.fit.point.shared.iter().copied().chain(h.fit.point.effects).collect()));
         found.push((format!("{name}: own"), h.fit.point.own.concat()));
-        found.push((format!("{name}: widths"), h.fit.variances.clone().unwrap().into_iter().chain([h.fit.form_size]).collect()));
+        found.push((
+            format!("{name}: widths"),
+            h.fit.mean_covariance.as_ref().unwrap().diagonal().iter().copied().chain([h.fit.form_size]).collect(),
+        ));
         if set.len() < 2 {
             let laws = places(&p, &h, h.lead - 1e9);
             for u in laws {

@@ -8,7 +8,7 @@ use super::doubt;
 use super::error::{Defect, RecordingError};
 use super::manifest::Entry;
 use super::pick::{Signal, pick};
-use super::rows::{SAME_S, held, rows, sensed};
+use super::rows::{SAME_S, held, own_rows, rows, sensed};
 use super::span::{Track, check_rate, round, span, tracks};
 use super::table::Measurement;
 use super::{NO_POSITION, Recording};
@@ -43,12 +43,14 @@ pub(crate) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry) -> R
     let mut recording = Recording { name: entry.name.clone(), manoeuvre: entry.manoeuvre.clone(), ..Recording::default() };
     for Track { signal, .. } in tracks {
         let channel = signal.channel;
+        if let Some(k) = [Channel::TE, Channel::XToCmd].iter().position(|c| *c == channel) {
+            recording.input_rows[k] = own_rows(&signal, &time);
+        }
         let values = if channel.spec().lasting == Lasting::Sensed { sensed(signal, &time) } else { held(&signal, &time) };
         put(&mut recording, channel, values);
     }
     time.iter_mut().for_each(|t| *t = (*t - start).max(0.0));
-    let mut steps: Vec<f64> = time.windows(2).map(|w| w[1] - w[0]).collect();
-    recording.sample_rate_hz = if steps.is_empty() { 0.0 } else { round(1.0 / middle(&mut steps)) };
+    recording.sample_rate_hz = rate(&time, [&recording.omega_f, &recording.omega_c]);
     recording.time = time;
     temperatures(&mut recording, entry, &mut notes);
     if recording.x_to_cmd.is_empty() {
@@ -57,6 +59,17 @@ pub(crate) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry) -> R
     let label = |channel| labels.iter().find(|(c, _)| *c == channel).map_or_else(String::new, |(_, l)| l.clone());
     checks::says_something(&m.file, label, &mut recording, &mut notes)?;
     Ok((recording, notes))
+}
+
+/// Nominal rate of the faster of two speeds with these rows, Hz; 0 if neither has two samples.
+fn rate(time: &[f64], speeds: [&[f64]; 2]) -> f64 {
+    let step = |speed: &[f64]| {
+        let own: Vec<f64> = time.iter().zip(speed).filter(|(_, v)| v.is_finite()).map(|(t, _)| *t).collect();
+        let mut steps: Vec<f64> = own.windows(2).map(|w| w[1] - w[0]).collect();
+        if steps.is_empty() { f64::INFINITY } else { middle(&mut steps) }
+    };
+    let step = speeds.map(step).into_iter().fold(f64::INFINITY, f64::min);
+    if step.is_finite() { round(1.0 / step) } else { 0.0 }
 }
 
 /// Takes out the samples outside the recording's window.

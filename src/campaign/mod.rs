@@ -120,7 +120,7 @@ pub struct Recording {
     pub name: String,
     /// Manoeuvre as recordings.json names it.
     pub manoeuvre: String,
-    /// Nominal rate, Hz: the inverse of the median distance of the rows.
+    /// Nominal rate, Hz, of the faster of the two speeds.
     pub sample_rate_hz: f64,
     /// Stamps of the rows, s, from 0, strictly increasing.
     pub time: Vec<f64>,
@@ -150,6 +150,8 @@ pub struct Recording {
     pub brake: Option<Vec<bool>>,
     /// Whether the inputs are known to stay from each sample to the next one at any rate. A logger that is slower than the control unit may miss commands in between.
     pub held: bool,
+    /// Rows at which torque report and command have samples of their own; none where every row has one, or lacks it because it was lost.
+    pub input_rows: [Option<Vec<usize>>; 2],
 }
 
 impl Default for Recording {
@@ -173,6 +175,7 @@ impl Default for Recording {
             theta_c: None,
             brake: None,
             held: false,
+            input_rows: [None, None],
         }
     }
 }

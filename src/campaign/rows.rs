@@ -79,6 +79,17 @@ pub(crate) fn held(signal: &Signal, rows: &[f64]) -> Vec<f64> {
     rows.iter().map(value).collect()
 }
 
+/// Rows at which an input has a valid sample; none if it has one in most rows, and lost the others.
+pub(crate) fn own_rows(signal: &Signal, rows: &[f64]) -> Option<Vec<usize>> {
+    let mut samples = valid(&signal.time, &signal.values).map(|(_, t, _)| t).peekable();
+    let mut is_own = |row: f64| {
+        while samples.next_if(|t| *t < row - SAME_S).is_some() {}
+        samples.peek().is_some_and(|t| *t <= row + SAME_S)
+    };
+    let own: Vec<usize> = (0..rows.len()).filter(|&k| is_own(rows[k])).collect();
+    (4 * own.len() < 3 * rows.len()).then_some(own)
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::channels::Channel;
@@ -99,5 +110,8 @@ mod tests {
         assert!(sensed[0].is_nan() && sensed[4].is_nan());
         assert_eq!(held(&a, &rows), [1.0, 1.0, 2.0, 2.0, 4.0]);
         assert_eq!(held(&b, &rows), [5.0, 5.0, 6.0, 7.0, 7.0]);
+        assert_eq!([own_rows(&a, &rows), own_rows(&b, &rows)], [vec![0, 2, 4], vec![1, 2, 3]].map(Some));
+        let c = signal(&[0.0, 0.05, 0.1, 0.3], &[1.0; 4]);
+        assert_eq!(own_rows(&c, &rows), None);
     }
 }

@@ -41,7 +41,7 @@ pub fn run(args: &Args) -> ExitCode {
         Err(e) => format!("{} cannot be run: {e}", python.display()),
     };
     alarm(&CommandError::Refused(format!(
-        "{refused}\nkisspoint fleet needs the Python package: pip install 'kisspoint[fleet]', or name the Python that has it in KISSPOINT_PYTHON.\n\n{USAGE}"
+        "{refused}\nkisspoint fleet needs the Python package with its extra: in a checkout pip install '.[fleet]', of a wheel pip install 'FILE.whl[fleet]'; or name the Python that has it in KISSPOINT_PYTHON.\n\n{USAGE}"
     )));
     ExitCode::FAILURE
 }

@@ -196,6 +196,12 @@ fn check(path: &Path, gains: (f64, f64), as_json: bool) -> Result<(), CommandErr
         print_json(&json!({"file": name, "usable": false, "error": source.to_string(), "findings": []}))?;
     }
     let VehicleFile { document, vehicle, .. } = file?;
+    // A tolerance that a diagnosis would refuse is no matter of plausibility.
+    let tolerances = tolerance::read(&document, Logger::UNIFORM);
+    if let (Err(e), true) = (&tolerances, as_json) {
+        print_json(&json!({"file": name, "usable": false, "error": e.to_string(), "findings": []}))?;
+    }
+    tolerances.map_err(|e| CommandError::Refused(format!("{name}: {e}")))?;
     let findings = plausible::findings(&document, &vehicle, gains);
     let facts = plausible::facts(&vehicle, gains);
     if !as_json {

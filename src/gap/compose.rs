@@ -9,7 +9,6 @@ use super::empirical::{LEAST_CLOSED, Refusal, Tried};
 use super::infer::coordinate::Coordinate;
 use super::infer::density::{Problem, size};
 use super::infer::fit::Fit;
-use super::infer::form::FORM;
 use super::infer::posterior::{Explanation, Posterior};
 use super::infer::search::{Search, log_prior};
 use super::map::{Cell, FAMILY_WISE_ERROR};
@@ -266,11 +265,10 @@ fn effect(f: &Findings, e: usize) -> Effect {
 fn interval(fit: &Fit, k: usize) -> Interval {
     let value = fit.point.effects[k];
     let at = fit.shared.iter().position(|c| *c == Coordinate::Effect(k));
-    // Without variances the recordings bound nothing, and the parameter's own limits are the interval.
-    let variance = at.zip(fit.variances.as_ref()).map_or(f64::INFINITY, |(i, v)| v[i]);
+    // Without a covariance the recordings bound nothing, and the parameter's own limits are the interval.
+    let variance = at.zip(fit.mean_covariance.as_ref()).map_or(f64::INFINITY, |(i, c)| c[(i, i)]);
     let p = &PARAMETERS[k];
-    let mean_of_form = FORM * fit.form_size * (value - p.null);
-    let half = INTERVAL * variance.sqrt().hypot(mean_of_form);
+    let half = INTERVAL * variance.sqrt().hypot(fit.mean_of_form(k));
     Interval { value: Real(value), low: Real((value - half).max(p.min)), high: Real((value + half).min(p.max)), unit: p.unit }
 }
 
@@ -427,13 +425,16 @@ fn kpi(h: &HeldOut) -> BTreeMap<&'static str, Figures> {
     ])
 }
 
-/// Rounded down: "100 %" is said of a gap that is closed, not of one that nearly is.
 /// As the report's headline has it.
 fn three_digits(value: f64) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
     let magnitude = value.abs().max(1e-6).log10().floor() as i32;
     format!("{value:.*}", (2 - magnitude).clamp(0, 9) as usize)
 }
 
+/// Rounded down: "100 %" is said of a gap that is closed, not of one that nearly is.
 fn percent(share: f64) -> String {
     if share >= 1.0 { "100 %".to_owned() } else { format!("{:.1} %", (1000.0 * share).floor() / 10.0).replace('-', "−") }
 }
@@ -487,9 +488,11 @@ fn sentence(f: &Findings, closed: f64) -> String {
 mod tests {
     use super::*;
     use crate::effects::param;
+    use nalgebra::DMatrix;
 
     fn fitted(along: &[usize], variances: Option<Vec<f64>>, form_size: f64) -> Fit {
-        Fit { variances, form_size, ..Fit::made_up(along.iter().map(|k| Coordinate::Effect(*k)).collect()) }
+        let mean_covariance = variances.map(|v| DMatrix::from_diagonal(&v.into()));
+        Fit { mean_covariance, form_size, ..Fit::made_up(along.iter().map(|k| Coordinate::Effect(*k)).collect()) }
     }
 
     /// 1.96 standard deviations, to which the mean of an effect's form adds an eighth of its departure; never beyond what the parameter can be.
@@ -540,7 +543,7 @@ mod tests {
         );
         assert_eq!(
             [three_digits(12.345), three_digits(0.012_345), three_digits(1234.5), three_digits(0.0)],
-            ["12.3", "0.0123", "1234", "0.00000000"]
+            ["12.3", "0.0123", "1234", "0"]
         );
     }
 }

@@ -24,7 +24,7 @@ use super::plan::{Outlook, Planner, outlook};
 use super::progress::{Watch, Work, watched};
 use super::verdict::{Conclusion, MISLED, Verdict, conclude};
 use crate::campaign::{Campaign, NO_POSITION, Note, Recording};
-use crate::effects::{self, PARAMETERS, Parameters, REGISTRY};
+use crate::effects::{self, PARAMETERS, Parameters, REGISTRY, Subsystem};
 use crate::validated::Validated;
 use crate::vehicle::{Vehicle, VehicleError};
 use rayon::prelude::*;
@@ -36,7 +36,7 @@ pub enum DiagnosisError {
     #[error("vehicle.json: {0}")]
     Vehicle(#[from] VehicleError),
     /// Its tolerances.
-    #[error(transparent)]
+    #[error("vehicle.json: {0}")]
     Tolerance(#[from] ToleranceError),
     /// Too little to hold anything out.
     #[error(
@@ -194,7 +194,10 @@ fn diagnosed(
     let nominal = problem.nominal();
     let from = taken.map_or(if retuned { alone } else { &nominal }, |l| &l.learned.fit.point);
     let follows = retuned || taken.is_some();
-    let validated = domain::validated(&problem, &weights, &Handed { point: from, learned: taken.map(|l| &l.learned), follows });
+    let of_clutch = [Subsystem::Actuator, Subsystem::ClutchForce, Subsystem::Friction, Subsystem::Thermal];
+    let lacks_clutch_law = taken.is_none() && conclusion.unexplained_at.is_some_and(|place| of_clutch.contains(&place));
+    let handed_out = Handed { point: from, learned: taken.map(|l| &l.learned), follows, lacks_clutch_law };
+    let validated = domain::validated(&problem, &weights, &handed_out);
     watch.begin("residual map");
     let [cells, cells_after] = cells(&problem, &conclusion);
     watch.begin("what to measure next");

@@ -7,18 +7,19 @@
 //! σ² = Σ_k w_k [ (T_k − T)² + Σ_r ½ ((T_k(p + d_r) − T_k)² + (T_k(p − d_r) − T_k)²) ] + (s² + ρ²) T²
 //! ```
 //!
-//! d_r are the columns of the Cholesky factor of the covariance of numbers and effects, and one standard deviation of each number that every recording has of its own:
-//! to first order this is gᵀCg, g the gradient of the torque, and beyond it counts both sides of a kink. s is the share of its torque by which the filter lets any clutch
+//! d_r are the columns of the Cholesky factor of the covariance of numbers and effects, the mean over the accuracies that laws may have; for each effect the share of its
+//! size by which the mean of its form may differ; and one standard deviation of each number that every recording has of its own: to first order this is gᵀCg, g the gradient of the torque, and beyond it counts both sides of a kink. s is the share of its torque by which the filter lets any clutch
 //! depart from its map; ρ is the share that the retuned plant leaves of a transducer's torque beyond its noise, where there is one: no covariance knows what the
 //! equations lack. All torques are those of the plant's own equations.
 
 use super::infer::coordinate::Coordinate;
 use super::infer::density::{Point, Problem};
+use super::infer::fit::Fit;
 use super::infer::learned::Learned;
 use super::infer::posterior::Posterior;
 use super::model::prepare;
 use super::model::replay;
-use super::model::tolerance::Car;
+use crate::effects::{self, REGISTRY};
 use crate::plant::Phase;
 use crate::plant::clutch::{self, Branch, Found};
 use crate::plant::config::Config;
@@ -42,6 +43,8 @@ pub struct Handed<'a> {
     pub learned: Option<&'a Learned>,
     /// Whether it follows the car: otherwise it was validated nowhere.
     pub follows: bool,
+    /// Whether the explanation beside which it stands lacks a law of the clutch. What that does to the torque only a transducer tells.
+    pub lacks_clutch_law: bool,
 }
 
 /// A clutch that may be the car's, and what it may be off by.
@@ -69,7 +72,8 @@ pub fn validated(problem: &Problem, posterior: &Posterior, handed: &Handed) -> V
         THETA.iter().flat_map(of_theta).collect()
     };
     let table: Vec<Vec<f64>> = CLOSING.par_iter().map(of_closing).collect();
-    let places = parts.iter().filter(|_| handed.follows).flat_map(|v| v.places.iter().copied());
+    let is_known = squares > 0.0 || !handed.lacks_clutch_law;
+    let places = parts.iter().filter(|_| handed.follows && is_known).flat_map(|v| v.places.iter().copied());
     Validated::new(places, table.into_iter().flatten())
 }
 
@@ -93,7 +97,7 @@ fn visited(problem: &Problem, point: &Point, config: &Config, k: usize) -> Visit
     let mut slips = vec![false; n];
     let meant = |k: usize, seen: f64| sensed::meant(&config.parameters, k, seen);
     let innovations = replay::corrected(track, filter, &car, problem.temperatures(point, k), None, |row, now| {
-        if row % track.rows_per_observation == 0 && places.len() < n {
+        if places.len() < n && row == track.rows_of(places.len()).start {
             slips[places.len()] = now.phase == Phase::Slipping;
             let slip = if now.phase == Phase::Locked { 0.0 } else { meant(0, now.omega_f) - meant(1, now.omega_c) };
             let closing = clutch::closing(config, now.x_to_actual, now.theta_c);
@@ -116,38 +120,74 @@ fn visited(problem: &Problem, point: &Point, config: &Config, k: usize) -> Visit
 
 fn clutches(problem: &Problem, posterior: &Posterior, handed: &Handed) -> Vec<Clutch> {
     if let Some(l) = handed.learned {
-        let covariance = l.fit.covariance();
-        return vec![clutch_of(problem, 1.0, &l.fit.point, &l.fit.shared, covariance)];
+        let mut one = clutch_of(problem, 1.0, &l.fit);
+        // The effects beside a law stay as they were fitted, and are known no better for it.
+        one.deviations.extend(posterior.best().fit.iter().flat_map(|fit| of_effects(problem, fit, &l.fit.point)));
+        return vec![one];
     }
     let likely = posterior.explanations.iter().filter(|e| e.probability >= LEAST_PROBABILITY);
     likely
         .filter_map(|e| {
             let fit = e.fit.as_ref()?;
-            Some(clutch_of(problem, e.probability, &fit.point, &fit.shared, fit.covariance()))
+            let mut one = clutch_of(problem, e.probability, fit);
+            one.deviations.extend(of_forms(problem, fit));
+            Some(one)
         })
         .collect()
 }
 
-fn clutch_of(problem: &Problem, weight: f64, point: &Point, along: &[Coordinate], covariance: Option<DMatrix<f64>>) -> Clutch {
-    let compiled = |car: &Car| Config::new(&car.vehicle, &car.effects);
-    let mode = problem.car(point, None);
-    let root = covariance.and_then(|c| c.cholesky()).map(|c| c.l()).unwrap_or_else(|| DMatrix::zeros(along.len(), 0));
-    let both = [1.0, -1.0];
-    let shared = root.column_iter().map(|column| {
-        both.map(|side| {
-            let mut moved = point.clone();
-            along.iter().zip(column.iter()).for_each(|(c, by)| c.move_by(problem, &mut moved, 0, side * by));
-            compiled(&problem.car(&moved, None))
-        })
-    });
+/// The clutch of a fit, and what its numbers and effects may be off by.
+fn clutch_of(problem: &Problem, weight: f64, fit: &Fit) -> Clutch {
+    let mode = problem.car(&fit.point, None);
+    let covariance = fit.mean_covariance.clone().or_else(|| fit.covariance());
+    let shared = along(problem, &fit.point, &fit.shared, covariance);
     let own = problem.own.iter().map(|n| {
-        both.map(|side| {
+        [1.0, -1.0].map(|side| {
             let mut car = mode;
             car.apply(std::slice::from_ref(n), &[side]);
-            compiled(&car)
+            Config::new(&car.vehicle, &car.effects)
         })
     });
-    Clutch { weight, deviations: shared.chain(own).collect(), mode: compiled(&mode) }
+    Clutch { weight, mode: Config::new(&mode.vehicle, &mode.effects), deviations: shared.into_iter().chain(own).collect() }
+}
+
+/// Both sides along each column of the Cholesky factor of these coordinates' covariance.
+fn along(problem: &Problem, point: &Point, coordinates: &[Coordinate], covariance: Option<DMatrix<f64>>) -> Vec<[Config; 2]> {
+    let root = covariance.and_then(|c| c.cholesky()).map(|c| c.l()).unwrap_or_else(|| DMatrix::zeros(coordinates.len(), 0));
+    let both = |column: nalgebra::DVectorView<f64>| {
+        [1.0, -1.0].map(|side| {
+            let mut moved = point.clone();
+            coordinates.iter().zip(column.iter()).for_each(|(c, by)| c.move_by(problem, &mut moved, 0, side * by));
+            let car = problem.car(&moved, None);
+            Config::new(&car.vehicle, &car.effects)
+        })
+    };
+    root.column_iter().map(both).collect()
+}
+
+/// What the effects of a fit may be off by beside a law, at whose point they stand.
+fn of_effects(problem: &Problem, fit: &Fit, at: &Point) -> Vec<[Config; 2]> {
+    let places: Vec<usize> = (0..fit.shared.len()).filter(|&i| matches!(fit.shared[i], Coordinate::Effect(_))).collect();
+    let coordinates: Vec<Coordinate> = places.iter().map(|&i| fit.shared[i]).collect();
+    let part = |c: &DMatrix<f64>| DMatrix::from_fn(places.len(), places.len(), |i, j| c[(places[i], places[j])]);
+    along(problem, at, &coordinates, fit.mean_covariance.as_ref().map(part))
+}
+
+/// Larger and smaller by the mean that the form of an effect may have, each effect by itself.
+fn of_forms(problem: &Problem, fit: &Fit) -> Vec<[Config; 2]> {
+    let there = |e: &&effects::Entry| e.parameters.clone().any(|k| fit.shared.contains(&Coordinate::Effect(k)));
+    let both = |e: &effects::Entry| {
+        [1.0, -1.0].map(|side| {
+            let mut moved = fit.point.clone();
+            for k in e.effect.amplitudes {
+                let by = side * fit.mean_of_form(*k);
+                Coordinate::Effect(*k).move_by(problem, &mut moved, 0, by);
+            }
+            let car = problem.car(&moved, None);
+            Config::new(&car.vehicle, &car.effects)
+        })
+    };
+    REGISTRY.iter().filter(there).map(both).collect()
 }
 
 /// Standard deviation of the clutch torque in N·m of a clutch that slips, or would; `lasting` is the squared share of its torque that no number moves.

@@ -53,6 +53,7 @@ fn cut(r: &Recording, rows: usize) -> Recording {
     if let Some(b) = all.brake.as_mut() {
         b.truncate(rows);
     }
+    all.input_rows.iter_mut().flatten().for_each(|own| own.retain(|row| *row < rows));
     all
 }
 

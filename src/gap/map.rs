@@ -72,13 +72,9 @@ pub fn cells(problem: &Problem, point: &Point, final_point: &Point) -> Vec<Cell>
                     continue;
                 }
                 let n = g.whitened.len() as f64;
-                let scatter = (g.whitened.iter().map(|x| (x / scale[e]).powi(2)).sum::<f64>() / n - 1.0) * (n / SCATTER_VARIANCE).sqrt();
-                let m = g.windows.len() as f64;
-                let windows = if m > 0.0 {
-                    (g.windows.iter().map(|x| (x / scale[e]).powi(2)).sum::<f64>() / m - 1.0) * (m / 2.0).sqrt()
-                } else {
-                    0.0
-                };
+                let mean_square = |v: &[f64]| v.iter().map(|x| (x / scale[e]).powi(2)).sum::<f64>() / v.len() as f64;
+                let scatter = deviate(mean_square(&g.whitened), n * 2.0 / SCATTER_VARIANCE);
+                let windows = if g.windows.is_empty() { 0.0 } else { deviate(mean_square(&g.windows), g.windows.len() as f64) };
                 let mean = g.whitened.iter().sum::<f64>() / (n.sqrt() * scale[e]);
                 let sigma = mean.abs().max(scatter).max(windows);
                 let rms = (g.squares / n).sqrt();
@@ -110,13 +106,12 @@ fn gather(problem: &Problem, point: &Point) -> Cells {
         let car = problem.car(point, Some(k));
         let n = track.observations();
         let (mut phase, mut region) = (vec![0; n], vec![0; n]);
-        let rows = track.rows_per_observation;
         let innovations = replay::corrected(track, filter, &car, problem.temperatures(point, k), None, |row, now| {
-            let j = (row / rows).min(n - 1);
+            let j = track.observation_of(row);
             phase[j] = now.phase as usize - 1;
             region[j] = 2 * usize::from(now.theta_c > HOT_DEGC) + usize::from(now.t_fc.abs() > HIGH_TORQUE_NM);
         });
-        let window = (WINDOW_S / (track.interval() * rows as f64)).round().max(1.0) as usize;
+        let window = (WINDOW_S / track.pace()).round().max(1.0) as usize;
         let mut offset = 2 * n;
         for e in 0..5 {
             if e >= 2 && filter.bench[e - 2].is_empty() {
@@ -156,6 +151,13 @@ fn scales(all: &Cells) -> [f64; 5] {
             all[e].iter().flatten().fold((0.0, 0), |(s, n), g| (s + g.whitened.iter().map(|x| x * x).sum::<f64>(), n + g.whitened.len()));
         if count == 0 { 1.0 } else { (sum / count as f64).sqrt().max(1.0) }
     })
+}
+
+/// The standard normal deviate that is as far out as a mean of this many squares of such deviates (Wilson and Hilferty 1931: its cube root is nearly normal). Of few squares
+/// the mean itself has a long tail.
+fn deviate(mean_square: f64, degrees: f64) -> f64 {
+    let variance = 2.0 / (9.0 * degrees);
+    (mean_square.cbrt() - (1.0 - variance)) / variance.sqrt()
 }
 
 /// Two-sided p-value of a standard normal deviate.
@@ -203,6 +205,16 @@ mod tests {
         assert_eq!(marked(&[3.0, 3.10]), [false, false]);
         assert_eq!(marked(&[2.94, 9.0, 3.15]), [true; 3]);
         assert!((two_sided_p(1.959_964) - 0.05).abs() < 1e-7 && (two_sided_p(-1.959_964) - 0.05).abs() < 1e-7);
+    }
+
+    /// Upper quantiles of χ² over its degrees of freedom, from tables: 10.828, 18.467 and 149.449 have the probability 1e-3, as 3.090 of a normal deviate has.
+    #[test]
+    fn a_mean_of_few_squares_has_a_long_tail() {
+        for (chi_square, degrees) in [(10.828, 1.0), (18.467, 4.0), (149.449, 100.0)] {
+            let z = deviate(chi_square / degrees, degrees);
+            assert!((z - 3.090).abs() < 0.1, "{chi_square} of {degrees}: {z}");
+        }
+        assert!(deviate(49.335 / 50.0, 50.0).abs() < 0.01, "the median");
     }
 
     #[test]

@@ -29,7 +29,7 @@ pub const NAMED_BESIDE: f64 = 0.05;
 /// Share of the gap from which a missing law is what is wrong in its subsystem, and effects of that subsystem only stood in for a part of it: they are not named.
 pub const STAND_IN_SHARE: f64 = 0.5;
 
-/// Mean square of the innovations that the best explanation may leave: with more, these are no recordings of such a car. Its largest errors
+/// Mean of Huber's loss of the innovations that the best explanation may leave, 9.5 standard deviations in every sample: with more, these are no recordings of such a car. Its largest errors
 /// on cars with a law that no library holds are a tenth of it.
 pub const STRANGE: f64 = 60.0;
 
@@ -165,9 +165,9 @@ fn doubted(all: &[Explanation], shown: &[Subsystem]) -> Vec<Subsystem> {
     Subsystem::ALL.into_iter().filter(|s| !shown.contains(s) && mass(*s) > NAMED_BESIDE).collect()
 }
 
-/// Whether innovations of this mean square are none of such a car.
-fn is_strange(mean_square: f64) -> bool {
-    mean_square > STRANGE
+/// Whether innovations of this mean loss are none of such a car.
+fn is_strange(mean_loss: f64) -> bool {
+    mean_loss > STRANGE
 }
 
 /// Whether an effect that stands for an input, or for the inertia of another gear, is larger than any car has it.

@@ -70,7 +70,7 @@ fn taken_back(d: &Value) -> Option<String> {
     let [before, after] = ["before", "after"].map(|k| real(taken, k).map(|v| number(v, 3)));
     let named: Vec<String> = texts(taken, "effects").into_iter().map(|id| format!("<b>{}</b>", escape(&names::effect(id)))).collect();
     Some(format!(
-        "Taken back: {}. From sample to sample the recordings of the fit look that way, but in free replays of them the model is off by {} rad/s with these effects, and by {} as the vehicle file has it. Where the gap lies is hardly known.",
+        "Withdrawn: {}. Sample by sample the recordings point to it, but in free replays of those same recordings the model is off by {} rad/s with it, and by {} rad/s as the vehicle file has it. Where the gap lies is therefore uncertain.",
         enumeration(&named),
         after?,
         before?

@@ -155,7 +155,7 @@ fn numbers(population: &Value) -> String {
     let populations = list(population, "populations");
     let others = if populations.len() > 1 {
         format!(
-            "<p class=\"absent\">There are {} vehicle files; this is the one of most cars ({}). fleet.json holds the others.</p>",
+            "<p class=\"absent\">There are {} vehicle files; this one covers the most cars ({}). fleet.json holds the others.</p>",
             populations.len(),
             real(&populations[0], "cars").unwrap_or(0.0)
         )

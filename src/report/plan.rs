@@ -203,7 +203,7 @@ fn worth(next: &Value) -> Option<(String, f64)> {
         let _ = write!(
             svg,
             "<text x=\"{}\" y=\"{}\" text-anchor=\"end\" fill=\"currentColor\">{}</text><rect x=\"{LEFT}\" y=\"{}\" width=\"{long:.1}\" height=\"{}\" fill=\"{SHOWN}\"/>\
-             <text x=\"{:.1}\" y=\"{}\" fill=\"currentColor\">{}, settles it with {:.0} %</text>\n",
+             <text x=\"{:.1}\" y=\"{}\" fill=\"currentColor\">{}, {:.0} % chance of settling it</text>\n",
             LEFT - 12.0,
             y + 15.0,
             escape(m["name"].as_str().unwrap_or_default()),
@@ -231,6 +231,6 @@ mod tests {
             "measure_next": {"manoeuvres": [{"name": "a<b", "nats_per_minute": 12.0, "splits": 0.9}]}});
         let svg = svg(&plan);
         assert!(svg.contains("Judder") && svg.contains("not shown") && svg.contains("hollow"));
-        assert!(svg.contains("a&lt;b") && svg.contains("12, settles it with 90 %"));
+        assert!(svg.contains("a&lt;b") && svg.contains("12, 90 % chance of settling it"));
     }
 }

@@ -48,7 +48,7 @@ fn changes_in_steps_of_an_observation_are_nearly_those_of_every_row() {
     let (tracks, tolerances) = prepare::read(&all, &vehicle_json).unwrap();
     let with = prepare::disturbances(&tracks, &tolerances);
     let problem = prepare::problem(tracks, &vehicle, &tolerances, &with);
-    assert_eq!(problem.tracks[0].rows_per_observation, FASTER);
+    assert_eq!(problem.tracks[0].rows_of(1), FASTER..2 * FASTER);
     let nominal = problem.nominal();
     let here = problem.residuals(0, &nominal, None);
     let from = problem.baseline(0, &nominal, None, Some(&here));
@@ -383,6 +383,17 @@ fn a_closed_clutch_that_brakes_with_one_speed_late_holds() {
     assert!(with == 47 && without < 5, "{with} {without}");
 }
 
+/// A speed that is lost for 0.8 s under the brakes is not one below a sensor's threshold: the car goes on.
+#[test]
+fn a_car_whose_speed_is_lost_under_its_brakes_does_not_stand() {
+    let (_, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let speeds = |row: usize, now: [f64; 2]| [now[0], if (60..140).contains(&row) { f64::NAN } else { 80.0 - 0.1 * row as f64 }];
+    let lost = prepared(&answered(&Car::nominal(&vehicle), &[[5.0, 0.0]; 200], 0.1, |row| (20..150).contains(&row), speeds));
+    assert!(lost.tracks[0].measured[Channel::OmegaC as usize].iter().filter(|v| v.is_nan()).count() == 80);
+    assert!(!lost.filters[0].stands.contains(&true));
+}
+
 /// Shafts swing for half a second after a stop: until then the car is not taken to rest, and from the release of its brakes on it is not either.
 #[test]
 fn a_car_rests_half_a_second_after_it_stopped_under_its_brakes() {
@@ -392,8 +403,7 @@ fn a_car_rests_half_a_second_after_it_stopped_under_its_brakes() {
     let standing = answered(&Car::nominal(&vehicle), &[[5.0, 0.0]; 200], 0.1, |row| (20..150).contains(&row), speeds);
     let problem = prepared(&standing);
     let (track, stands) = (&problem.tracks[0], &problem.filters[0].stands);
-    let every = track.rows_per_observation;
-    let rest: Vec<f64> = (0..stands.len()).filter(|k| stands[*k]).map(|k| track.time[k * every]).collect();
+    let rest: Vec<f64> = (0..stands.len()).filter(|k| stands[*k]).map(|k| track.time[track.rows_of(k).start]).collect();
     let near = |found: f64, expected: f64| (found - expected).abs() < 0.025;
     assert!(near(rest[0], 0.7) && near(rest[rest.len() - 1], 1.5), "from {} s to {} s", rest[0], rest[rest.len() - 1]);
 }

@@ -102,7 +102,7 @@ fn an_effect_that_sets_in_later_differs_by_its_form_alone() {
     let functions = forms(&problem, &point, &[mass]);
     // What the two speeds would show were the effect 20 ms late, less what they do.
     let (track, d) = (&problem.tracks[0], with[0].iter().zip(&without[0]).map(|(a, b)| a - b).collect::<Vec<_>>());
-    let late = (0.02 / (track.interval() * track.rows_per_observation as f64)).round() as usize;
+    let late = (0.02 / track.pace()).round() as usize;
     assert!(late >= 1);
     let n = 2 * track.observations();
     let missed: Vec<f64> = (0..n).map(|i| if i < 2 * late { -d[i] } else { d[i - 2 * late] - d[i] }).collect();
@@ -150,7 +150,8 @@ fn the_larger_the_gap_the_less_its_likelihood_is_believed() {
         let of = |effects: &[usize]| Hypothesis::fitted(problem, effects.to_vec(), &problem.nominal(), 12, None);
         let (with, without) = (of(&[mass]), of(&[]));
         // An interval is as wide as laws may be inexact: wider than noise alone would have it.
-        let (exact, variances) = (with.fit.exact.clone().cholesky().unwrap().inverse(), with.fit.variances.as_ref().unwrap());
+        let (exact, variances) =
+            (with.fit.exact.clone().cholesky().unwrap().inverse(), with.fit.mean_covariance.as_ref().unwrap().diagonal());
         let at = with.fit.shared.iter().position(|c| *c == Coordinate::Effect(param::vehicle_mass::factor)).unwrap();
         assert!(variances[at] > 1.05 * exact[(at, at)], "{} {}", variances[at], exact[(at, at)]);
         let by_accuracy: Vec<f64> = with.by_accuracy.iter().zip(without.by_accuracy).map(|(with, without)| with - without).collect();

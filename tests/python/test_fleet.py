@@ -349,7 +349,7 @@ def test_what_is_said_of_the_cars_is_checked(cars, tmp_path, first):
 def test_the_command_hands_over_and_says_what_it_needs(cars, tmp_path, kisspoint):
     env = {**os.environ, "PYTHONPATH": str(ROOT / "python"), "KISSPOINT_PYTHON": sys.executable}
     done = subprocess.run([find_command(), "fleet", "--help"], env=env, capture_output=True, text=True)
-    assert done.returncode == 0 and "pip install 'kisspoint[fleet]'" in done.stdout and "--scheduler ADDRESS" in done.stdout
+    assert done.returncode == 0 and "pip install '.[fleet]'" in done.stdout and "--scheduler ADDRESS" in done.stdout
     done = subprocess.run([find_command(), "fleet", str(cars / "car_4"), "--out", str(tmp_path)], env=env, capture_output=True, text=True)
     assert done.returncode == 1 and "1 without an answer" in done.stdout
     done = subprocess.run([find_command(), "fleet", "x", "--out", "y"], env={**env, "KISSPOINT_PYTHON": "/no/python"}, capture_output=True, text=True)

@@ -28,8 +28,8 @@ EXAMPLES = """examples:
   kisspoint fleet 'cars/*' --out out --scheduler tcp://10.0.0.7:8786       on a cluster of dask.distributed that sees the same folders or stores
   find /data -name vehicle.json -printf '%h\\n' | kisspoint fleet - --out out
 
-Needs the Python package with its extra: in a checkout pip install '.[fleet]' (with Dask '.[fleet,dask]'), with a wheel in DIR
-pip install 'kisspoint[fleet]' --find-links DIR. Stores need their fsspec package, e.g. s3fs.
+Needs the Python package with its extra: in a checkout pip install '.[fleet]' (with Dask '.[fleet,dask]'), of a wheel
+pip install 'FILE.whl[fleet]'. Stores need their fsspec package, e.g. s3fs.
 Exit codes: 0 done, even if some campaigns have no answer; 1 no campaign has one, or a file is wrong; 2 the command line is wrong; 130 stopped by Ctrl-C."""
 
 

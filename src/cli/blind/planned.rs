@@ -166,6 +166,7 @@ fn taken_over(r: &realcar::Recording, name: &str, manoeuvre: &str) -> Recording 
         theta_c: r.bench.as_ref().map(|b| b.theta_c_deg_c.clone()),
         brake: r.brake.clone(),
         held: false,
+        input_rows: [None, None],
     }
 }
 

@@ -215,7 +215,7 @@ impl Problem {
     /// The place from which [`Problem::change`] counts, in recording `k`. `known` are the innovations there, if they are known.
     pub fn baseline<'a>(&self, k: usize, point: &'a Point, basis: Option<&'a Basis>, known: Option<&Residuals>) -> Baseline<'a> {
         // What pulsates changes within an observation.
-        let in_rows = self.tracks[k].rows_per_observation == 1 || self.car(point, Some(k)).pulsates();
+        let in_rows = !self.tracks[k].averages() || self.car(point, Some(k)).pulsates();
         let steps = if in_rows { Steps::Rows } else { Steps::Observations };
         let law = basis.map(|b| driving(b, k, &point.missing));
         let driven = match known.filter(|_| in_rows) {

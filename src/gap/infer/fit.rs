@@ -4,7 +4,9 @@
 
 use super::coordinate::{Coordinate, coordinates};
 use super::density::{Basis, ByAccuracy, ByPhase, Point, Problem, Residuals, WHOLE, cost, prior};
+use super::form::FORM;
 use super::linear::{Columns, Frame, Known, Normal, Products, all_products, assemble, by_phase, derivatives, to_powers};
+use crate::effects::PARAMETERS;
 use nalgebra::{DMatrix, DVector};
 use std::sync::Arc;
 
@@ -33,19 +35,18 @@ pub struct Fit {
     pub parts: Arc<Vec<ByPhase<Products>>>,
     /// Size of the effects' forms relative to that with which they were fitted: root mean square over [`SIZES`], by their evidence; 1 before they are weighed.
     pub form_size: f64,
-    /// Variances of the shared coordinates but for functions, the mean over the accuracies that an explanation may have; none before they are weighed, or where the
+    /// Covariance of the shared coordinates but for functions, the mean over the accuracies that an explanation may have; none before they are weighed, or where the
     /// recordings bound nothing.
-    pub variances: Option<Vec<f64>>,
+    pub mean_covariance: Option<DMatrix<f64>>,
     /// The curvature that is left of `shared` without functions where the likelihood is taken whole, as if laws were exact.
     pub exact: DMatrix<f64>,
 }
 
-/// The variances of fits of one explanation, one for each accuracy that it may have.
-pub fn mean_variances(fits: ByAccuracy<Fit>) -> Option<Vec<f64>> {
-    let of = |fit: Fit| fit.marginal().covariance().map(|c| c.diagonal());
-    let all: Option<Vec<DVector<f64>>> = fits.into_iter().map(of).collect();
-    let all = all?;
-    Some((all.iter().sum::<DVector<f64>>() / all.len() as f64).iter().copied().collect())
+/// The covariance of fits of one explanation, one for each accuracy that it may have.
+pub fn mean_covariance(fits: ByAccuracy<Fit>) -> Option<DMatrix<f64>> {
+    let all: Vec<DMatrix<f64>> = fits.into_iter().map(|fit| fit.marginal().covariance()).collect::<Option<_>>()?;
+    let number = all.len() as f64;
+    all.into_iter().reduce(|sum, one| sum + one).map(|sum| sum / number)
 }
 
 impl Fit {
@@ -70,6 +71,11 @@ impl Fit {
     /// The same as a fit of the same effects with more of the same law does.
     pub fn known_with_law(&self) -> Option<Known<'_>> {
         (!self.columns.is_empty()).then_some(Known::Law(&self.columns))
+    }
+
+    /// Standard deviation of the mean that the form of an effect may have where these recordings do not show it, along one of the effect's parameters.
+    pub fn mean_of_form(&self, parameter: usize) -> f64 {
+        FORM * self.form_size * (self.point.effects[parameter] - PARAMETERS[parameter].null)
     }
 
     /// Mean square of the shared nuisances.
@@ -138,7 +144,7 @@ impl Fit {
         let to = moved(problem, &frame, &e, &point, &step);
         // What a power takes from the recordings is no reason to hand out another car.
         let point = if moves && problem.can_follow(&to) { to } else { self.point.clone() };
-        Some((laplace(cost, &e, &frame), Self { point, curvature: e.curvature, ..self.clone() }))
+        Some((laplace(cost, &e), Self { point, curvature: e.curvature, ..self.clone() }))
     }
 
     /// Covariance of the shared coordinates.
@@ -164,7 +170,7 @@ impl Fit {
             own: Vec::new(),
             parts: Arc::default(),
             form_size: 1.0,
-            variances: None,
+            mean_covariance: None,
             exact: identity,
         }
     }
@@ -224,6 +230,8 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
             _ => Known::Law(&columns),
         };
         columns = derivatives(problem, &point, basis, &residuals, &frame, kept.then_some(old));
+        // What stale derivatives had to be damped for says nothing of new ones.
+        damping = if kept { damping } else { 0.0 };
         let (before, mut promised) = (now, f64::INFINITY);
         let parts = all_products(&columns, &residuals);
         for _ in 0..TRIES {
@@ -250,6 +258,10 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
                 damping = if damping < 0.1 { 0.0 } else { damping * 0.1 };
                 break;
             }
+            // At a mode shorter steps promise even less.
+            if promised < least {
+                break;
+            }
             damping = (damping * SHRINK).max(1.0);
         }
         let gain = before - now;
@@ -267,7 +279,7 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
     let equations = assemble(&point, &frame, &to_powers(&parts, WHOLE), 0.0);
     let (curvature, log_evidence): (DMatrix<f64>, f64) = match equations {
         Some(e) => {
-            let evidence = laplace(now, &e, &frame);
+            let evidence = laplace(now, &e);
             (e.curvature, evidence)
         }
         None => (DMatrix::identity(frame.shared.len(), frame.shared.len()), f64::NEG_INFINITY),
@@ -287,16 +299,15 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
         own,
         parts: Arc::new(parts),
         form_size: 1.0,
-        variances: None,
+        mean_covariance: None,
     }
 }
 
 /// Logarithm of the evidence: density at the mode times the volume that the posterior leaves of the prior.
-pub fn laplace(cost: f64, equations: &Normal, frame: &Frame) -> f64 {
+pub fn laplace(cost: f64, equations: &Normal) -> f64 {
     let Some(root) = equations.curvature.clone().cholesky() else { return f64::NEG_INFINITY };
     let log_det = 2.0 * root.l_dirty().diagonal().map(f64::ln).sum() + equations.log_det_own;
-    let prior: f64 = frame.shared.iter().map(|c| c.precision().ln()).sum();
-    -0.5 * cost - 0.5 * log_det + 0.5 * prior
+    -0.5 * cost - 0.5 * log_det + 0.5 * equations.log_det_prior
 }
 
 fn promise(equations: &Normal, step: &DVector<f64>) -> f64 {
@@ -413,17 +424,17 @@ mod tests {
         assert_eq!(rest.marginal().shared.len(), 2);
     }
 
-    /// The mean over what an explanation's accuracy may be, of variances and not of curvatures; none where one of them bounds nothing.
+    /// The mean over what an explanation's accuracy may be, of covariances and not of curvatures; none where one of them bounds nothing.
     #[test]
-    fn variances_are_the_mean_over_accuracies() {
+    fn covariances_are_the_mean_over_accuracies() {
         let with = |curvature: f64| {
             let mut fit = Fit::made_up(vec![Coordinate::Shared(0), Coordinate::Shared(1)]);
             fit.curvature[(1, 1)] = curvature;
             fit
         };
-        let found = mean_variances([with(1.0), with(0.5), with(0.25)]).unwrap();
+        let found = mean_covariance([with(1.0), with(0.5), with(0.25)]).unwrap().diagonal();
         assert!((found[0] - 1.0).abs() < 1e-12 && (found[1] - 7.0 / 3.0).abs() < 1e-12, "{found:?}");
-        assert_eq!(mean_variances([with(1.0), with(-1.0), with(1.0)]), None);
+        assert_eq!(mean_covariance([with(1.0), with(-1.0), with(1.0)]), None);
     }
 
     /// Both coordinates want to leave at first; with the second at its bound the first moves inwards.

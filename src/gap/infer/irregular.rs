@@ -74,6 +74,17 @@ impl At {
         with
     }
 
+    /// Whether what takes the place of a slow error that was there before does more than that did, however slowly it comes and goes: σ²τ is its power at low frequencies.
+    fn is_more(self, changed: &Disturbances, than: &Disturbances) -> bool {
+        let power = |w: Wander| w.sigma.powi(2) * w.time_s;
+        match self {
+            Self::Engine => power(changed.report) > power(than.report),
+            Self::Clutch => power(changed.clutch) > power(than.clutch),
+            Self::Driveline => power(changed.load) > power(than.load),
+            Self::Bearing | Self::Flywheel | Self::Disc => true,
+        }
+    }
+
     /// Subsystems that it may be of.
     fn places(self) -> &'static [Subsystem] {
         match self {
@@ -115,10 +126,15 @@ pub fn irregular(problem: &Problem, point: &Point, residuals: &[Residuals], with
         return None;
     }
     let point = &Point { missing: Vec::new(), ..point.clone() };
-    let without = minus_log_likelihood(problem, point, with);
+    // Forms and laws of the explanation count for it; a disturbance is weighed without them.
+    let log_det = problem.filters.iter().map(|f| f.log_det).sum::<f64>();
+    let without = minus_log_likelihood(problem, point, with).min(misfit(residuals) + log_det);
     let power = problem.power();
     let gain = |changed: &Disturbances| 0.5 * power * (without - minus_log_likelihood(problem, point, changed));
-    let of = |at: At| at.sizes().into_iter().flat_map(move |size| MEMORIES_S.map(|memory| (at, at.added(size, memory, with), memory)));
+    let of = |at: At| {
+        let all = at.sizes().into_iter().flat_map(move |size| MEMORIES_S.map(|memory| (at, at.added(size, memory, with), memory)));
+        all.filter(move |(_, changed, _)| at.is_more(changed, with))
+    };
     let mut all: Vec<(f64, At, Disturbances, f64)> =
         ALL.into_iter().flat_map(of).map(|(at, changed, memory)| (gain(&changed), at, changed, memory)).collect();
     all.sort_by(|a, b| b.0.total_cmp(&a.0));

@@ -5,7 +5,7 @@
 
 use super::coordinate::{Coordinate, coordinates};
 use super::density::{Point, Problem, misfit, prior};
-use super::fit::{Fit, along, stepped};
+use super::fit::{Fit, along, mean_covariance, stepped};
 use super::linear::{Frame, all_products, assemble};
 use crate::effects::empirical::Curve;
 use rayon::prelude::*;
@@ -37,16 +37,19 @@ pub fn learn(problem: &Problem, curves: &[&'static Curve], start: &Point, near: 
     let frame = Frame { shared, own };
     let start = Point { missing: Vec::new(), ..start.clone() };
     let fit = along(problem, frame.clone(), None, &start, ITERATIONS, near.and_then(Fit::known));
+    // A learned law is as inexact as any other.
+    let mean_covariance = mean_covariance(problem.powers.map(|powers| fit.weighed(problem, 0, powers).1));
+    let fit = Fit { mean_covariance, ..fit };
     Learned { curves: curves.to_vec(), fit, frame }
 }
 
 impl Learned {
     /// Standard deviations of a curve's values; zero at its reference.
     pub fn sigma(&self, curve: &Curve) -> Vec<f64> {
-        let covariance = self.fit.covariance();
+        let covariance = self.fit.mean_covariance.as_ref();
         let of = |k: usize| {
             let place = self.fit.shared.iter().position(|c| *c == Coordinate::Effect(k));
-            place.zip(covariance.as_ref()).map_or(0.0, |(i, c)| c[(i, i)].max(0.0).sqrt())
+            place.zip(covariance).map_or(0.0, |(i, c)| c[(i, i)].max(0.0).sqrt())
         };
         curve.parameters().map(of).collect()
     }

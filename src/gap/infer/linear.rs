@@ -140,6 +140,14 @@ pub struct Eliminated {
     offset: DVector<f64>,
 }
 
+/// Logarithm of the determinant of a positive matrix that is nearly diagonal: of what is not, by Cholesky's factor.
+fn log_det(m: &DMatrix<f64>) -> Option<f64> {
+    let coupled: Vec<usize> = (0..m.nrows()).filter(|&i| (0..m.ncols()).any(|j| j != i && m[(i, j)] != 0.0)).collect();
+    let alone = (0..m.nrows()).filter(|i| !coupled.contains(i)).map(|i| m[(i, i)].ln()).sum::<f64>();
+    let root = DMatrix::from_fn(coupled.len(), coupled.len(), |i, j| m[(coupled[i], coupled[j])]).cholesky()?;
+    Some(alone + 2.0 * root.l_dirty().diagonal().map(f64::ln).sum())
+}
+
 impl Eliminated {
     /// Step of the own unknowns that goes with a step of the shared ones.
     pub fn step(&self, shared: &DVector<f64>) -> DVector<f64> {
@@ -158,6 +166,8 @@ pub struct Normal {
     pub eliminated: Vec<Eliminated>,
     /// Logarithm of the determinant of the own unknowns' curvature.
     pub log_det_own: f64,
+    /// Logarithm of the determinant of the prior's precision along the shared coordinates.
+    pub log_det_prior: f64,
 }
 
 /// Products of one recording's columns among themselves and with its residuals.
@@ -256,6 +266,7 @@ pub fn assemble(point: &Point, frame: &Frame, parts: &[Products], damping: f64) 
             slopes.iter().for_each(|&(j, b)| curvature[(i, j)] += a * b);
         }
     }
+    let log_det_prior = log_det(&curvature)?;
     let mut eliminated = Vec::with_capacity(parts.len());
     let mut log_det_own = 0.0;
     for (r, (p, g)) in parts.iter().enumerate() {
@@ -274,7 +285,7 @@ pub fn assemble(point: &Point, frame: &Frame, parts: &[Products], damping: f64) 
         gradient += g.rows(0, s) - &b * &offset;
         eliminated.push(Eliminated { own, coupling, offset });
     }
-    Some(Normal { curvature, gradient, eliminated, log_det_own })
+    Some(Normal { curvature, gradient, eliminated, log_det_own, log_det_prior })
 }
 
 impl Eliminated {
@@ -344,6 +355,20 @@ mod tests {
         }
     }
 
+    /// A contact that moves takes its closed point along: with sizes s and s, share ½ and σ the prior of both has the precision (1/s² + ¼/σ², −½/σ²; −½/σ², 1/s² + 1/σ²).
+    #[test]
+    fn the_volume_of_a_prior_counts_what_goes_together() {
+        use crate::effects::param::kiss_point_offset::{closed_offset, offset};
+        let along = [Coordinate::Shared(0), Coordinate::Effect(offset), Coordinate::Shared(1), Coordinate::Effect(closed_offset)];
+        let point = Point { shared: vec![0.0; 2], own: Vec::new(), effects: effects::null(), missing: Vec::new() };
+        let of = |shared: Vec<Coordinate>| assemble(&point, &Frame { shared, own: Vec::new() }, &[], 0.0).unwrap().log_det_prior;
+        let [a, b] = [along[1], along[3]].map(Coordinate::precision);
+        let s = STRAINS[0].sigma.powi(-2);
+        let expected = ((a + 0.25 * s) * (b + s) - 0.25 * s * s).ln();
+        assert!((of(along.to_vec()) - expected).abs() < 1e-9);
+        assert!((of(along[..3].to_vec()) - a.ln()).abs() < 1e-12 && of(vec![along[0]]) == 0.0);
+    }
+
     /// Three shared unknowns and two of each of three recordings, all with unit normal priors, seen through unit normal noise: the evidence is that of
     /// a normal distribution with covariance 1 + AAᵀ, whose density is written down directly.
     #[test]
@@ -360,7 +385,7 @@ mod tests {
         let step = equations.curvature.clone().cholesky().unwrap().solve(&-&equations.gradient);
         let gain: f64 = equations.eliminated.iter().map(Eliminated::gain).sum::<f64>() - equations.gradient.dot(&step);
         let square: f64 = residuals.iter().flatten().map(|r| r * r).sum();
-        let found = laplace(square - gain, &equations, &frame);
+        let found = laplace(square - gain, &equations);
 
         let unknowns = s + o * recordings;
         let mut a = DMatrix::zeros(n * recordings, unknowns);

@@ -92,11 +92,10 @@ pub fn starts(problem: &Problem, point: &Point) -> Vec<(usize, Point)> {
 fn stretches(problem: &Problem, point: &Point, k: usize) -> Vec<Stretch> {
     let (track, filter) = (&problem.tracks[k], &problem.filters[k]);
     let car = problem.car(point, Some(k));
-    let rows = track.rows_per_observation;
     let n = track.observations();
     let (mut torque, mut slip) = (vec![0.0; n], vec![0.0; n]);
     let innovations = replay::corrected(track, filter, &car, problem.temperatures(point, k), None, |row, now| {
-        let j = (row / rows).min(n - 1);
+        let j = track.observation_of(row);
         torque[j] = if now.phase == crate::plant::Phase::Slipping { now.t_fc } else { 0.0 };
         slip[j] = (now.omega_f - now.omega_c).max(0.0);
     });

@@ -7,7 +7,7 @@
 
 use super::coordinate::Coordinate;
 use super::density::{Basis, ByAccuracy, Point, Problem, STRAINS, WHOLE, cost, size};
-use super::fit::{Fit, Free, LOOK, fit, least_gain, mean_variances};
+use super::fit::{Fit, Free, LOOK, fit, least_gain, mean_covariance};
 use super::form::{self, forms};
 use super::linear::{Columns, Known};
 use super::pulsation;
@@ -47,9 +47,9 @@ impl Hypothesis {
         let (log_posterior, coarse) = at(problem.steering());
         let all = problem.powers.map(at);
         let by_accuracy = all.each_ref().map(|(believed, _)| *believed);
-        let variances = mean_variances(all.map(|(_, fit)| fit));
+        let mean_covariance = mean_covariance(all.map(|(_, fit)| fit));
         let exact = sharp.marginal().curvature;
-        let fit = Fit { point: sharp.point, variances, exact, ..coarse }.marginal();
+        let fit = Fit { point: sharp.point, mean_covariance, exact, ..coarse }.marginal();
         Self { effects, fit, formed, basis, lead, log_posterior, by_accuracy }
     }
 
@@ -71,7 +71,7 @@ impl Hypothesis {
         let formed = fit(problem, Free { effects: &effects, basis: Some(&basis) }, &start, iterations, known);
         // A form is a share of what its effect changes where the fit ends, not where it began.
         let there = forms(problem, &formed.point, &effects);
-        if (form::change(&there) / form::change(&basis)).ln().abs() < AS_LARGE {
+        if basis.is_empty() && there.is_empty() || (form::change(&there) / form::change(&basis)).ln().abs() < AS_LARGE {
             return Self::new(problem, effects, formed, basis);
         }
         let start = Point { missing: Vec::new(), ..formed.point.clone() };
@@ -397,15 +397,14 @@ pub fn exchange(problem: &Problem, found: &mut Search) {
         if strained {
             let all = taken_over(problem, &best.formed.point, &best.effects);
             let swapped = all.into_iter().flat_map(|(effects, point)| {
-                let newcomer = effects.iter().copied().find(|e| !best.effects.contains(e));
-                best.effects.clone().into_iter().filter_map(move |dropped| {
+                best.effects.clone().into_iter().map(move |dropped| {
                     let mut point = point.clone();
                     for p in REGISTRY[dropped].parameters.clone() {
                         point.effects[p] = PARAMETERS[p].null;
                     }
                     let mut set: Vec<usize> = effects.iter().copied().filter(|e| *e != dropped).collect();
                     set.sort_unstable();
-                    newcomer.map(|_| (set, point))
+                    (set, point)
                 })
             });
             let looked: Vec<Hypothesis> = swapped

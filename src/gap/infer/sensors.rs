@@ -22,7 +22,7 @@ const WORTH_NATS: f64 = 8.0;
 
 /// Whether a logger is so slow that it may miss commands, or the control unit as slow as it is. Stamps that jitter are no control unit's.
 pub fn may_be_held(tracks: &[Track]) -> bool {
-    tracks.iter().all(|t| misses(t.interval()) && !t.jitters())
+    tracks.iter().all(|t| misses(t.speed_interval()) && !t.jitters())
 }
 
 /// Whether recordings whose inputs are held (`held`) are likelier than the same ones whose inputs are not (`straight`), with the effects that suit the latter best.

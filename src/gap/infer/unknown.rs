@@ -6,7 +6,7 @@
 
 use super::coordinate::Coordinate;
 use super::density::{Baseline, Basis, ByAccuracy, ByPhase, Point, Problem, WHOLE, overall};
-use super::fit::{Fit, Free, LOOK, fit, mean_variances};
+use super::fit::{Fit, Free, LOOK, fit, mean_covariance};
 use super::form::{forms, of_law};
 use super::linear::{Columns, Frame, Known, Normal, Products, assemble, by_phase, to_powers};
 use super::search::{DRAGGED, Hypothesis, log_prior, moments};
@@ -192,14 +192,14 @@ pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, kn
     let exact = sharp.marginal().curvature;
     let all = problem.powers.map(at);
     let by_accuracy = all.each_ref().map(|(believed, _)| *believed);
-    let variances = mean_variances(all.map(|(_, fit)| fit));
+    let mean_covariance = mean_covariance(all.map(|(_, fit)| fit));
     let (log_posterior, fitted) = at(problem.steering());
     // Functions are eliminated, and their derivatives are let go: there may be hundreds.
     let kept = fitted.shared.iter().filter(|c| !matches!(c, Coordinate::Missing(_))).count();
     let functions = fitted.shared.len() - kept;
     let without = |c: &Columns| c[..kept].iter().chain(&c[kept + functions..]).cloned().collect();
     let columns = Arc::new(fitted.columns.iter().map(without).collect());
-    let fit = Fit { columns, parts: Arc::default(), variances, exact, ..fitted.marginal() };
+    let fit = Fit { columns, parts: Arc::default(), mean_covariance, exact, ..fitted.marginal() };
     Unknown { effects: effects.to_vec(), law: law.clone(), lead, log_posterior, by_accuracy, fit: Some(fit) }
 }
 

@@ -141,7 +141,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     let n = track.observations();
     let speeds: [Vec<(f64, usize)>; 2] = [Channel::OmegaF, Channel::OmegaC].map(|c| (0..n).map(|k| track.mean(c, k)).collect());
     // The clutch locks when the speeds meet, not when late sensors show it.
-    let pace = track.interval() * track.rows_per_observation as f64;
+    let pace = track.pace();
     let then: [Vec<(f64, usize)>; 2] = std::array::from_fn(|c| {
         let ahead = (with.late[c] / pace).round() as usize;
         (0..n).map(|k| speeds[c][(k + ahead).min(n - 1)]).collect()
@@ -163,7 +163,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     (p[(OMEGA_F, OMEGA_F)], p[(OMEGA_C, OMEGA_C)]) = (start(0), start(1));
     let colour: [Wander; 2] = std::array::from_fn(|c| joined(with.noise[c], with.sensors[c]));
     // What the noise of a flywheel that follows its sensor is worth at the disc.
-    let followed = (j_f / j_c).powi(2) * (variance(0, track.rows_per_observation) + colour[0].sigma.powi(2));
+    let followed = (j_f / j_c).powi(2) * (variance(0, track.samples_per_observation(Channel::OmegaF)) + colour[0].sigma.powi(2));
     let mut gains = Vec::with_capacity(n);
     let mut torque_variance = Vec::with_capacity(n);
     let mut log_det = 0.0;
@@ -221,7 +221,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
         torque_variance.push(h.dot(&(p * h)));
         // To the next observation.
         let dt = gain.interval;
-        let report_impulse = with.report_noise.powi(2) * dt * (dt / track.rows_of(k).len().max(1) as f64) + impulse(&report_bends, k);
+        let report_impulse = with.report_noise.powi(2) * dt * (dt / track.reports_in(k) as f64) + impulse(&report_bends, k);
         let mut f = Covariance::identity();
         let mut decay = [1.0; STATES];
         let mut q = Covariance::zeros();
@@ -313,11 +313,14 @@ const RESTED_S: f64 = 0.5;
 
 /// Observations at which the car has stood under its brakes for [`RESTED_S`]; a wheel speed below its sensor's threshold stands.
 fn stands(track: &Track, omega_c: &[(f64, usize)], noise: f64, braking: impl Fn(usize) -> bool) -> Vec<bool> {
-    let mut since = 0.0;
+    let (mut since, mut last) = (0.0, omega_c.iter().map(|s| s.0).find(|v| v.is_finite()).unwrap_or(0.0));
     (0..omega_c.len())
         .map(|k| {
             let speed = omega_c[k].0;
-            let rests = braking(k) && !(speed.abs() > LOCKED * noise);
+            last = if speed.is_finite() { speed } else { last };
+            // A sample that is lost at speed is not one below the threshold.
+            let stands = if speed.is_finite() { speed.abs() <= LOCKED * noise } else { last.abs() < HIDDEN };
+            let rests = braking(k) && stands;
             since = if rests { since + interval(track, k) } else { 0.0 };
             since > RESTED_S
         })

@@ -61,7 +61,7 @@ pub fn stamps(tracks: &[Track]) -> f64 {
 
 /// White noise of the torque report, N·m.
 pub fn of_report(tracks: &[Track]) -> f64 {
-    let parts: Vec<(&[f64], &[f64])> = tracks.iter().map(|t| (t.time.as_slice(), t.reported.as_slice())).collect();
+    let parts: Vec<(&[f64], &[f64])> = tracks.iter().map(|t| (t.report_time.as_slice(), t.reported.as_slice())).collect();
     white(&parts)
 }
 

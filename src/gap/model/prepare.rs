@@ -48,7 +48,7 @@ pub fn healthy(noise: [Noise; 5], report_noise: f64, quantum: f64, tolerances: &
 
 /// How a car's recordings were logged.
 pub fn logger(tracks: &[Track]) -> Logger {
-    let mut all: Vec<f64> = tracks.iter().map(Track::interval).collect();
+    let mut all: Vec<f64> = tracks.iter().map(Track::speed_interval).collect();
     all.sort_by(f64::total_cmp);
     let interval_s = all.get(all.len() / 2).copied().unwrap_or(CONTROL_INTERVAL_S);
     let slow = interval_s > 1.2 * CONTROL_INTERVAL_S && !tracks.iter().all(|t| t.held);
@@ -84,7 +84,7 @@ pub fn filter_of(track: &Track, vehicle: &Vehicle, with: &Disturbances) -> Filte
 pub fn read(recordings: &[&Recording], vehicle_json: &serde_json::Value) -> Result<(Vec<Track>, Tolerances), tolerance::ToleranceError> {
     let mut tracks: Vec<Track> = recordings.iter().map(|r| Track::new(r)).collect();
     let (white, quantum) = (noise::of_report(&tracks), noise::report_quantum(&tracks));
-    tracks.par_iter_mut().for_each(|t| t.believe(&noise::without_noise(&t.time, &t.reported, white, quantum)));
+    tracks.par_iter_mut().for_each(|t| t.believe(&noise::without_noise(&t.report_time, &t.reported, white, quantum)));
     let sensors = noise::channels(&tracks);
     unknown_clutch::find(&mut tracks, &sensors);
     let tolerances = tolerance::read(vehicle_json, logger(&tracks))?;

@@ -252,10 +252,8 @@ pub fn innovations_in(steps: Steps, track: &Track, filter: &Filter, car: &Car, t
 /// Clutch torque in N·m by observation in a corrected replay.
 pub fn torques(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Vec<f64> {
     let mut all = vec![0.0; track.observations()];
-    let rows = track.rows_per_observation;
     corrected(track, filter, car, theta, None, |row, now| {
-        let k = (row / rows).min(all.len() - 1);
-        all[k] = now.t_fc;
+        all[track.observation_of(row)] = now.t_fc;
     });
     all
 }

@@ -98,16 +98,21 @@ impl Logger {
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum ToleranceError {
     /// No such number.
-    #[error("vehicle.json: tolerance \"{0}\" names no number of the vehicle; correct its name or remove it")]
+    #[error(
+        "tolerance \"{0}\" names no number of the vehicle; correct its name or remove it, `kisspoint vehicle new` lists names that serve"
+    )]
     Unknown(String),
     /// Neither `abs` nor `rel`, or not positive.
-    #[error("vehicle.json: tolerance \"{0}\" needs one positive number, \"abs\" or \"rel\"")]
+    #[error("tolerance \"{0}\" needs one positive number, \"abs\" or \"rel\"")]
     Malformed(String),
     /// A wander without its time.
-    #[error("vehicle.json: tolerance \"{0}\" needs \"abs\" and \"time_s\", both positive")]
+    #[error("tolerance \"{0}\" needs \"abs\" and \"time_s\", both positive")]
     Wander(String),
+    /// A share of nothing.
+    #[error("tolerance \"{0}\" is relative to a number that is 0, and allows nothing; give \"abs\", in the number's unit")]
+    OfZero(String),
     /// Other than `"recording"`.
-    #[error("vehicle.json: tolerance \"{0}\": \"per\" can only be \"recording\"")]
+    #[error("tolerance \"{0}\": \"per\" can only be \"recording\"")]
     Per(String),
 }
 
@@ -134,12 +139,13 @@ pub mod defaults {
 /// Reads the tolerances of a vehicle document, in the order of their names, and adds the defaults for this logger.
 ///
 /// # Errors
-/// A tolerance that names no number, or has no positive size.
+/// A tolerance that names no number, has no positive size, or is relative to nothing.
 pub fn read(vehicle: &Value, logger: Logger) -> Result<Tolerances, ToleranceError> {
     let mut all =
         Tolerances { shared: Vec::new(), own: Vec::new(), report: defaults::REPORT, declared_report: Wander { sigma: 0.0, time_s: 1.0 } };
     let mut entries: Vec<(&String, &Value)> = vehicle.get("tolerance").and_then(Value::as_object).into_iter().flatten().collect();
     entries.sort_by(|a, b| a.0.cmp(b.0));
+    let car = Vehicle::from_value(vehicle).ok().map(|v| Car::nominal(&v));
     for (name, size) in entries {
         if name == "engine.T_e_wander" {
             all.report = wander(name, size)?;
@@ -147,6 +153,9 @@ pub fn read(vehicle: &Value, logger: Logger) -> Result<Tolerances, ToleranceErro
             continue;
         }
         let one = nuisance(name, size)?;
+        if car.as_ref().is_some_and(|car| one.allows_nothing(car)) {
+            return Err(ToleranceError::OfZero(name.clone()));
+        }
         match size.get("per").map(|p| p.as_str() == Some("recording")) {
             None => all.shared.push(one),
             Some(true) => all.own.push(one),
@@ -283,6 +292,16 @@ impl Car {
 }
 
 impl Nuisance {
+    /// Whether it is relative, and all that it moves is zero.
+    fn allows_nothing(&self, car: &Car) -> bool {
+        self.relative
+            && match &self.target {
+                Target::Numbers(numbers) => numbers.iter().all(|&k| (NUMBERS[k].get)(&car.vehicle) == 0.0),
+                Target::Effect(k) => car.effects[*k] == 0.0,
+                Target::Late(_) => true,
+            }
+    }
+
     /// The effect parameter that does to the car exactly what this number does.
     fn parameter(&self) -> Option<usize> {
         Some(match self.name.as_str() {
@@ -380,6 +399,25 @@ mod tests {
         }
         assert_eq!(fault("friction.mu", json!({"rel": 0.1, "per": "car"})), ToleranceError::Per("friction.mu".into()));
         assert_eq!(fault("engine.T_e_wander", json!({"abs": 0.5})), ToleranceError::Wander("engine.T_e_wander".into()));
+    }
+
+    /// A share of a number that is 0 allows nothing; one of several numbers that move together may be 0.
+    #[test]
+    fn a_tolerance_relative_to_nothing_is_refused() {
+        let mut document = Vehicle::paper().to_value();
+        document["driveline"]["b_c"] = json!(0.0);
+        document["friction"]["alpha_1"] = json!(0.0);
+        let mut read_of = |name: &str, size: Value| {
+            document["tolerance"] = json!({ name: size });
+            read(&document, Logger::UNIFORM).err()
+        };
+        for name in ["driveline.b_c", "engine.T_e_bias", "driveline.grade", "sensors.omega_c_latency", "engine.T_e_timing"] {
+            assert_eq!(read_of(name, json!({"rel": 0.02})), Some(ToleranceError::OfZero(name.into())));
+            assert_eq!(read_of(name, json!({"abs": 0.02})), None);
+        }
+        for name in ["friction.mu", "engine.T_e_gain", "driveline.J_c"] {
+            assert_eq!(read_of(name, json!({"rel": 0.02})), None, "{name}");
+        }
     }
 
     /// What a number does for one standard deviation, its effect does when it is moved by the rate; handed over, the car is the same one.

@@ -1,11 +1,14 @@
 //! A recording as the inference takes it: real samples of every channel, and the inputs between them.
 //!
-//! Nothing is resampled. Rows are the stamps at which something was recorded; a channel that has no sample there is NaN. Inputs are held from one row to
+//! Nothing is resampled. Rows are the stamps at which something was recorded; a channel that has no sample there is NaN. An input is held from one sample to
 //! the next. A logger that is slower than the control unit misses commands in between: such an interval is cut into ticks along which the input
 //! goes from one sample to the next, as a command that changes at every tick would. A slow control unit misses nothing ([`Recording::held`]).
+//!
+//! Channels may have clocks of their own, as messages of a bus do: their rows come in bursts, and an observation holds a burst.
 
 use super::unknown_clutch::UnknownClutch;
 use crate::campaign::Recording;
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// Channels that a recording may hold, in the order in which [`Track::measured`] has them.
@@ -79,7 +82,9 @@ pub struct Track {
     pub time: Vec<f64>,
     /// Inputs, tick by tick.
     pub ticks: Vec<Tick>,
-    /// Torque as it was reported, N·m, row by row: what the ticks hold is what the engine is believed to have given.
+    /// Stamps of the samples of the torque report, s.
+    pub report_time: Vec<f64>,
+    /// Torque as it was reported, N·m, sample by sample: what the ticks hold is what the engine is believed to have given.
     pub reported: Vec<f64>,
     /// Tick at which each row lies, and one past the last.
     pub tick_of_row: Vec<usize>,
@@ -91,8 +96,14 @@ pub struct Track {
     pub theta_0: [f64; 2],
     /// Their standard deviations, K.
     pub theta_0_sigma: [f64; 2],
-    /// Rows that one observation averages.
-    pub rows_per_observation: usize,
+    /// First row of each observation, and one past the last row: samples are averaged over the rows between.
+    first_rows: Vec<usize>,
+    /// Observation that holds each row.
+    observation_of_row: Vec<usize>,
+    /// Torque report and command.
+    inputs: [Input; 2],
+    /// Typical interval of the speeds, s.
+    speed_interval: f64,
     /// [`Recording::held`].
     pub held: bool,
     /// Whether no position was recorded. Bench channels then say nothing either.
@@ -106,34 +117,43 @@ impl Track {
     pub fn new(r: &Recording) -> Self {
         let position_free = r.x_to_cmd.is_empty();
         let optional = |v: &Option<Vec<f64>>| v.clone().filter(|_| !position_free).unwrap_or_default();
-        let interval = 1.0 / r.sample_rate_hz;
-        let (ticks, tick_of_row) = ticks(r, interval);
+        let rows = r.time.len();
+        let step = 1.0 / r.sample_rate_hz;
+        let clocks = has_several_clocks(r);
+        let [report, command] = r.input_rows.each_ref().map(|own| Input::new(own.as_deref(), &r.time, step));
+        let reported: Vec<f64> = report.own_rows(rows).map(|row| r.t_e[row]).collect();
+        let report_time = report.own_rows(rows).map(|row| r.time[row]).collect();
+        let first_rows = first_rows(&r.time, step, clocks);
+        let observation_of_row = first_rows.windows(2).enumerate().flat_map(|(k, w)| std::iter::repeat_n(k, w[1] - w[0])).collect();
+        let (ticks, tick_of_row) = ticks(r, step, [&report, &command]);
         Self {
             name: r.name.clone(),
             manoeuvre: r.manoeuvre.clone(),
             time: r.time.clone(),
             ticks,
-            reported: r.t_e.clone(),
+            report_time,
+            reported,
             tick_of_row,
             measured: [r.omega_f.clone(), r.omega_c.clone(), optional(&r.x_to), optional(&r.t_fc), optional(&r.theta_c)],
             brake: r.brake.clone().unwrap_or_else(|| vec![false; r.time.len()]),
             theta_0: [r.theta_c0, r.theta_b0],
             theta_0_sigma: r.theta_0_sigma,
-            rows_per_observation: ((OBSERVATION_S / interval).round() as usize).max(1),
+            first_rows,
+            observation_of_row,
+            inputs: [report, command],
+            speed_interval: if clocks { step } else { mean_interval(&r.time) },
             held: r.held,
             position_free,
             unknown_clutch: None,
         }
     }
 
-    /// Takes this for the engine's torque in N·m, row by row, instead of what was reported.
+    /// Takes this for the engine's torque in N·m, sample by sample, instead of what was reported.
     pub fn believe(&mut self, torque: &[f64]) {
+        let report = &self.inputs[0];
         for row in 0..self.rows() {
-            let next = (row + 1).min(self.rows() - 1);
-            let length = self.time[next] - self.time[row];
             for k in self.tick_of_row[row]..self.tick_of_row[row + 1] {
-                let share = if length > 0.0 && !self.held { (self.ticks[k].time - self.time[row]) / length } else { 0.0 };
-                self.ticks[k].t_e = torque[row] + share * (torque[next] - torque[row]);
+                self.ticks[k].t_e = report.at(torque, &self.time, row, self.ticks[k].time, self.held);
             }
         }
     }
@@ -143,21 +163,40 @@ impl Track {
         self.time.len()
     }
 
-    /// Number of observations; rows at the end that fill none are part of the last one.
+    /// Number of observations.
     pub fn observations(&self) -> usize {
-        (self.rows() / self.rows_per_observation).max(1)
+        self.first_rows.len() - 1
     }
 
     /// Rows of observation `k`.
     pub fn rows_of(&self, k: usize) -> Range<usize> {
-        let n = self.rows_per_observation;
-        let end = if k + 1 == self.observations() { self.rows() } else { (k + 1) * n };
-        k * n..end
+        self.first_rows[k]..self.first_rows[k + 1]
     }
 
     /// Observation that holds `row`.
     pub fn observation_of(&self, row: usize) -> usize {
-        (row / self.rows_per_observation).min(self.observations() - 1)
+        self.observation_of_row[row]
+    }
+
+    /// Whether observations average over several rows.
+    pub fn averages(&self) -> bool {
+        self.observations() < self.rows()
+    }
+
+    /// Typical interval of the observations, s.
+    pub fn pace(&self) -> f64 {
+        self.interval() * self.rows() as f64 / self.observations() as f64
+    }
+
+    /// Samples of this speed that an observation has, typically.
+    pub fn samples_per_observation(&self, speed: Channel) -> usize {
+        let samples = self.measured[speed as usize].iter().filter(|v| v.is_finite()).count();
+        ((samples as f64 / self.observations() as f64).round() as usize).max(1)
+    }
+
+    /// Samples of the torque report in observation `k`; at least the one that is held.
+    pub fn reports_in(&self, k: usize) -> usize {
+        self.inputs[0].own_in(self.rows_of(k)).max(1)
     }
 
     /// Mean of a measured channel over observation `k`, and how many samples it has.
@@ -172,23 +211,38 @@ impl Track {
 
     /// Typical interval of the rows, s.
     pub fn interval(&self) -> f64 {
-        let span = self.time.last().zip(self.time.first()).map_or(0.0, |(b, a)| b - a);
-        span / (self.rows().max(2) - 1) as f64
+        mean_interval(&self.time)
+    }
+
+    /// Typical interval of the speeds, s.
+    pub fn speed_interval(&self) -> f64 {
+        self.speed_interval
+    }
+
+    /// Stamps of the logger's clock: those of the flywheel speed where channels have clocks of their own.
+    fn clock(&self) -> Cow<'_, [f64]> {
+        let speed = &self.measured[Channel::OmegaF as usize];
+        if self.inputs.iter().all(|i| i.own.is_none()) {
+            return Cow::Borrowed(&self.time);
+        }
+        self.time.iter().zip(speed).filter(|(_, v)| v.is_finite()).map(|(t, _)| *t).collect()
     }
 
     /// Standard deviation of the stamps around a uniform grid, s.
     pub fn unevenness(&self) -> f64 {
-        let (first, interval) = (self.time.first().copied().unwrap_or(0.0), self.interval());
+        let clock = self.clock();
+        let (first, interval) = (clock.first().copied().unwrap_or(0.0), mean_interval(&clock));
         let off = |(k, t): (usize, &f64)| (t - first - k as f64 * interval).powi(2);
-        (self.time.iter().enumerate().map(off).sum::<f64>() / self.rows().max(1) as f64).sqrt()
+        (clock.iter().enumerate().map(off).sum::<f64>() / clock.len().max(1) as f64).sqrt()
     }
 
     /// Whether stamps are off a uniform grid by more than the digits they are written with.
     pub fn jitters(&self) -> bool {
-        let interval = self.interval();
+        let clock = self.clock();
+        let interval = mean_interval(&clock);
         let off = |w: &[f64]| ((w[1] - w[0]) / interval).fract().min(1.0 - ((w[1] - w[0]) / interval).fract()) > 0.015;
-        let many = self.time.windows(2).filter(|w| off(w)).count();
-        5 * many > self.rows()
+        let many = clock.windows(2).filter(|w| off(w)).count();
+        5 * many > clock.len()
     }
 
     /// Length, s.
@@ -241,26 +295,191 @@ pub fn misses(interval: f64) -> bool {
     interval > 1.5 * CONTROL_INTERVAL_S
 }
 
-fn ticks(r: &Recording, interval: f64) -> (Vec<Tick>, Vec<usize>) {
-    let slow = misses(interval) && !r.held;
-    let command = |k: usize| r.x_to_cmd.get(k).copied().unwrap_or(0.0);
-    let (mut ticks, mut of_row) = (Vec::with_capacity(r.time.len()), Vec::with_capacity(r.time.len() + 1));
-    for k in 0..r.time.len() {
+/// Typical interval of these stamps, s.
+fn mean_interval(time: &[f64]) -> f64 {
+    let span = time.last().zip(time.first()).map_or(0.0, |(b, a)| b - a);
+    span / (time.len().max(2) - 1) as f64
+}
+
+/// Whether channels have clocks of their own: there are far more rows than the faster speed has samples.
+fn has_several_clocks(r: &Recording) -> bool {
+    let samples = |v: &[f64]| v.iter().filter(|x| x.is_finite()).count();
+    2 * r.time.len() > 3 * samples(&r.omega_f).max(samples(&r.omega_c))
+}
+
+/// First row of each observation, and one past the last row. Rows of one clock are counted; those of several clocks belong to the observation that began less than
+/// half a step of the speeds short of its length ago.
+fn first_rows(time: &[f64], step: f64, clocks: bool) -> Vec<usize> {
+    let rows = time.len();
+    let mut firsts: Vec<usize> = if clocks {
+        let length = OBSERVATION_S.max(step) - 0.5 * step.min(OBSERVATION_S);
+        let mut begin = f64::NEG_INFINITY;
+        let begins = |row: &usize| {
+            let new = time[*row] - begin >= length;
+            begin = if new { time[*row] } else { begin };
+            new
+        };
+        (0..rows).filter(begins).collect()
+    } else {
+        let each = ((OBSERVATION_S / step).round() as usize).max(1);
+        // Rows at the end that fill no observation are part of the last one.
+        (0..(rows / each).max(1)).map(|k| k * each).collect()
+    };
+    firsts.push(rows);
+    firsts
+}
+
+/// An input at the rows of a recording.
+#[derive(Clone, Debug)]
+struct Input {
+    /// Rows at which it has samples; every row without.
+    own: Option<Vec<usize>>,
+    /// Sample that holds in each row.
+    held: Vec<usize>,
+    /// Typical interval of its samples, s.
+    interval: f64,
+}
+
+impl Input {
+    fn new(own: Option<&[usize]>, time: &[f64], step: f64) -> Self {
+        let Some(own) = own.filter(|own| !own.is_empty()) else { return Self { own: None, held: Vec::new(), interval: step } };
+        let held = (0..time.len()).map(|row| own.partition_point(|o| *o <= row).saturating_sub(1)).collect();
+        let stamps: Vec<f64> = own.iter().map(|&row| time[row]).collect();
+        Self { own: Some(own.to_vec()), held, interval: mean_interval(&stamps) }
+    }
+
+    /// Rows at which it has samples.
+    fn own_rows(&self, rows: usize) -> Box<dyn Iterator<Item = usize> + '_> {
+        match &self.own {
+            Some(own) => Box::new(own.iter().copied()),
+            None => Box::new(0..rows),
+        }
+    }
+
+    /// How many of them lie in these rows.
+    fn own_in(&self, rows: Range<usize>) -> usize {
+        self.own.as_ref().map_or(rows.len(), |own| own.partition_point(|o| *o < rows.end) - own.partition_point(|o| *o < rows.start))
+    }
+
+    /// Sample that holds in `row`.
+    fn sample(&self, row: usize) -> usize {
+        if self.own.is_some() { self.held[row] } else { row }
+    }
+
+    /// Row of a sample.
+    fn row(&self, sample: usize) -> usize {
+        self.own.as_ref().map_or(sample, |own| own[sample])
+    }
+
+    /// Value at a time after `row` and before the next one, from the values of the samples: that of the last sample if it holds, else on the way to the next one.
+    fn at(&self, values: &[f64], time: &[f64], row: usize, t: f64, held: bool) -> f64 {
+        let sample = self.sample(row);
+        let (Some(a), next) = (values.get(sample), values.get(sample + 1)) else { return 0.0 };
+        let Some(b) = next.filter(|_| !held && misses(self.interval)) else { return *a };
+        let (from, to) = (time[self.row(sample)], time[self.row(sample + 1)]);
+        a + (t - from) / (to - from) * (b - a)
+    }
+}
+
+/// Ticks between rows, and the first tick of each row.
+fn ticks(r: &Recording, step: f64, [report, command]: [&Input; 2]) -> (Vec<Tick>, Vec<usize>) {
+    let slow = [report, command].iter().any(|i| misses(i.interval)) && !r.held;
+    let rows = r.time.len();
+    let of = |input: &Input, values: &[f64]| -> Vec<f64> {
+        if values.is_empty() { Vec::new() } else { input.own_rows(rows).map(|row| values[row]).collect() }
+    };
+    let (reports, commands) = (of(report, &r.t_e), of(command, &r.x_to_cmd));
+    let (mut ticks, mut of_row) = (Vec::with_capacity(rows), Vec::with_capacity(rows + 1));
+    for k in 0..rows {
         of_row.push(ticks.len());
-        let next = (k + 1).min(r.time.len() - 1);
-        let length = if next > k { r.time[next] - r.time[k] } else { interval };
+        let next = (k + 1).min(rows - 1);
+        let length = if next > k { r.time[next] - r.time[k] } else { step };
         let count = if slow { (length / CONTROL_INTERVAL_S).round().max(1.0) as usize } else { 1 };
         for part in 0..count {
-            let share = part as f64 / count as f64;
-            let between = |a: f64, b: f64| a + share * (b - a);
+            let time = r.time[k] + part as f64 / count as f64 * length;
             ticks.push(Tick {
-                time: r.time[k] + share * length,
-                t_e: between(r.t_e[k], r.t_e[next]),
-                x_to: between(command(k), command(next)),
+                time,
+                t_e: report.at(&reports, &r.time, k, time, r.held),
+                x_to: command.at(&commands, &r.time, k, time, r.held),
                 theta_h: r.theta_h[k],
             });
         }
     }
     of_row.push(ticks.len());
     (ticks, of_row)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Ten messages, each with stamps this much after the first one's; the first two hold the speeds, the third the report and the last the command.
+    fn bursts(step: f64, after: [f64; 4]) -> Recording {
+        let time: Vec<f64> = (0..40).map(|k| step * f64::from(k / 4) + after[k as usize % 4]).collect();
+        let own = |message: usize| move |k: usize| k % 4 == message;
+        let sensed = |message: usize| (0..40).map(|k| if own(message)(k) { k as f64 } else { f64::NAN }).collect::<Vec<_>>();
+        let held = |message: usize| (0..40_usize).map(|k| (k + 3 - message) / 4).map(|n| 10.0 * n as f64).collect::<Vec<_>>();
+        let rows = |message: usize| Some((0..40).filter(|k| own(message)(*k)).collect::<Vec<usize>>());
+        Recording {
+            sample_rate_hz: 1.0 / step,
+            omega_f: sensed(0),
+            omega_c: sensed(1),
+            t_e: held(2),
+            x_to_cmd: held(3),
+            theta_h: vec![25.0; 40],
+            input_rows: [rows(2), rows(3)],
+            time,
+            ..Recording::default()
+        }
+    }
+
+    /// However close messages follow each other, an observation holds each of them once.
+    #[test]
+    fn an_observation_holds_a_burst_of_messages() {
+        for (step, after) in
+            [(0.01, [0.0, 0.0003, 0.0006, 0.0009]), (0.01, [0.0, 0.003, 0.0045, 0.0049]), (0.02, [0.0, 0.0003, 0.0006, 0.0009])]
+        {
+            let track = Track::new(&bursts(step, after));
+            assert_eq!(track.observations(), 10, "{step} {after:?}");
+            for k in 0..10 {
+                assert_eq!((track.rows_of(k), track.observation_of(4 * k + 3), track.reports_in(k)), (4 * k..4 * k + 4, k, 1));
+                assert_eq!(track.mean(Channel::OmegaC, k), (4.0 * k as f64 + 1.0, 1));
+            }
+            assert!(track.averages() && !track.jitters() && track.unevenness() < 1e-9, "bursts are no jitter");
+            assert!((track.speed_interval() - step).abs() < 1e-12 && track.samples_per_observation(Channel::OmegaF) == 1);
+            assert_eq!(track.reported, (0..10).map(|n| 10.0 * f64::from(n)).collect::<Vec<_>>());
+        }
+        // Speeds at 1 kHz, each with a clock of its own, make observations of ten samples.
+        let time: Vec<f64> = (0..400).map(|k| 0.001 * f64::from(k / 2) + 0.0004 * f64::from(k % 2)).collect();
+        let sensed = |side: i32| (0..400).map(|k| if k % 2 == side { 1.0 } else { f64::NAN }).collect::<Vec<_>>();
+        let fast = Recording {
+            sample_rate_hz: 1e3,
+            omega_f: sensed(0),
+            omega_c: sensed(1),
+            t_e: vec![0.0; 400],
+            theta_h: vec![25.0; 400],
+            time,
+            ..Recording::default()
+        };
+        let track = Track::new(&fast);
+        assert!((0..20).all(|k| track.rows_of(k) == (20 * k..20 * k + 20)), "{:?}", track.rows_of(1));
+    }
+
+    /// Between its own samples, 20 ms apart, a command goes straight; at 10 ms it is held.
+    #[test]
+    fn an_input_goes_from_its_own_sample_to_the_next() {
+        for (step, way) in [(0.02, true), (0.01, false)] {
+            let track = Track::new(&bursts(step, [0.0, 0.0003, 0.0006, 0.0009]));
+            for tick in track.ticks.iter().filter(|t| t.time > 0.001 && t.time < 9.0 * step) {
+                let of = |after: f64| {
+                    let n = (tick.time - after) / step + 1e-9;
+                    10.0 * if way { n } else { n.floor() }
+                };
+                assert!((tick.x_to - of(0.0009)).abs() < 1e-6 && (tick.t_e - of(0.0006)).abs() < 1e-6, "{tick:?}");
+            }
+            let mut believed = track.clone();
+            believed.believe(&track.reported.iter().map(|t| t + 5.0).collect::<Vec<_>>());
+            assert!(track.ticks.iter().zip(&believed.ticks).all(|(a, b)| (b.t_e - a.t_e - 5.0).abs() < 1e-9 && b.x_to == a.x_to));
+        }
+    }
 }

@@ -136,7 +136,7 @@ impl Speeds {
         let n = track.observations();
         let stamp = |k: usize| track.rows_of(k).map(|row| track.time[row]).sum::<f64>() / track.rows_of(k).len() as f64;
         let mean = |c: Channel| (0..n).map(|k| track.mean(c, k).0).collect();
-        let root = (track.rows_per_observation as f64).sqrt();
+        let root = (track.samples_per_observation(Channel::OmegaF) as f64).sqrt();
         Self {
             time: (0..n).map(stamp).collect(),
             value: [mean(Channel::OmegaF), mean(Channel::OmegaC)],
