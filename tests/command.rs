@@ -93,6 +93,41 @@ fn every_json_is_one_document_with_what_the_documentation_promises() {
     assert!(document(&["vehicle", "new", "--json"])["driveline"]["J_f"].is_number());
 }
 
+/// Of a folder with recordings and a vehicle file one command drafts what is missing; it replays as it is, and a draft overwrites nothing by itself.
+#[test]
+fn a_drafted_list_of_recordings_makes_a_campaign() {
+    let folder = Folder::new("drafted");
+    let path = folder.campaign(|_| {});
+    let [first, list] = ["r01.csv", "recordings.json"].map(|name| folder.path(name));
+    let refused = run(&["inspect", &first, "--draft-recordings", &list]);
+    assert!(refused.status.code() == Some(1) && text(&refused.stderr).contains("--force"), "{}", text(&refused.stderr));
+    std::fs::write(folder.0.join(".r00.csv"), "hidden").unwrap();
+    let said = printed(&["inspect", &first, "--draft-recordings", &list, "--force"]);
+    assert!(said.contains("omega_f_rad_s") && said.contains("name each manoeuvre"), "{said}");
+    let drafted: Value = serde_json::from_str(&std::fs::read_to_string(&list).unwrap()).unwrap();
+    assert_eq!(
+        drafted.as_object().unwrap().keys().collect::<Vec<_>>(),
+        (1..=9).map(|k| format!("r0{k}")).collect::<Vec<_>>().iter().collect::<Vec<_>>()
+    );
+    assert_eq!(document(&["inspect", &first, "--draft-recordings", "-"]), drafted);
+    assert!(printed(&["replay", &path]).contains("r09"));
+}
+
+/// What a diagnosis refuses is no matter of plausibility.
+#[test]
+fn a_tolerance_that_no_diagnosis_takes_fails_the_check() {
+    let folder = Folder::new("tolerance");
+    folder.campaign(|vehicle| vehicle["tolerance"]["driveline.J_x"] = serde_json::json!({"rel": 0.01}));
+    let file = folder.path("vehicle.json");
+    let refused = run(&["vehicle", "check", &file]);
+    assert!(refused.status.code() == Some(1) && text(&refused.stderr).contains("driveline.J_x"), "{}", text(&refused.stderr));
+    let refused = run(&["vehicle", "check", &file, "--json"]);
+    let document: Value = serde_json::from_str(&text(&refused.stdout)).unwrap();
+    assert!(
+        refused.status.code() == Some(1) && document["usable"] == false && document["error"].as_str().unwrap().contains("driveline.J_x")
+    );
+}
+
 #[test]
 fn of_several_campaigns_each_has_a_line_and_a_bad_one_stops_nothing() {
     let bad = Folder::new("several");

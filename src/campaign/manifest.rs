@@ -135,6 +135,28 @@ fn entry(file: &Path, name: &str, fields: &Value) -> Result<Entry, CampaignError
     }
 }
 
+/// A recordings.json to start from, with an entry for every file in the folder of `file` that has its ending, in the order of their names. It can be used as it is: nobody says
+/// how warm the car was.
+///
+/// # Errors
+/// A folder that cannot be read.
+pub fn draft(file: &Path) -> std::io::Result<String> {
+    let folder = file.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let ending = |p: &Path| p.extension().map(|e| e.to_string_lossy().to_lowercase());
+    let mut names: Vec<String> = Vec::new();
+    for there in std::fs::read_dir(folder)? {
+        let path = there?.path();
+        let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).filter(|s| !s.starts_with('.'));
+        names.extend(name.filter(|_| path.is_file() && ending(&path) == ending(file)));
+    }
+    names.sort();
+    let entry = |name: &String| {
+        let name = Value::from(name.as_str());
+        format!("  {name}: {{\"manoeuvre\": \"recording\", \"theta_c0_degC\": null, \"theta_b0_degC\": null}}")
+    };
+    Ok(format!("{{\n{}\n}}\n", names.iter().map(entry).collect::<Vec<_>>().join(",\n")))
+}
+
 /// Keys of an entry.
 const KEYS: [&str; 10] = [
     "manoeuvre",

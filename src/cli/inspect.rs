@@ -1,20 +1,20 @@
-//! `kisspoint inspect`: what a measurement file holds, and a draft of the channel map for it.
+//! `kisspoint inspect`: what a measurement file holds, and drafts of the channel map and the list of recordings for it.
 
 use std::path::PathBuf;
 
 use clap::Args;
 
-use super::error::CommandError;
+use super::error::{CommandError, at};
 use super::files::write_new;
 use super::output::{print, print_json};
 use super::progress::Progress;
 use crate::campaign::{self, ChannelInfo, Inspection};
 
-/// Show what a measurement file holds (text, MDF4, Parquet), and draft a channel map.
+/// Show what a measurement file holds (text, MDF4, Parquet), and draft a channel map and a recordings.json.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:\n  \
     kisspoint inspect drive.mf4\n  \
-    kisspoint inspect drive.mf4 --draft-map channels.toml\n  \
+    kisspoint inspect car_17/r01.mf4 --draft-map car_17/channels.toml --draft-recordings car_17/recordings.json\n  \
     kisspoint inspect drive.csv --json")]
 pub struct InspectArgs {
     /// The file to look into
@@ -28,8 +28,11 @@ pub struct InspectArgs {
     /// Write a channel map to start from; `-` prints it instead of the table
     #[arg(long, value_name = "FILE", conflicts_with = "json")]
     pub draft_map: Option<PathBuf>,
-    /// Overwrite the channel map if it exists
-    #[arg(long, requires = "draft_map")]
+    /// Write a recordings.json to start from, with an entry for each file of this format in the folder of FILE; `-` prints it
+    #[arg(long, value_name = "FILE", conflicts_with = "json")]
+    pub draft_recordings: Option<PathBuf>,
+    /// Overwrite drafts that exist
+    #[arg(long)]
     pub force: bool,
 }
 
@@ -41,15 +44,24 @@ pub fn run(args: &InspectArgs) -> Result<(), CommandError> {
         bar.finish();
         found?
     };
-    match &args.draft_map {
-        Some(target) if target.as_os_str() == "-" => print(&campaign::draft_channel_map(&inspection)),
-        Some(target) => {
-            write_new(target, &campaign::draft_channel_map(&inspection), args.force)?;
-            print(&format!("{}\nChannel map written to {}: check every entry.\n", table(&inspection), target.display()))
-        }
-        None if args.json => print_json(&inspection.to_json()),
-        None => print(&table(&inspection)),
+    if args.json {
+        return print_json(&inspection.to_json());
     }
+    let mut drafts: Vec<(&PathBuf, String, &str)> = Vec::new();
+    if let Some(target) = &args.draft_map {
+        drafts.push((target, campaign::draft_channel_map(&inspection), "Channel map written to {}: check every entry."));
+    }
+    if let Some(target) = &args.draft_recordings {
+        let said = "Recordings written to {}: name each manoeuvre, and give the temperatures at the start if you know them.";
+        drafts.push((target, campaign::draft_recordings(&args.file).map_err(at(&args.file))?, said));
+    }
+    let printed: String = drafts.iter().filter(|(target, ..)| target.as_os_str() == "-").map(|(_, text, _)| text.as_str()).collect();
+    let mut said = if printed.is_empty() { table(&inspection) } else { printed };
+    for (target, text, what) in drafts.iter().filter(|(target, ..)| target.as_os_str() != "-") {
+        write_new(target, text, args.force)?;
+        said.push_str(&format!("\n{}\n", what.replace("{}", &target.display().to_string())));
+    }
+    print(&said)
 }
 
 /// The channels as a table for people.
