@@ -22,6 +22,32 @@ fn close(what: &str, found: f64, expected: f64, tolerance: f64) {
     assert!((found - expected).abs() <= tolerance, "{what}: {found} against {expected}, {:.1e} apart", (found - expected).abs());
 }
 
+/// A kiss point beyond the closed point leaves a clutch that is open up to it and closed above, and never one that is closed because it is open.
+#[test]
+fn a_kiss_point_beyond_the_closed_point_leaves_an_open_clutch_open() {
+    let vehicle = Vehicle::paper();
+    let offset = |mm: f64| with(&[(param::kiss_point_offset::offset, mm)]);
+    let (start, travel) = (Start { omega_f: 100.0, omega_c: 0.0, theta_c: 25.0, theta_b: 25.0 }, 7.78 - 4.02);
+    for (mm, x_to, carries) in
+        [(4.0, 0.0, false), (4.0, 8.0, false), (4.0, 8.1, true), (5.0, 9.0, false), (travel, 7.7, false), (-5.0, 7.9, true)]
+    {
+        let inputs = Inputs { x_to, ..Inputs::default() };
+        let mut plant = Plant::new(&vehicle, &offset(mm), &start, &inputs);
+        plant.step(&inputs, 0.01);
+        let (o, most) = (plant.outputs(), Plant::new(&vehicle, &effects::null(), &start, &Inputs { x_to: 20.0, ..inputs }).outputs().t_fc);
+        assert_eq!((o.t_fc != 0.0, o.phase == Phase::Slipping), (carries, carries), "{mm} mm at {x_to} mm: {} N·m", o.t_fc);
+        assert!(o.t_fc >= 0.0 && o.t_fc < 1.02 * most, "{} N·m of {most}", o.t_fc);
+    }
+    // Worn by heat or an effect while it runs, it opens where it was closed.
+    let inputs = Inputs { x_to: 7.9, ..Inputs::default() };
+    let mut plant = Plant::new(&vehicle, &effects::null(), &start, &inputs);
+    plant.step(&inputs, 0.01);
+    assert!(plant.outputs().t_fc > 0.0);
+    plant.set_effects(&vehicle, &offset(4.0)).unwrap();
+    plant.step(&inputs, 0.01);
+    assert_eq!((plant.outputs().phase, plant.outputs().t_fc), (Phase::Open, 0.0));
+}
+
 #[test]
 fn contact_is_found_inside_a_substep() {
     // The bearing travels at 100 mm/s and passes contact within the first substep of 10 ms; only then heat flows between disc and body.
