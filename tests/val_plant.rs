@@ -456,6 +456,45 @@ fn elastic(omega_f: f64, omega_c: f64, x_to: f64) -> (Bench, effects::Parameters
     (bench, with(&[(compliance, 2e-3), (disc_share, 0.2), (damping, 0.0)]))
 }
 
+/// Whether they are shafts or tyres, what turns at their two ends keeps its momentum and gains no energy.
+#[test]
+fn shafts_that_become_rigid_make_one_speed_of_two() {
+    let tyre = with(&[(param::tyre_slip::slip_per_torque, 1e-3), (param::tyre_slip::wheel_share, 0.2)]);
+    for (x_to, stuck) in [(0.0, false), (5.0, false), (8.0, true)] {
+        let (mut bench, shafts) = elastic(if stuck { 100.0 } else { 55.0 }, 100.0, x_to);
+        bench.rest.t_load = 60.0;
+        for effects in [shafts, tyre] {
+            let mut plant = Plant::new(&bench.vehicle, &effects, &bench.start, &bench.rest);
+            while (plant.state().y[index::OMEGA_C] - plant.state().y[index::OMEGA_V]).abs() < 0.05 {
+                plant.step(&bench.rest, 1e-4);
+            }
+            let (before, disc) = (*plant.state(), plant.config().disc_inertia());
+            assert_eq!(before.stuck, stuck);
+            plant.set_effects(&bench.vehicle, &effects::null()).unwrap();
+            let after = *plant.state();
+            let momentum = |y: &[f64]| 0.2 * y[index::OMEGA_F] + disc * y[index::OMEGA_C] + (0.5 - disc) * y[index::OMEGA_V];
+            let energy = |y: &[f64]| {
+                0.5 * (0.2 * y[index::OMEGA_F].powi(2) + disc * y[index::OMEGA_C].powi(2) + (0.5 - disc) * y[index::OMEGA_V].powi(2))
+            };
+            close("momentum", momentum(&after.y), momentum(&before.y), 1e-11);
+            assert!(energy(&after.y) < energy(&before.y), "{} J and {} J", energy(&before.y), energy(&after.y));
+            assert_eq!(after.y[index::OMEGA_C], after.y[index::OMEGA_V]);
+            assert_eq!(after.y[index::OMEGA_F], if stuck { after.y[index::OMEGA_C] } else { before.y[index::OMEGA_F] });
+            plant.step(&bench.rest, 1e-6);
+            close("disc", plant.state().y[index::OMEGA_C], after.y[index::OMEGA_C], 1e-2);
+        }
+    }
+    // A disc that falls below the flywheel by it is driven from then on; an engine that stood at its side turns.
+    let (mut bench, effects) = elastic(99.0, 100.0, 5.0);
+    bench.start.omega_c = 100.0;
+    let mut plant = Plant::new(&bench.vehicle, &effects, &bench.start, &bench.rest);
+    plant.hold_car();
+    assert_eq!(plant.state().direction, -1.0);
+    plant.set_effects(&bench.vehicle, &effects::null()).unwrap();
+    close("a fifth of the momentum", plant.state().y[index::OMEGA_C], 20.0, 1e-12);
+    assert_eq!(plant.state().direction, 1.0);
+}
+
 /// Shafts that are told of a torque on the car are twisted as they are once the whole car accelerates by it: nothing is left to swing.
 #[test]
 fn shafts_that_are_told_of_a_torque_on_the_car_do_not_swing() {
