@@ -219,6 +219,30 @@ fn a_state_holds_the_effects_from_which_its_faults_depart() {
 }
 
 #[test]
+fn what_is_written_before_the_start_is_checked_like_what_is_set() {
+    let c = instance(plant::GUID, None);
+    let (mut values, mut count) = (ptr::null_mut(), 0);
+    assert_eq!(kisspoint_values(c, &mut values, &mut count), Status::Ok);
+    let place = |reference: u32| plant::DESCRIPTION.find(reference).unwrap();
+    // SAFETY: as below.
+    let (write, read) = (|k: usize, value: f64| unsafe { *values.add(k) = value }, |k: usize| unsafe { *values.add(k) });
+    let (disc, speed, inertia) = (place(vr::theta_c_start), place(vr::omega_f_start), place(vr::driveline_J_f));
+    // While it is instantiated, and again in initialization, where an output is asked for.
+    write(disc, f64::NAN);
+    write(speed, 80.0);
+    assert_eq!((fmi2EnterInitializationMode(c), fmi2ExitInitializationMode(c)), (Status::Ok, Status::Error));
+    assert_eq!((read(disc), read(speed)), (25.0, 80.0), "what is refused is put back, what is sound beside it is taken");
+    write(inertia, -1.0);
+    assert_eq!(fmi2GetReal(c, &vr::omega_f, 1, &mut 0.0), Status::Error);
+    assert_eq!((get(c, vr::omega_f), read(inertia)), (80.0, Vehicle::paper().driveline.J_f));
+    write(speed, 90.0);
+    assert_eq!((fmi2ExitInitializationMode(c), get(c, vr::omega_f)), (Status::Ok, 90.0));
+    step(c, 0.0, 0.01);
+    assert!(get(c, vr::theta_c).is_finite());
+    fmi2FreeInstance(c);
+}
+
+#[test]
 fn what_is_written_at_an_address_counts_from_the_next_step_if_it_may_be_set() {
     let c = free_flywheel();
     let (mut values, mut count) = (ptr::null_mut(), 0);

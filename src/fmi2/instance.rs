@@ -158,8 +158,9 @@ impl Instance {
         self.call_state = CallState::Instantiated;
     }
 
-    /// Starts the model anew if a value was set since.
+    /// Starts the model anew if a value was set since, or written directly.
     fn refresh(&mut self) -> Result<(), Refusal> {
+        self.check_direct_writes()?;
         if self.moving.stale {
             self.model.start(&mut self.values).map_err(Refusal::Parameters)?;
             self.moving.stale = false;
@@ -262,9 +263,7 @@ impl Instance {
     /// A step that is none, or that left no numbers.
     pub fn do_step(&mut self, point: f64, h: f64) -> Result<Status, Refusal> {
         let end = self.check_step(point, h)?;
-        if self.checked.is_some() {
-            self.check_direct_writes()?;
-        }
+        self.check_direct_writes()?;
         if self.moving.tuned {
             self.model.tune(&self.values)?;
             self.moving.tuned = false;
