@@ -136,7 +136,7 @@ fn actuate(config: &Config, state: &State, x_cmd: f64, h: f64) -> Actuated {
     Actuated { limited, lagged, led, bearing }
 }
 
-/// Position as share of the closed clutch's, cold and as the vehicle's file has it.
+/// Position as share of the closed clutch's, cold and as the vehicle's file has it; there it is positive.
 fn share_of_closed(config: &Config, x: f64) -> f64 {
     x / config.vehicle.actuator.x_cls_0
 }
