@@ -63,6 +63,8 @@ fn a_step_that_leaves_no_numbers_is_refused_until_a_reset() {
     // No sound run comes to such a speed; its friction power is beyond every number.
     assert_eq!(take_up_changed(c, plant::GUID, get(c, plant::vr::omega_f), 1e308, 0), Status::Ok);
     assert_eq!(fmi2DoStep(c, 0.01, 0.01, 1), Status::Error);
+    let mut time = f64::NAN;
+    assert_eq!((fmi2GetRealStatus(c, LAST_SUCCESSFUL_TIME, &mut time), time), (Status::Ok, 0.01));
     assert_eq!(fmi2DoStep(c, 0.02, 0.01, 1), Status::Error, "a failed instance steps no further");
     assert_eq!(fmi2Reset(c), Status::Ok);
     initialize(c);

@@ -278,13 +278,13 @@ impl Instance {
             self.call_state = CallState::Failed;
             return Err(too_fast.into());
         }
-        // The importer's clock leads: ours would drift from it by the sum of all roundings.
-        self.moving.time = end;
         if let Some(place) = self.values[self.outputs.clone()].iter().position(|v| !v.is_finite()) {
             let index = self.outputs.start + place;
             self.call_state = CallState::Failed;
             return Err(Refusal::Diverged(&self.description.variables[index], self.values[index]));
         }
+        // The importer's clock leads: ours would drift from it by the sum of all roundings.
+        self.moving.time = end;
         if logs_events {
             self.log_event(end);
         }
@@ -371,7 +371,7 @@ impl Instance {
         Ok(end)
     }
 
-    /// End of the last step, s.
+    /// End of the last step that was made, s.
     pub fn last_successful_time(&self) -> f64 {
         self.moving.time
     }
