@@ -69,6 +69,23 @@ fn an_input_with_a_derivative_moves_through_one_step_and_stands_again() {
     fmi2FreeInstance(c);
 }
 
+/// A master that interpolates by parabolas cannot know that inputs follow straight lines alone, and goes on with them.
+#[test]
+fn derivatives_of_a_higher_order_are_ignored_with_a_warning() {
+    let (one, other) = (free_flywheel(), free_flywheel());
+    slope(one, vr::T_e_ref, 400.0);
+    let both = [vr::T_e_ref; 2];
+    assert_eq!(fmi2SetRealInputDerivatives(other, both.as_ptr(), 2, [1, 2].as_ptr(), [400.0, 1e4].as_ptr()), Status::Warning);
+    for c in [one, other] {
+        step(c, 0.0, 0.05);
+    }
+    assert_eq!(get(one, vr::omega_f), get(other, vr::omega_f));
+    for (order, value) in [(0, 1.0), (-1, 1.0), (2, f64::NAN)] {
+        assert_eq!(fmi2SetRealInputDerivatives(other, &vr::T_e_ref, 1, &order, &value), Status::Error, "{order}, {value}");
+    }
+    [one, other].into_iter().for_each(|c| fmi2FreeInstance(c));
+}
+
 #[test]
 fn a_step_along_a_derivative_has_pieces_of_a_millisecond_and_keeps_the_input_s_bounds() {
     let c = free_flywheel();

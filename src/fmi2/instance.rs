@@ -234,27 +234,38 @@ impl Instance {
         }
     }
 
-    /// Sets derivatives of inputs that hold over the next step, all or none.
+    /// Sets derivatives of inputs that hold over the next step, all or none. Those of an order above 1 are ignored with a warning: the standard has
+    /// nothing by which an FMU could say beforehand how high it goes.
     ///
     /// # Errors
-    /// A variable that is no continuous input, an order that is not 1, or a derivative that is no number.
+    /// A variable that is no continuous input, an order that is none, or a derivative that is no number.
     pub fn set_slopes(&mut self, triples: impl Iterator<Item = (u32, i32, f64)> + Clone) -> Result<Status, Refusal> {
         for (reference, order, value) in triples.clone() {
             let (_, variable) = self.find(reference, &[Kind::Real])?;
             if variable.causality != Causality::Input {
                 return Err(Refusal::NotSettable(variable));
             }
-            check_order(order)?;
+            if order < 1 {
+                return Err(Refusal::Argument("order", f64::from(order), "not an order of a derivative, which begin at 1"));
+            }
             if !value.is_finite() {
                 return Err(Refusal::NotFinite(variable, value));
             }
         }
-        for (reference, _, value) in triples {
-            let (index, _) = self.find(reference, &[Kind::Real])?;
-            self.slopes[index - self.inputs.start] = value;
+        let mut status = Status::Ok;
+        for (reference, order, value) in triples {
+            let (index, variable) = self.find(reference, &[Kind::Real])?;
+            if order == 1 {
+                self.slopes[index - self.inputs.start] = value;
+            } else {
+                status = Status::Warning;
+                let what =
+                    format_args!("fmi2SetRealInputDerivatives: order {order} of {} is ignored, inputs follow order 1", variable.name);
+                self.log.write(status, Category::Warning, what);
+            }
         }
         self.moving.sloped = self.slopes.iter().any(|slope| *slope != 0.0);
-        Ok(Status::Ok)
+        Ok(status)
     }
 
     /// `fmi2DoStep`.
@@ -437,10 +448,6 @@ impl Instance {
         }
         Err(Refusal::DamagedState("its content is no state of this model"))
     }
-}
-
-fn check_order(order: i32) -> Result<(), Refusal> {
-    if order == 1 { Ok(()) } else { Err(Refusal::Argument("order", f64::from(order), "not 1, the only order that is offered")) }
 }
 
 fn walk_moving(moving: &mut Moving, words: &mut impl Words) {
