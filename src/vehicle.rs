@@ -180,8 +180,9 @@ impl Vehicle {
     /// Bounds of every number and what must hold between them.
     ///
     /// # Errors
-    /// The first number out of bounds, or a contradiction: a kiss point beyond the closed point, a spring or friction that
-    /// leaves no torque.
+    /// The first number out of bounds, or a contradiction: a kiss point beyond the closed point at 25 °C, a closed point that is not
+    /// positive, of which learned laws of the actuator take shares, a spring that leaves no torque. What can be simulated all the same,
+    /// `kisspoint vehicle check` doubts.
     pub fn check(&self) -> Result<(), VehicleError> {
         for number in &NUMBERS {
             let value = (number.get)(self);
@@ -199,6 +200,12 @@ impl Vehicle {
             return Err(implausible(format!(
                 "actuator.x_cnt = {} mm is not below actuator.x_cls = {} mm; larger is more closed",
                 a.x_cnt_0, a.x_cls_0
+            )));
+        }
+        if a.x_cls_0 <= 0.0 {
+            return Err(implausible(format!(
+                "actuator.x_cls = {} mm is not positive; positions count from an open clutch, so add the same to x_cnt, x_cls and x_to",
+                a.x_cls_0
             )));
         }
         let spring = &self.cushion_spring;
@@ -280,6 +287,12 @@ mod tests {
         let mut value = Vehicle::paper().to_value();
         value["actuator"]["x_cnt"] = serde_json::json!([9.0]);
         assert!(Vehicle::from_value(&value).unwrap_err().to_string().contains("actuator.x_cnt = 9"));
+        for closed in [0.0, -1.0] {
+            let mut value = Vehicle::paper().to_value();
+            (value["actuator"]["x_cnt"], value["actuator"]["x_cls"]) = (serde_json::json!([-5.0]), serde_json::json!([closed]));
+            let message = Vehicle::from_value(&value).unwrap_err().to_string();
+            assert!(message.starts_with(&format!("actuator.x_cls = {closed} mm is not positive")), "{message}");
+        }
         let mut value = Vehicle::paper().to_value();
         value["thermal"]["gamma_3"] = 50.into();
         assert!(Vehicle::from_value(&value).unwrap_err().to_string().contains("gamma_3\" = 50 is outside 0 to 1"));

@@ -103,6 +103,34 @@ fn three_rates_keep_their_own_stamps() {
     assert!(notes.iter().any(|n| n.text == expected), "{expected} is not in {notes:?}");
 }
 
+/// A channel block that links to no unit leaves it to its conversion (`cc_md_unit`); one that links to an empty text has none.
+#[test]
+fn a_unit_may_stand_with_the_conversion() {
+    let bytes = std::fs::read(data("measurements/rates.mf4")).unwrap();
+    let word = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap()) as usize;
+    // Links begin behind 24 bytes: of a channel the fifth is its conversion, the seventh its unit; of a conversion the second is its unit.
+    let channels = (0..bytes.len() - 160).step_by(8).filter(|&at| bytes[at..].starts_with(b"##CN"));
+    let converted: Vec<usize> = channels.filter(|&at| word(at + 24 + 8 * 4) != 0 && word(at + 24 + 8 * 6) != 0).collect();
+    assert!(converted.len() >= 2, "{converted:?}");
+    let dir = tempdir("unit");
+    let with = |name: &str, unit_of_channel: &dyn Fn(usize) -> usize| {
+        let mut moved = bytes.clone();
+        for &at in &converted {
+            let (conversion, unit) = (word(at + 24 + 8 * 4), word(at + 24 + 8 * 6));
+            moved[conversion + 32..conversion + 40].copy_from_slice(&(unit as u64).to_le_bytes());
+            moved[at + 72..at + 80].copy_from_slice(&(unit_of_channel(unit) as u64).to_le_bytes());
+        }
+        // An empty text at the end of the file.
+        moved.extend(b"##TX\0\0\0\0\x20\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0");
+        std::fs::write(dir.join(name), moved).unwrap();
+        campaign::read_one(&dir.join(name), &about(), &ChannelMap::from_toml("map", LOGGER).unwrap()).map_err(|e| e.to_string())
+    };
+    assert_eq!(with("conversion.mf4", &|_| 0), Ok(read("measurements/rates.mf4", LOGGER)));
+    let without = with("empty.mf4", &|_| bytes.len()).unwrap_err();
+    assert!(without.contains("channel nEngine") && without.contains("the unit can't be right"), "an empty text overrules: {without}");
+    std::fs::remove_dir_all(dir).unwrap();
+}
+
 #[test]
 fn invalid_samples_have_no_value() {
     let seed = seed();

@@ -56,6 +56,42 @@ fn set(c: *mut c_void, vr: u32, value: f64) -> Status {
     fmi2SetReal(c, &vr, 1, &value)
 }
 
+/// A state that came as bytes serves for rolling back, too: also once delay lines have grown, which it did not have.
+#[test]
+fn nothing_is_allocated_in_saving_into_a_state_that_was_deserialized() {
+    for guid in [plant::GUID, controller::GUID] {
+        let c = initialized(guid);
+        let (mut first, mut size, mut state) = (ptr::null_mut(), 0, ptr::null_mut());
+        assert_eq!((fmi2GetFMUstate(c, &mut first), fmi2SerializedFMUstateSize(c, first, &mut size)), (Status::Ok, Status::Ok));
+        let mut bytes = vec![0_i8; size];
+        assert_eq!(fmi2SerializeFMUstate(c, first, bytes.as_mut_ptr().cast(), size), Status::Ok);
+        assert_eq!(fmi2DeSerializeFMUstate(c, bytes.as_ptr().cast(), size, &mut state), Status::Ok);
+        if guid == plant::GUID {
+            for vr in [
+                plant::vr::effect_actuator_delay_delay,
+                plant::vr::effect_clutch_speed_delay_delay,
+                plant::vr::effect_engine_speed_delay_delay,
+            ] {
+                assert_eq!(set(c, vr, 0.1), Status::Ok);
+            }
+        }
+        let count = allocations(|| {
+            for k in 0..2000 {
+                if guid == plant::GUID {
+                    assert_eq!(set(c, plant::vr::x_to, 1e-3 * f64::from(k)), Status::Ok);
+                }
+                assert_eq!(fmi2DoStep(c, f64::from(k) * 1e-3, 1e-3, 0), Status::Ok);
+                assert_eq!(fmi2GetFMUstate(c, &mut state), Status::Ok);
+            }
+        });
+        assert_eq!(count, 0, "allocations and frees in 2000 saved steps");
+        for state in [&mut first, &mut state] {
+            assert_eq!(fmi2FreeFMUstate(c, state), Status::Ok);
+        }
+        fmi2FreeInstance(c);
+    }
+}
+
 #[test]
 fn nothing_is_allocated_after_initialization() {
     let (p, k) = (initialized(plant::GUID), initialized(controller::GUID));

@@ -63,6 +63,8 @@ fn a_step_that_leaves_no_numbers_is_refused_until_a_reset() {
     // No sound run comes to such a speed; its friction power is beyond every number.
     assert_eq!(take_up_changed(c, plant::GUID, get(c, plant::vr::omega_f), 1e308, 0), Status::Ok);
     assert_eq!(fmi2DoStep(c, 0.01, 0.01, 1), Status::Error);
+    let mut time = f64::NAN;
+    assert_eq!((fmi2GetRealStatus(c, LAST_SUCCESSFUL_TIME, &mut time), time), (Status::Ok, 0.01));
     assert_eq!(fmi2DoStep(c, 0.02, 0.01, 1), Status::Error, "a failed instance steps no further");
     assert_eq!(fmi2Reset(c), Status::Ok);
     initialize(c);
@@ -72,18 +74,37 @@ fn a_step_that_leaves_no_numbers_is_refused_until_a_reset() {
 
 #[test]
 fn a_state_beyond_the_bounds_of_its_variables_is_refused() {
-    for (guid, vr, beyond) in [(plant::GUID, plant::vr::x_to, 50.1), (controller::GUID, controller::vr::T_e_max, 2000.1)] {
-        let c = instance(guid);
-        initialize(c);
-        assert_eq!(set(c, vr, beyond), Status::Error, "that is its bound");
-        assert_eq!(set(c, vr, 12.345), Status::Ok);
-        assert_eq!(take_up_changed(c, guid, 12.345, 23.456, 0), Status::Ok, "within the bounds it is a state like any other");
-        assert_eq!(get(c, vr), 23.456);
-        assert_eq!(take_up_changed(c, guid, 23.456, beyond, 0), Status::Error);
-        assert_eq!(get(c, vr), 23.456, "a refused state changes nothing");
-        assert_eq!(fmi2DoStep(c, 0.0, 0.01, 1), Status::Ok);
-        fmi2FreeInstance(c);
+    let (c, vr, beyond) = (instance(plant::GUID), plant::vr::x_to, 50.1);
+    initialize(c);
+    assert_eq!(set(c, vr, beyond), Status::Error, "that is its bound");
+    assert_eq!(set(c, vr, 12.345), Status::Ok);
+    assert_eq!(take_up_changed(c, plant::GUID, 12.345, 23.456, 0), Status::Ok, "within the bounds it is a state like any other");
+    assert_eq!(get(c, vr), 23.456);
+    assert_eq!(take_up_changed(c, plant::GUID, 23.456, beyond, 0), Status::Error);
+    assert_eq!(get(c, vr), 23.456, "a refused state changes nothing");
+    assert_eq!(fmi2DoStep(c, 0.0, 0.01, 1), Status::Ok);
+    fmi2FreeInstance(c);
+}
+
+/// One sensor that fails does not keep the others' values from the controller.
+#[test]
+fn every_real_input_of_the_controller_takes_any_value() {
+    use controller::vr::{T_e, T_e_max, T_grade, aggressiveness, fault_code, omega_c, omega_f, theta_h};
+    let c = instance(controller::GUID);
+    initialize(c);
+    for (k, bad) in [f64::NAN, f64::INFINITY, -1e300, 3000.0].into_iter().enumerate() {
+        for (n, failed) in [T_grade, T_e_max, aggressiveness, T_e, theta_h].into_iter().enumerate() {
+            let told = 90.0 + n as f64;
+            assert_eq!(fmi2SetReal(c, [omega_f, failed, omega_c].as_ptr(), 3, [told, bad, 1.0].as_ptr()), Status::Ok, "{bad}");
+            assert_eq!(get(c, omega_f), told);
+            assert_eq!(fmi2DoStep(c, (5 * k + n) as f64 * 1e-3, 1e-3, 1), Status::Ok);
+            let mut code = 0;
+            assert_eq!(fmi2GetInteger(c, &fault_code, 1, &mut code), Status::Ok);
+            assert!(failed != T_grade || bad == 3000.0 || code == 2, "{bad}: {code}");
+            assert_eq!(set(c, failed, 0.0), Status::Ok);
+        }
     }
+    fmi2FreeInstance(c);
 }
 
 #[test]

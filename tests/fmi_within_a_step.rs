@@ -69,6 +69,23 @@ fn an_input_with_a_derivative_moves_through_one_step_and_stands_again() {
     fmi2FreeInstance(c);
 }
 
+/// A master that interpolates by parabolas cannot know that inputs follow straight lines alone, and goes on with them.
+#[test]
+fn derivatives_of_a_higher_order_are_ignored_with_a_warning() {
+    let (one, other) = (free_flywheel(), free_flywheel());
+    slope(one, vr::T_e_ref, 400.0);
+    let both = [vr::T_e_ref; 2];
+    assert_eq!(fmi2SetRealInputDerivatives(other, both.as_ptr(), 2, [1, 2].as_ptr(), [400.0, 1e4].as_ptr()), Status::Warning);
+    for c in [one, other] {
+        step(c, 0.0, 0.05);
+    }
+    assert_eq!(get(one, vr::omega_f), get(other, vr::omega_f));
+    for (order, value) in [(0, 1.0), (-1, 1.0), (2, f64::NAN)] {
+        assert_eq!(fmi2SetRealInputDerivatives(other, &vr::T_e_ref, 1, &order, &value), Status::Error, "{order}, {value}");
+    }
+    [one, other].into_iter().for_each(|c| fmi2FreeInstance(c));
+}
+
 #[test]
 fn a_step_along_a_derivative_has_pieces_of_a_millisecond_and_keeps_the_input_s_bounds() {
     let c = free_flywheel();
@@ -216,6 +233,30 @@ fn a_state_holds_the_effects_from_which_its_faults_depart() {
     }
     assert_eq!(get(one, vr::omega_f), get(other, vr::omega_f));
     [one, other].into_iter().for_each(|c| fmi2FreeInstance(c));
+}
+
+#[test]
+fn what_is_written_before_the_start_is_checked_like_what_is_set() {
+    let c = instance(plant::GUID, None);
+    let (mut values, mut count) = (ptr::null_mut(), 0);
+    assert_eq!(kisspoint_values(c, &mut values, &mut count), Status::Ok);
+    let place = |reference: u32| plant::DESCRIPTION.find(reference).unwrap();
+    // SAFETY: as below.
+    let (write, read) = (|k: usize, value: f64| unsafe { *values.add(k) = value }, |k: usize| unsafe { *values.add(k) });
+    let (disc, speed, inertia) = (place(vr::theta_c_start), place(vr::omega_f_start), place(vr::driveline_J_f));
+    // While it is instantiated, and again in initialization, where an output is asked for.
+    write(disc, f64::NAN);
+    write(speed, 80.0);
+    assert_eq!((fmi2EnterInitializationMode(c), fmi2ExitInitializationMode(c)), (Status::Ok, Status::Error));
+    assert_eq!((read(disc), read(speed)), (25.0, 80.0), "what is refused is put back, what is sound beside it is taken");
+    write(inertia, -1.0);
+    assert_eq!(fmi2GetReal(c, &vr::omega_f, 1, &mut 0.0), Status::Error);
+    assert_eq!((get(c, vr::omega_f), read(inertia)), (80.0, Vehicle::paper().driveline.J_f));
+    write(speed, 90.0);
+    assert_eq!((fmi2ExitInitializationMode(c), get(c, vr::omega_f)), (Status::Ok, 90.0));
+    step(c, 0.0, 0.01);
+    assert!(get(c, vr::theta_c).is_finite());
+    fmi2FreeInstance(c);
 }
 
 #[test]

@@ -116,6 +116,33 @@ fn bad_air_temperature_changes_nothing() {
     assert_eq!(clean.last(), spoiled.last());
 }
 
+/// An inclination sensor that fails on a hill must not let the car go.
+#[test]
+fn a_grade_that_is_no_number_keeps_the_brakes_on_and_is_reported() {
+    let mut controller = Controller::new(&Vehicle::paper(), &Settings::robust());
+    let told = |t_grade: f64| {
+        let wish = Wish { t_grade, ..Wish::default() };
+        Inputs { omega_f: 104.7, omega_c: 0.0, t_e: 3.0, theta_h: 25.0, engage: false, wish }
+    };
+    let mut after = |t_grade: f64, steps: u32| {
+        (0..steps).for_each(|_| controller.step(&told(t_grade), 1e-3));
+        let o = controller.outputs();
+        (o.t_brake, o.fault)
+    };
+    assert_eq!(after(40.0, 100), (80.0, Fault::None));
+    for bad in [f64::NAN, f64::INFINITY, -1e300, 1.1e4] {
+        // Longer than any fault is bridged for.
+        assert_eq!(after(bad, 3000), (80.0, Fault::Invalid), "{bad}");
+    }
+    assert_eq!(after(30.0, 1), (60.0, Fault::None));
+    // A launch goes on without it, and one that never came holds nothing.
+    let mut run = launch();
+    run.run(2.5, |t, told| told.wish.t_grade = if within(t, 0.3, 2.0) { f64::NAN } else { 0.0 });
+    assert_sane(&run, "no grade");
+    assert!(run.rows.iter().filter(|r| within(r.0, 0.31, 1.9)).all(|r| r.2.fault == Fault::Invalid && r.2.t_brake == 0.0));
+    assert_eq!((run.last().2.fault, run.last().1.phase), (Fault::None, Phase::Locked));
+}
+
 #[test]
 fn no_sequence_of_garbage_makes_an_output_that_is_not_finite() {
     let garbage = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, -0.0, 1e308, -1e308, 5e-324, 104.7, -300.0, 9999.0, 1e4];

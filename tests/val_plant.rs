@@ -22,6 +22,32 @@ fn close(what: &str, found: f64, expected: f64, tolerance: f64) {
     assert!((found - expected).abs() <= tolerance, "{what}: {found} against {expected}, {:.1e} apart", (found - expected).abs());
 }
 
+/// A kiss point beyond the closed point leaves a clutch that is open up to it and closed above, and never one that is closed because it is open.
+#[test]
+fn a_kiss_point_beyond_the_closed_point_leaves_an_open_clutch_open() {
+    let vehicle = Vehicle::paper();
+    let offset = |mm: f64| with(&[(param::kiss_point_offset::offset, mm)]);
+    let (start, travel) = (Start { omega_f: 100.0, omega_c: 0.0, theta_c: 25.0, theta_b: 25.0 }, 7.78 - 4.02);
+    for (mm, x_to, carries) in
+        [(4.0, 0.0, false), (4.0, 8.0, false), (4.0, 8.1, true), (5.0, 9.0, false), (travel, 7.7, false), (-5.0, 7.9, true)]
+    {
+        let inputs = Inputs { x_to, ..Inputs::default() };
+        let mut plant = Plant::new(&vehicle, &offset(mm), &start, &inputs);
+        plant.step(&inputs, 0.01);
+        let (o, most) = (plant.outputs(), Plant::new(&vehicle, &effects::null(), &start, &Inputs { x_to: 20.0, ..inputs }).outputs().t_fc);
+        assert_eq!((o.t_fc != 0.0, o.phase == Phase::Slipping), (carries, carries), "{mm} mm at {x_to} mm: {} N·m", o.t_fc);
+        assert!(o.t_fc >= 0.0 && o.t_fc < 1.02 * most, "{} N·m of {most}", o.t_fc);
+    }
+    // Worn by heat or an effect while it runs, it opens where it was closed.
+    let inputs = Inputs { x_to: 7.9, ..Inputs::default() };
+    let mut plant = Plant::new(&vehicle, &effects::null(), &start, &inputs);
+    plant.step(&inputs, 0.01);
+    assert!(plant.outputs().t_fc > 0.0);
+    plant.set_effects(&vehicle, &offset(4.0)).unwrap();
+    plant.step(&inputs, 0.01);
+    assert_eq!((plant.outputs().phase, plant.outputs().t_fc), (Phase::Open, 0.0));
+}
+
 #[test]
 fn contact_is_found_inside_a_substep() {
     // The bearing travels at 100 mm/s and passes contact within the first substep of 10 ms; only then heat flows between disc and body.
@@ -428,6 +454,45 @@ fn elastic(omega_f: f64, omega_c: f64, x_to: f64) -> (Bench, effects::Parameters
     let mut bench = Bench::held(omega_f, omega_c, 25.0, x_to);
     (bench.vehicle.driveline.J_f, bench.vehicle.driveline.J_c) = (0.2, 0.5);
     (bench, with(&[(compliance, 2e-3), (disc_share, 0.2), (damping, 0.0)]))
+}
+
+/// Whether they are shafts or tyres, what turns at their two ends keeps its momentum and gains no energy.
+#[test]
+fn shafts_that_become_rigid_make_one_speed_of_two() {
+    let tyre = with(&[(param::tyre_slip::slip_per_torque, 1e-3), (param::tyre_slip::wheel_share, 0.2)]);
+    for (x_to, stuck) in [(0.0, false), (5.0, false), (8.0, true)] {
+        let (mut bench, shafts) = elastic(if stuck { 100.0 } else { 55.0 }, 100.0, x_to);
+        bench.rest.t_load = 60.0;
+        for effects in [shafts, tyre] {
+            let mut plant = Plant::new(&bench.vehicle, &effects, &bench.start, &bench.rest);
+            while (plant.state().y[index::OMEGA_C] - plant.state().y[index::OMEGA_V]).abs() < 0.05 {
+                plant.step(&bench.rest, 1e-4);
+            }
+            let (before, disc) = (*plant.state(), plant.config().disc_inertia());
+            assert_eq!(before.stuck, stuck);
+            plant.set_effects(&bench.vehicle, &effects::null()).unwrap();
+            let after = *plant.state();
+            let momentum = |y: &[f64]| 0.2 * y[index::OMEGA_F] + disc * y[index::OMEGA_C] + (0.5 - disc) * y[index::OMEGA_V];
+            let energy = |y: &[f64]| {
+                0.5 * (0.2 * y[index::OMEGA_F].powi(2) + disc * y[index::OMEGA_C].powi(2) + (0.5 - disc) * y[index::OMEGA_V].powi(2))
+            };
+            close("momentum", momentum(&after.y), momentum(&before.y), 1e-11);
+            assert!(energy(&after.y) < energy(&before.y), "{} J and {} J", energy(&before.y), energy(&after.y));
+            assert_eq!(after.y[index::OMEGA_C], after.y[index::OMEGA_V]);
+            assert_eq!(after.y[index::OMEGA_F], if stuck { after.y[index::OMEGA_C] } else { before.y[index::OMEGA_F] });
+            plant.step(&bench.rest, 1e-6);
+            close("disc", plant.state().y[index::OMEGA_C], after.y[index::OMEGA_C], 1e-2);
+        }
+    }
+    // A disc that falls below the flywheel by it is driven from then on; an engine that stood at its side turns.
+    let (mut bench, effects) = elastic(99.0, 100.0, 5.0);
+    bench.start.omega_c = 100.0;
+    let mut plant = Plant::new(&bench.vehicle, &effects, &bench.start, &bench.rest);
+    plant.hold_car();
+    assert_eq!(plant.state().direction, -1.0);
+    plant.set_effects(&bench.vehicle, &effects::null()).unwrap();
+    close("a fifth of the momentum", plant.state().y[index::OMEGA_C], 20.0, 1e-12);
+    assert_eq!(plant.state().direction, 1.0);
 }
 
 /// Shafts that are told of a torque on the car are twisted as they are once the whole car accelerates by it: nothing is left to swing.

@@ -13,7 +13,7 @@ use encoding_rs_io::DecodeReaderBytesBuilder;
 use super::error::{Defect, RecordingError};
 use super::limits::{FILE_ROWS, TEXT_BYTES};
 use super::table::{Group, Measurement, Rows, Series, Tell, Wanted};
-use super::text_cells::{Cells, is_comment, number, stamp, text};
+use super::text_cells::{Cells, decimals, is_comment, number, stamp, text};
 use super::text_long;
 use super::text_shape::{Shape, shape};
 
@@ -170,6 +170,13 @@ impl Column {
         self.series.values.push(value);
     }
 
+    /// Forgets the last cell, and that it was text.
+    pub fn pop(&mut self) {
+        self.series.values.pop();
+        let left = self.series.values.len();
+        self.series.text = self.series.text.take().filter(|(sample, _)| *sample < left);
+    }
+
     /// Seconds from the first time stamp of the column.
     fn stamped(&mut self, cell: &[u8]) -> Option<f64> {
         if self.first.is_none() && !self.series.values.is_empty() {
@@ -202,7 +209,7 @@ impl<'a> Table<'a> {
             column.push(cells.cell(column.at), self.decimal_comma);
         }
         let last = cells.cell(self.header - 1);
-        self.decimals = [self.decimals[1], last.iter().rev().position(|&b| b == b'.').unwrap_or(0)];
+        self.decimals = [self.decimals[1], decimals(last, self.decimal_comma)];
     }
 
     fn finish(mut self, short: Option<(u64, usize)>, ended: bool) -> Result<Measurement, RecordingError> {
@@ -211,19 +218,13 @@ impl<'a> Table<'a> {
             notes.push(format!("line {line} (the last) has {found} of {} cells: cut off while writing, dropped", self.header));
         } else if !ended && self.lines.len() > 2 && self.decimals[1] < self.decimals[0] {
             let line = self.lines.pop().unwrap_or(0);
-            for column in &mut self.columns {
-                column.series.values.pop();
-            }
+            self.columns.iter_mut().for_each(Column::pop);
             notes.push(format!("line {line} (the last) ends inside a number: cut off while writing, dropped"));
         }
         if self.lines.is_empty() {
             return Err(Defect::NoRows.in_file(self.file));
         }
-        let mut series: Vec<Series> = self.columns.into_iter().map(|c| c.series).collect();
-        // Text in the row that was dropped is no defect.
-        for series in &mut series {
-            series.text = series.text.take().filter(|(sample, _)| *sample < self.lines.len());
-        }
+        let series: Vec<Series> = self.columns.into_iter().map(|c| c.series).collect();
         let group = Group { series, ..Group::default() };
         Ok(Measurement { file: String::new(), groups: vec![group], names: self.names, rows: Rows::Lines(self.lines), notes })
     }
@@ -280,6 +281,36 @@ mod tests {
         assert!(m.notes[0].contains("line 4"), "{:?}", m.notes);
         let whole = all(b"t,a\n0.00,1.25\n0.01,1.50\n0.02,1.75").unwrap();
         assert!(whole.notes.is_empty());
+        let m = all(b"t;a\n0,00;1000,25\n0,01;1000,50\n0,02;1000,").unwrap();
+        assert_eq!(m.groups[0].series[1].values, [1000.25, 1000.5]);
+        assert_eq!(m.notes, ["line 4 (the last) ends inside a number: cut off while writing, dropped"]);
+        assert!(all(b"t;a\n0,00;1000,25\n0,01;1000,50\n0,02;1000,75").unwrap().notes.is_empty());
+    }
+
+    /// In a long table a number is as long as those of its own channel, and the time may stand last.
+    #[test]
+    fn a_last_number_cut_off_is_seen_in_a_long_table() {
+        for (head, rows, cut) in [
+            ("time_s,channel,value", ["0.00,n,100.25", "0.00,x,5", "0.01,n,100.50", "0.01,x,6", "0.02,n,100.7"], true),
+            ("time_s,channel,value", ["0.00,n,100.25", "0.00,x,5", "0.01,n,100.50", "0.02,n,100.75", "0.02,x,6"], false),
+            ("time_s;channel;value", ["0,00;n;100,25", "0,00;x;5", "0,01;n;100,50", "0,01;x;6", "0,02;n;100,7"], true),
+            ("value,channel,time_s", ["100.25,n,0.00", "5,x,0.00", "100.50,n,0.01", "6,x,0.01", "100.75,n,0.0"], true),
+            (
+                "time_s,value,channel,unit",
+                ["0.00,100.25,n,rpm", "0.00,5,x,mm", "0.01,100.50,n,rpm", "0.01,6,x,mm", "0.02,100.75,n,rp"],
+                false,
+            ),
+        ] {
+            let text = format!("{head}\n{}", rows.join("\n"));
+            let m = all(text.as_bytes()).unwrap();
+            let (n, expected): (_, &[f64]) = (&m.groups[0].series, if cut { &[100.25, 100.5] } else { &[100.25, 100.5, 100.75] });
+            assert_eq!((n[1].values.as_slice(), n[0].values.len()), (expected, expected.len()), "{text}");
+            let note = "line 6 (the last) ends inside a number: cut off while writing, dropped";
+            assert_eq!(m.notes, if cut { vec![note] } else { vec![] }, "{text}");
+            // What ends with a line feed was written to its end.
+            let ended = all((text + "\n").as_bytes()).unwrap();
+            assert!(ended.notes.is_empty() && ended.groups[0].series[1].values.len() == 3);
+        }
     }
 
     #[test]

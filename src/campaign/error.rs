@@ -247,6 +247,10 @@ pub enum Defect {
         "\"{0}\" is a road speed. Give `tyre_radius_m` and `ratio`, gear times final drive, in a channel map or, gear by gear, in recordings.json; `kisspoint survey` finds both"
     )]
     RoadSpeed(String),
+    #[error(
+        "the channel map has a tyre_radius_m for it, so it is a road speed, but no unit is stated. Add unit = \"km/h\", \"m/s\" or \"mph\" to its entry in the channel map"
+    )]
+    RoadSpeedUnit,
     #[error("the torque is a percentage. Give `reference_Nm`, what 100 % are, and `kind`, \"brake\" or \"indicated\", in a channel map")]
     Percentage,
     #[error("the window of {from} to {to} s holds no sample; the file has {first:.3} to {last:.3} s. Correct window_s in recordings.json")]

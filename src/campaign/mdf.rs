@@ -101,7 +101,7 @@ fn decode_group(
 
 fn decode_channel(file: &Mf4File, channel: &Channel, notes: &mut Vec<String>) -> Decoded<Series> {
     let at = |e: Mf4Error| (Some(channel.name.clone()), defect(e));
-    let unit = Some(plain_text(&channel.unit)).filter(|t| !matches!(t.as_str(), "" | "-" | "1"));
+    let unit = unit(file, channel).map_err(at)?.filter(|t| !matches!(t.as_str(), "" | "-" | "1"));
     let signal = file.signal(channel).map_err(at)?;
     let mut series = Series { name: channel.name.clone(), unit, ..Series::default() };
     series.values = match &channel.conversion {
@@ -125,6 +125,43 @@ fn decode_channel(file: &Mf4File, channel: &Channel, notes: &mut Vec<String>) ->
     // An infinite value is no measurement either.
     series.values.iter_mut().filter(|v| v.is_infinite()).for_each(|v| *v = f64::NAN);
     Ok(series)
+}
+
+/// Places of links in their blocks: a channel's conversion and unit, a conversion's unit.
+const CN_CONVERSION: u64 = 4;
+const CN_UNIT: u64 = 6;
+const CC_UNIT: u64 = 1;
+
+/// Bytes in front of a block's links: mark, length, number of links.
+const BLOCK_HEAD: u64 = 24;
+
+/// Longest text of a unit that is read, bytes.
+const UNIT_BYTES: u64 = 4096;
+
+/// Unit of a channel: its own, or where it links to none that of its conversion, which `falcon_mdf` does not look at.
+fn unit(file: &Mf4File, channel: &Channel) -> Result<Option<String>, Mf4Error> {
+    let block = channel.block_offset();
+    if link(file, block, CN_UNIT)? != 0 {
+        return Ok(Some(plain_text(&channel.unit)));
+    }
+    let conversion = link(file, block, CN_CONVERSION)?;
+    let at = if conversion == 0 { 0 } else { link(file, conversion, CC_UNIT)? };
+    if at == 0 {
+        return Ok(None);
+    }
+    let length = word(file, at.saturating_add(8))?.saturating_sub(BLOCK_HEAD).min(UNIT_BYTES);
+    let bytes = file.read_raw(at.saturating_add(BLOCK_HEAD), length as usize)?;
+    let text = bytes.split(|b| *b == 0).next().unwrap_or_default();
+    Ok(Some(plain_text(&String::from_utf8_lossy(text))))
+}
+
+/// Link number `k` of a block, 0 where it has none.
+fn link(file: &Mf4File, block: u64, k: u64) -> Result<u64, Mf4Error> {
+    if k < word(file, block.saturating_add(16))? { word(file, block.saturating_add(BLOCK_HEAD + 8 * k)) } else { Ok(0) }
+}
+
+fn word(file: &Mf4File, at: u64) -> Result<u64, Mf4Error> {
+    Ok(file.read_raw(at, 8)?.first_chunk().map_or(0, |b| u64::from_le_bytes(*b)))
 }
 
 /// The numbers of a channel whose conversion names some of its values.

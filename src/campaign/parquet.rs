@@ -98,6 +98,8 @@ fn read_column(
             ColumnReader::BoolColumnReader(r) => append(r, &d, rows, into, |v| f64::from(u8::from(v)))?,
             ColumnReader::DoubleColumnReader(r) => append(r, &d, rows, into, |v| v)?,
             ColumnReader::FloatColumnReader(r) => append(r, &d, rows, into, f64::from)?,
+            ColumnReader::Int32ColumnReader(r) if is_unsigned(&d) => append(r, &d, rows, into, |v| f64::from(v as u32))?,
+            ColumnReader::Int64ColumnReader(r) if is_unsigned(&d) => append(r, &d, rows, into, |v| (v as u64) as f64)?,
             ColumnReader::Int32ColumnReader(r) => append(r, &d, rows, into, |v| f64::from(v) / scale.unwrap_or(1.0))?,
             ColumnReader::Int64ColumnReader(r) if stamp => append(r, &d, rows, into, &mut since)?,
             ColumnReader::Int64ColumnReader(r) => append(r, &d, rows, into, |v| v as f64 / scale.unwrap_or(1.0))?,
@@ -190,6 +192,13 @@ fn is_decimal(descriptor: &ColumnDescriptor) -> bool {
     descriptor.converted_type() == ConvertedType::DECIMAL || matches!(descriptor.logical_type_ref(), Some(LogicalType::Decimal { .. }))
 }
 
+/// Whether integers count from 0: what is stored is a signed number of the same bits.
+fn is_unsigned(descriptor: &ColumnDescriptor) -> bool {
+    use ConvertedType::{UINT_8, UINT_16, UINT_32, UINT_64};
+    matches!(descriptor.converted_type(), UINT_8 | UINT_16 | UINT_32 | UINT_64)
+        || matches!(descriptor.logical_type_ref(), Some(LogicalType::Integer(integer)) if !integer.is_signed)
+}
+
 fn is_half(descriptor: &ColumnDescriptor) -> bool {
     matches!(descriptor.logical_type_ref(), Some(LogicalType::Float16))
 }
@@ -261,6 +270,38 @@ mod tests {
         assert!(is_half(&column(PhysicalType::FIXED_LEN_BYTE_ARRAY, ConvertedType::NONE, Some(LogicalType::Float16), 2)));
         assert!(!is_half(&column(PhysicalType::FIXED_LEN_BYTE_ARRAY, ConvertedType::NONE, None, 2)));
         assert!(!is_decimal(&column(PhysicalType::INT32, ConvertedType::NONE, None, 0)));
+    }
+
+    /// Read back from a file that says so in either way.
+    #[test]
+    fn integers_without_a_sign_count_beyond_the_greatest_with_one() {
+        use ::parquet::data_type::{Int32Type, Int64Type};
+        let message = "message m { required int32 a (INTEGER(32,false)); required int32 b; required int64 c (UINT_64); required int64 d; }";
+        let schema = Arc::new(::parquet::schema::parser::parse_message_type(message).unwrap());
+        let path = std::env::temp_dir().join(format!("kisspoint-unsigned-{}.parquet", std::process::id()));
+        let file = File::create(&path).unwrap();
+        let mut writer = ::parquet::file::writer::SerializedFileWriter::new(file, schema, Arc::default()).unwrap();
+        let mut group = writer.next_row_group().unwrap();
+        for wide in [false, false, true, true] {
+            let mut column = group.next_column().unwrap().unwrap();
+            if wide {
+                column.typed::<Int64Type>().write_batch(&[1, -1, i64::MIN], None, None).unwrap();
+            } else {
+                column.typed::<Int32Type>().write_batch(&[1, -1, i32::MIN], None, None).unwrap();
+            }
+            column.close().unwrap();
+        }
+        group.close().unwrap();
+        writer.close().unwrap();
+        let read = read("a.parquet", &path, &|_| true, &|_| ());
+        std::fs::remove_file(&path).unwrap();
+        let [a, b, c, d] = &read.unwrap().groups[0].series[..] else { panic!("four columns") };
+        assert_eq!(
+            (a.values.as_slice(), b.values.as_slice()),
+            (&[1.0, 4_294_967_295.0, 2_147_483_648.0][..], &[1.0, -1.0, -2_147_483_648.0][..])
+        );
+        let two_to = |n: i32| 2_f64.powi(n);
+        assert_eq!((c.values.as_slice(), d.values.as_slice()), (&[1.0, two_to(64), two_to(63)][..], &[1.0, -1.0, -two_to(63)][..]));
     }
 
     #[test]

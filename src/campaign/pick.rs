@@ -6,7 +6,8 @@
 //! 1. `scale` or `offset` in the map: value · scale + offset is in the map's `unit`, or in ours; the file's unit is overruled.
 //! 2. `unit` in the map; a file that states another is a contradiction.
 //! 3. the unit that the file states; a column whose name says otherwise is a contradiction.
-//! 4. ours.
+//! 4. per cent, where the map has a `reference_Nm` for them; a road speed (`tyre_radius_m`) has no unit that could be taken.
+//! 5. ours.
 
 use std::rc::Rc;
 
@@ -196,8 +197,11 @@ fn convert(
 /// Factor and offset to our unit, and what they come from.
 fn factors(series: &Series, spec: &Spec, entry: Option<&Mapped>) -> Result<(f64, f64, String), Defect> {
     let scaled = entry.filter(|e| e.scale.is_some() || e.offset.is_some());
+    let in_file = series.unit.as_deref().filter(|_| scaled.is_none());
     let stated = entry.and_then(|e| e.unit.as_deref());
+    let implied = if stated.or(in_file).is_none() { implied_unit(entry)? } else { None };
     if let Some(entry) = scaled {
+        let stated = stated.or(implied);
         let (scale, offset) = (entry.scale.unwrap_or(1.0), entry.offset.unwrap_or(0.0));
         let unit = stated.map_or(Ok(OURS), |u| understood(u, spec, Some(entry)))?;
         let ratio = entry.ratio.unwrap_or(1.0);
@@ -205,9 +209,8 @@ fn factors(series: &Series, spec: &Spec, entry: Option<&Mapped>) -> Result<(f64,
         let said = format!("value · {scale} + {offset} {}", stated.unwrap_or(""));
         return Ok((scale * unit.factor, offset * unit.factor + unit.offset, said.trim_end().to_string()));
     }
-    let in_file = series.unit.as_deref();
     let ratio = entry.and_then(|e| e.ratio).unwrap_or(1.0);
-    let unit = match (stated, in_file) {
+    let unit = match (stated, in_file.or(implied)) {
         (Some(stated), in_file) => {
             let unit = understood(stated, spec, entry)?;
             if let Some(text) = in_file.filter(|t| understood(t, spec, entry).is_ok_and(|u| !same(u, unit))) {
@@ -218,15 +221,28 @@ fn factors(series: &Series, spec: &Spec, entry: Option<&Mapped>) -> Result<(f64,
         (None, Some(text)) => {
             let unit = understood(text, spec, entry)?;
             if series.name.eq_ignore_ascii_case(spec.column) && !same(unit, OURS) {
-                return Err(contradiction(("the channel's name", spec.unit), ("the file", text)));
+                let who = if implied.is_some() { "the channel map's reference_Nm" } else { "the file" };
+                return Err(contradiction(("the channel's name", spec.unit), (who, text)));
             }
             unit
         }
         (None, None) => OURS,
     };
-    let said = stated.or(in_file).unwrap_or("");
+    let said = stated.or(in_file).unwrap_or(if implied.is_some() { "% (no unit is stated, and reference_Nm is of per cent)" } else { "" });
     let through = if ratio == 1.0 { said.to_string() } else { format!("{said} times a ratio of {ratio}") };
     Ok((unit.factor * ratio, unit.offset * ratio, through.trim().to_string()))
+}
+
+/// Unit that the map implies of a series for which nobody states one.
+///
+/// # Errors
+/// A road speed: km/h, m/s and mph are all usual.
+fn implied_unit(entry: Option<&Mapped>) -> Result<Option<&'static str>, Defect> {
+    match entry {
+        Some(Mapped { tyre_radius: Some(_), .. }) => Err(Defect::RoadSpeedUnit),
+        Some(Mapped { reference: Some(_), .. }) => Ok(Some("%")),
+        _ => Ok(None),
+    }
 }
 
 /// The identity; the quantity is not looked at.
@@ -340,6 +356,22 @@ mod tests {
         assert!(matches!(of("omega_f", Some("mm")), Err(Defect::WrongQuantity { .. })));
         assert!(matches!(of("omega_f", Some("km/h")), Err(Defect::RoadSpeed(_))));
         assert!(matches!(factors(&series("T_e", Some("%")), Channel::TE.spec(), None), Err(Defect::Percentage)));
+        // What the map makes a channel from has a unit that nobody need state, or one that somebody must.
+        let share = Mapped { reference: Some(350.0), ..Mapped::default() };
+        let torque = |name: &str, unit: Option<&str>, entry: &Mapped| factors(&series(name, unit), Channel::TE.spec(), Some(entry));
+        let (factor, offset, said) = torque("TqPercent", None, &share).unwrap();
+        assert!((factor, offset) == (3.5, 0.0) && said.starts_with("% (no unit is stated"), "{factor}, {offset}, {said}");
+        assert_eq!(torque("TqPercent", Some("Nm"), &share).unwrap().0, 1.0, "the file says what it holds");
+        assert!(matches!(torque("T_e_Nm", None, &share), Err(Defect::UnitContradiction { second: "the channel map's reference_Nm", .. })));
+        let counts = Mapped { scale: Some(0.5), ..share };
+        assert_eq!(torque("TqCounts", Some("V"), &counts).unwrap().0, 0.5 * 3.5);
+        let road = Mapped { tyre_radius: Some(0.317), ratio: Some(12.4), ..Mapped::default() };
+        let scaled = Mapped { scale: Some(0.01), ..road.clone() };
+        let speed = |unit: Option<&str>, entry: &Mapped| factors(&series("v", unit), Channel::OmegaC.spec(), Some(entry));
+        for (unit, entry) in [(None, &road), (None, &scaled), (Some("km/h"), &scaled)] {
+            assert_eq!(speed(unit, entry), Err(Defect::RoadSpeedUnit), "{unit:?}");
+        }
+        assert!((speed(Some("km/h"), &road).unwrap().0 - 12.4 / 0.317 / 3.6).abs() < 1e-12);
         let celsius = factors(&series("theta_h", Some("K")), Channel::ThetaH.spec(), None).unwrap();
         assert!((celsius.0, celsius.1) == (1.0, -273.15));
     }

@@ -61,9 +61,9 @@ pub(crate) fn sensed(signal: Signal, rows: &[f64]) -> Vec<f64> {
     rows.iter().map(sample).collect()
 }
 
-/// Whether the rows are the signal's own clock, from one end to the other.
+/// Whether the rows are the signal's own clock, stamp by stamp.
 fn is_clock(signal: &Signal, rows: &[f64]) -> bool {
-    signal.time.len() == rows.len() && signal.time.first() == rows.first() && signal.time.last() == rows.last()
+    *signal.time == rows
 }
 
 /// An input's value in every row: that of its last valid sample, before the first one the first.
@@ -113,5 +113,13 @@ mod tests {
         assert_eq!([own_rows(&a, &rows), own_rows(&b, &rows)], [vec![0, 2, 4], vec![1, 2, 3]].map(Some));
         let c = signal(&[0.0, 0.05, 0.1, 0.3], &[1.0; 4]);
         assert_eq!(own_rows(&c, &rows), None);
+    }
+
+    /// As many stamps between the same ends are not yet the same stamps.
+    #[test]
+    fn a_sample_stands_in_the_row_of_its_own_stamp() {
+        let other = signal(&[0.0, 0.12, 0.2 + 1e-9, 0.3], &[1.0, 2.0, 3.0, 4.0]);
+        let found = sensed(other, &[0.0, 0.1, 0.2, 0.3]);
+        assert!(found[1].is_nan() && [found[0], found[2], found[3]] == [1.0, 3.0, 4.0], "{found:?}");
     }
 }

@@ -91,6 +91,11 @@ pub(crate) fn number(cell: &[u8], decimal_comma: bool) -> Option<f64> {
     MISSING.iter().any(|m| text.eq_ignore_ascii_case(m)).then_some(f64::NAN)
 }
 
+/// Characters behind the decimal point, or comma, of a cell: fewer than usual in the last cell of a file are a number that was cut off.
+pub(crate) fn decimals(cell: &[u8], decimal_comma: bool) -> usize {
+    cell.trim_ascii().iter().rev().position(|&b| b == b'.' || decimal_comma && b == b',').unwrap_or(0)
+}
+
 /// A date with a time of day, or a time of day alone, as nanoseconds from some beginning; `None` for anything else.
 pub(crate) fn stamp(cell: &str) -> Option<i128> {
     let cell = cell.trim();

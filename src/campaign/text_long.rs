@@ -6,7 +6,7 @@ use std::io::Read;
 use super::csv::{Column, Lines, ragged};
 use super::error::{Defect, RecordingError};
 use super::table::{Group, Measurement, Rows, Series, Wanted};
-use super::text_cells::{Cells, is_comment, text};
+use super::text_cells::{Cells, decimals, is_comment, text};
 use super::text_shape::Shape;
 use super::{guess, units};
 
@@ -43,6 +43,8 @@ pub(crate) fn read<R: Read>(
     let (time_name, time_unit) = &shape.columns[roles.time];
     // Dates count from the first row of the file, so that all channels have one beginning.
     let mut clock = Column::new(time_name, time_unit.as_deref(), roles.time);
+    // Channel of a row that ends with the file and not with its line.
+    let mut unended = None;
     while let Some(line) = lines.next().map_err(|d| d.in_file(file))? {
         if is_comment(line) {
             continue;
@@ -58,14 +60,23 @@ pub(crate) fn read<R: Read>(
         let at = *known.entry(cells.cell(roles.channel).to_vec()).or_insert_with(|| {
             let (name, bracket) = units::split_header(&text(cells.cell(roles.channel)));
             let unit = bracket.or_else(|| roles.unit.map(|u| text(cells.cell(u)).trim().to_string()).filter(|u| !u.is_empty()));
-            groups.push(wanted(&name).then(|| Samples { time: Vec::new(), column: Column::new(&name, unit.as_deref(), roles.value) }));
+            let column = Column::new(&name, unit.as_deref(), roles.value);
+            groups.push(wanted(&name).then(|| Samples { time: Vec::new(), column, decimals: [0; 2] }));
             m.names.push(name);
             groups.len() - 1
         });
         if let Some(group) = &mut groups[at] {
             group.time.push(clock.series.values.last().copied().unwrap_or(f64::NAN));
             group.column.push(cells.cell(roles.value), shape.decimal_comma);
+            group.decimals = [group.decimals[1], decimals(cells.cell(shape.columns.len() - 1), shape.decimal_comma)];
         }
+        unended = (!lines.ended).then_some(at);
+    }
+    if let Some(group) = unended.and_then(|at: usize| groups[at].as_mut()).filter(|group| group.is_cut_off()) {
+        group.time.pop();
+        group.column.pop();
+        clock.pop();
+        m.notes.push(format!("line {} (the last) ends inside a number: cut off while writing, dropped", lines.number));
     }
     if m.names.is_empty() {
         return Err(Defect::NoRows.in_file(file));
@@ -82,9 +93,16 @@ pub(crate) fn read<R: Read>(
 struct Samples {
     time: Vec<f64>,
     column: Column,
+    /// Decimals of the last cell in its row before the last, and in the last.
+    decimals: [usize; 2],
 }
 
 impl Samples {
+    /// Whether its last row ends inside a number, if nothing follows it.
+    fn is_cut_off(&self) -> bool {
+        self.time.len() > 2 && self.decimals[1] < self.decimals[0]
+    }
+
     fn group(self, index: usize, time_name: &str, unit: Option<String>) -> Group {
         let name = self.column.series.name.clone();
         let time = Series { name: time_name.to_string(), unit, values: self.time, text: None };

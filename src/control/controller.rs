@@ -318,7 +318,7 @@ impl Controller {
         let s = &self.settings;
         let touching = self.state.outputs.x_to > self.contact();
         let feed = if touching { self.state.estimate.t_fc } else { 0.0 };
-        // An engine this slow does not run: torque would only race one whose speed signal has dropped to nothing.
+        // An engine this slow does not run: more torque than idling takes would only race one whose speed signal has dropped to nothing.
         let runs = inputs.omega_f > 0.5 * s.stall_speed;
         self.state.outputs.t_e_ref = if self.state.guard.believed && runs {
             let gains = Gains { p: s.kp_engine, i: s.ki_engine };

@@ -8,7 +8,8 @@
 //! | stall | the engine is below `stall_speed` | asks for no torque and opens (see the controller) |
 //!
 //! A clutch that is closed stays closed while its inputs are implausible: opening a driving car without need is the greater
-//! risk. An implausible `theta_h` is replaced by its last good value without further action. A fault that was bridged is over
+//! risk. An implausible `theta_h` is replaced by its last good value without further action, and so is an implausible `t_grade`,
+//! which is reported as invalid: brakes that hold a car go on holding it. Of the other wishes a number that is none is no wish. A fault that was bridged is over
 //! at once; after an opening, inputs have to be plausible for `fault_recover`, then an engagement may begin anew. A jump whose
 //! new level stays for as long is believed.
 
@@ -47,13 +48,18 @@ pub struct Wish {
 }
 
 impl Wish {
-    /// What of it makes sense: a number that is none is no wish.
-    fn sane(self) -> Self {
+    /// Whether the grade is a measurement.
+    fn has_grade(&self) -> bool {
+        self.t_grade.abs() <= ABSURD
+    }
+
+    /// What of it makes sense: a number that is none is no wish, and in place of a grade that is none stands the last `good` one.
+    fn sane(self, good: &Self) -> Self {
         let sane = |x: f64, low: f64, high: f64| if x.is_nan() { 0.0 } else { x.max(low).min(high) };
         Self {
             t_e_max: sane(self.t_e_max, 0.0, ABSURD),
             aggressiveness: sane(self.aggressiveness, -1.0, 1.0),
-            t_grade: sane(self.t_grade, -ABSURD, ABSURD),
+            t_grade: if self.has_grade() { self.t_grade } else { good.t_grade },
             ..self
         }
     }
@@ -145,6 +151,7 @@ impl Guard {
             Fault::None
         };
         self.believed = verdict == Fault::None;
+        let wish = raw.wish.sane(&self.good.wish);
         if self.believed {
             self.believe(s, raw, settled);
         } else {
@@ -152,7 +159,11 @@ impl Guard {
             self.bad_for += h;
         }
         self.good.engage = raw.engage;
-        self.good.wish = raw.wish.sane();
+        self.good.wish = wish;
+        // It is reported, and that is all: speeds and torque stay trusted.
+        if self.fault == Fault::None && !raw.wish.has_grade() {
+            self.fault = Fault::Invalid;
+        }
     }
 
     fn believe(&mut self, s: &Settings, raw: &Inputs, settled: bool) {

@@ -9,7 +9,7 @@ use std::ffi::c_void;
 const VALUES: &Function = &Function { name: "kisspoint_values", allowed: u8::MAX };
 
 /// Writes the address of the instance's values, 64-bit floats in the order of the model description, and their number. They may be read and
-/// written between calls until the instance is freed; what is written is checked before the next step.
+/// written between calls until the instance is freed; what is written is checked before the model starts and before the next step.
 #[unsafe(no_mangle)]
 pub extern "C" fn kisspoint_values(c: *mut c_void, values: *mut *mut f64, count: *mut usize) -> Status {
     guard(c, VALUES, |instance| {

@@ -1,6 +1,6 @@
 //! `ClutchController`: the controller behind the FMU.
 //!
-//! Its measured inputs take any value, also one that is not finite: to judge them is the task of the controller's guard, and a
+//! Its Real inputs take any value, also one that is not finite: to judge them is the task of the controller's guard, and a
 //! sensor that fails must reach it.
 
 use super::model::{Event, Model, phase_event, take_vehicle};
@@ -105,7 +105,9 @@ impl Model for ControllerModel {
             return phase_event(before(at::phase), values[at::phase]);
         }
         let what = match FAULTS.iter().find(|f| **f as u8 as f64 == fault) {
-            Some(Fault::Invalid) => "an input is not finite or absurd: its last good value is held, then the clutch opens",
+            Some(Fault::Invalid) => {
+                "an input is not finite or absurd: its last good value is held, and the clutch opens if it is a speed or torque and stays so"
+            }
             Some(Fault::Jump) => "a speed jumped further than it can: its last good value is held, then the clutch opens",
             Some(Fault::Frozen) => "both speeds stand still while the clutch slips: the clutch opens",
             Some(Fault::Stall) => "the engine is about to stall: the clutch opens",

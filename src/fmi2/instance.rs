@@ -158,8 +158,9 @@ impl Instance {
         self.call_state = CallState::Instantiated;
     }
 
-    /// Starts the model anew if a value was set since.
+    /// Starts the model anew if a value was set since, or written directly.
     fn refresh(&mut self) -> Result<(), Refusal> {
+        self.check_direct_writes()?;
         if self.moving.stale {
             self.model.start(&mut self.values).map_err(Refusal::Parameters)?;
             self.moving.stale = false;
@@ -233,27 +234,38 @@ impl Instance {
         }
     }
 
-    /// Sets derivatives of inputs that hold over the next step, all or none.
+    /// Sets derivatives of inputs that hold over the next step, all or none. Those of an order above 1 are ignored with a warning: the standard has
+    /// nothing by which an FMU could say beforehand how high it goes.
     ///
     /// # Errors
-    /// A variable that is no continuous input, an order that is not 1, or a derivative that is no number.
+    /// A variable that is no continuous input, an order that is none, or a derivative that is no number.
     pub fn set_slopes(&mut self, triples: impl Iterator<Item = (u32, i32, f64)> + Clone) -> Result<Status, Refusal> {
         for (reference, order, value) in triples.clone() {
             let (_, variable) = self.find(reference, &[Kind::Real])?;
             if variable.causality != Causality::Input {
                 return Err(Refusal::NotSettable(variable));
             }
-            check_order(order)?;
+            if order < 1 {
+                return Err(Refusal::Argument("order", f64::from(order), "not an order of a derivative, which begin at 1"));
+            }
             if !value.is_finite() {
                 return Err(Refusal::NotFinite(variable, value));
             }
         }
-        for (reference, _, value) in triples {
-            let (index, _) = self.find(reference, &[Kind::Real])?;
-            self.slopes[index - self.inputs.start] = value;
+        let mut status = Status::Ok;
+        for (reference, order, value) in triples {
+            let (index, variable) = self.find(reference, &[Kind::Real])?;
+            if order == 1 {
+                self.slopes[index - self.inputs.start] = value;
+            } else {
+                status = Status::Warning;
+                let what =
+                    format_args!("fmi2SetRealInputDerivatives: order {order} of {} is ignored, inputs follow order 1", variable.name);
+                self.log.write(status, Category::Warning, what);
+            }
         }
         self.moving.sloped = self.slopes.iter().any(|slope| *slope != 0.0);
-        Ok(Status::Ok)
+        Ok(status)
     }
 
     /// `fmi2DoStep`.
@@ -262,9 +274,7 @@ impl Instance {
     /// A step that is none, or that left no numbers.
     pub fn do_step(&mut self, point: f64, h: f64) -> Result<Status, Refusal> {
         let end = self.check_step(point, h)?;
-        if self.checked.is_some() {
-            self.check_direct_writes()?;
-        }
+        self.check_direct_writes()?;
         if self.moving.tuned {
             self.model.tune(&self.values)?;
             self.moving.tuned = false;
@@ -279,13 +289,13 @@ impl Instance {
             self.call_state = CallState::Failed;
             return Err(too_fast.into());
         }
-        // The importer's clock leads: ours would drift from it by the sum of all roundings.
-        self.moving.time = end;
         if let Some(place) = self.values[self.outputs.clone()].iter().position(|v| !v.is_finite()) {
             let index = self.outputs.start + place;
             self.call_state = CallState::Failed;
             return Err(Refusal::Diverged(&self.description.variables[index], self.values[index]));
         }
+        // The importer's clock leads: ours would drift from it by the sum of all roundings.
+        self.moving.time = end;
         if logs_events {
             self.log_event(end);
         }
@@ -372,7 +382,7 @@ impl Instance {
         Ok(end)
     }
 
-    /// End of the last step, s.
+    /// End of the last step that was made, s.
     pub fn last_successful_time(&self) -> f64 {
         self.moving.time
     }
@@ -438,10 +448,6 @@ impl Instance {
         }
         Err(Refusal::DamagedState("its content is no state of this model"))
     }
-}
-
-fn check_order(order: i32) -> Result<(), Refusal> {
-    if order == 1 { Ok(()) } else { Err(Refusal::Argument("order", f64::from(order), "not 1, the only order that is offered")) }
 }
 
 fn walk_moving(moving: &mut Moving, words: &mut impl Words) {

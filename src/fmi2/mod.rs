@@ -8,7 +8,8 @@
 //! | any model | [`instance`] (life cycle, values, steps), [`call`] (what may be called when), [`refusal`], [`log`], [`words`] and [`saved`] (FMU states), [`resource`] |
 //! | the two models | [`model`] (what is asked of one), [`guid`] (which one is meant, and with which start values), [`plant`], [`controller`], [`variables`] (tables made from the XML) |
 //!
-//! There are no globals: instances share nothing. After initialization, getting, setting, stepping and saving into an existing
+//! Instances share nothing that changes what they compute: globals are the vehicle file that was read last ([`resource`]), the paper's plant ([`plant`]), and how
+//! many instances there are, with the last of which the file is forgotten ([`guard`]). After initialization, getting, setting, stepping and saving into an existing
 //! state allocate nothing, take no lock and make no system call; the importer's allocator is never used.
 
 pub mod calibration;

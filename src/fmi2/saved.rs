@@ -118,8 +118,10 @@ pub(super) fn deserialize(instance: &Instance, bytes: *const c_char, size: usize
         return Err(Refusal::Argument("size", size as f64, "larger than any state of this model"));
     }
     let bytes = super::guard::array(bytes.cast::<u8>(), size, "serializedState")?;
-    let payload = words::payload(instance.description.guid, bytes).map_err(Refusal::DamagedState)?;
+    let mut payload = words::payload(instance.description.guid, bytes).map_err(Refusal::DamagedState)?;
     instance.check_state(&payload)?;
+    // It may be written over in real time, like one that fmi2GetFMUstate gave.
+    payload.reserve_exact(instance.most_words().saturating_sub(payload.len()));
     put(target, payload, instance.description.guid);
     Ok(Status::Ok)
 }

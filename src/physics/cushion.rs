@@ -57,7 +57,8 @@ pub const INVERSE_ITERATIONS: usize = 64;
 
 /// Normalised position at which the spring gives `wanted` N: ξ_0 for none, 1 where the spring cannot give more.
 ///
-/// The branch above ξ_0 is monotone for a sound vehicle (`Vehicle::check` says so); the bracket holds anyway.
+/// The branch above ξ_0 is monotone for a sound vehicle; of another, which can be simulated all the same, `kisspoint vehicle check` says so, and the
+/// bracket holds anyway.
 pub fn inverse(p: &CushionSpring, xi_0: f64, wanted: f64) -> f64 {
     if wanted <= 0.0 {
         return xi_0;

@@ -51,8 +51,13 @@ pub fn contact(p: &Actuator, theta: f64) -> Contact {
 }
 
 /// Normalised position ξ of eq. (2), in 0..1, at `x_to` in mm.
+///
+/// A kiss point at or beyond the closed point, where an effect or heat has driven it, leaves no travel between open and closed.
 #[inline]
 pub fn normalised_position(contact: Contact, x_to: f64) -> f64 {
+    if contact.x_cls <= contact.x_cnt {
+        return if x_to > contact.x_cnt { 1.0 } else { 0.0 };
+    }
     ((x_to - contact.x_cnt) / (contact.x_cls - contact.x_cnt)).clamp(0.0, 1.0)
 }
 

@@ -5,6 +5,7 @@
 
 use super::clutch::{Branch, Found};
 use super::config::Config;
+use super::events;
 use super::motion::{self, index};
 use super::sensed;
 use super::{MAX_SUBSTEP, State};
@@ -135,7 +136,7 @@ fn actuate(config: &Config, state: &State, x_cmd: f64, h: f64) -> Actuated {
     Actuated { limited, lagged, led, bearing }
 }
 
-/// Position as share of the closed clutch's, cold and as the vehicle's file has it.
+/// Position as share of the closed clutch's, cold and as the vehicle's file has it; there it is positive.
 fn share_of_closed(config: &Config, x: f64) -> f64 {
     x / config.vehicle.actuator.x_cls_0
 }
@@ -328,17 +329,33 @@ pub fn rest(config: &Config, state: &mut State) {
 /// Torque in N·m that a rigid driveline passes on behind the disc's share of its inertia.
 fn carried_behind_disc(old: &Config, new: &Config, state: &State) -> f64 {
     let (d, y) = (&old.constants.driveline, &state.y);
-    let t_fc = super::events::clutch_torque(old, &Found::NOTHING, state);
+    let t_fc = events::clutch_torque(old, &Found::NOTHING, state);
     let acceleration =
         driveline::driveline_acceleration(d.J_c, t_fc, motion::resistance(old, y, state.inputs.t_load, state.rest.braking()));
     let acceleration = if state.rest.car { 0.0 } else { acceleration };
     t_fc - new.disc_inertia() * acceleration
 }
 
+/// Disc and car become one, and the flywheel that sticks to them, at the speed that keeps their momentum. What stands is decided anew.
+fn stiffen(old: &Config, state: &mut State) {
+    let (d, disc) = (&old.constants.driveline, old.disc_inertia());
+    let before = if state.stuck { disc + d.J_f } else { disc };
+    let y = &mut state.y;
+    let common = events::common_speed([before, d.J_c - disc], [y[index::OMEGA_C], y[index::OMEGA_V]]);
+    (y[index::OMEGA_C], y[index::OMEGA_V]) = (common, common);
+    if state.stuck {
+        y[index::OMEGA_F] = common;
+    }
+    events::correct_speeds(state, 0.0, 0.0);
+}
+
 /// When effects are set while running, a state that was not in use starts where its signal is; shafts that become elastic are twisted by the
-/// torque that they carry.
+/// torque that they carry, and those that become rigid make one speed of two.
 pub fn carry_over(old: &Config, new: &Config, state: &mut State) {
     let springs = |config: &Config| [config.constants.compliance, config.constants.tyre.softness].map(|soft| soft > 0.0);
+    if old.compliant() && !new.compliant() {
+        stiffen(old, state);
+    }
     if new.compliant() && !old.compliant() {
         state.y[index::OMEGA_V] = state.y[index::OMEGA_C];
         state.y[index::TWIST] = motion::twist_under(new, carried_behind_disc(old, new, state));

@@ -1,6 +1,6 @@
 //! Delay lines: the last values of signals with their times, in rings of fixed size.
 //!
-//! The longest delay (0.2 s) is kept at a resolution of [`RESOLUTION`]: values that come faster replace their
+//! The longest delay (0.2 s) is kept at a resolution of [`RESOLUTION`]: of values that come faster the newest replaces its
 //! predecessor, so that a ring never loses its oldest needed value, however short the steps.
 
 /// Values that each line keeps.
@@ -9,8 +9,10 @@ pub const CAPACITY: usize = 1024;
 /// Age up to which values are surely kept, s.
 pub const LONGEST: f64 = 0.2;
 
-/// Least time between two values kept, s.
-pub const RESOLUTION: f64 = 2e-4;
+/// Least time between two values kept, but for the newest, s. A full line then reaches back over 1022 such times, which is [`LONGEST`]; steps of 0.2 ms keep every value.
+pub const RESOLUTION: f64 = 1.96e-4;
+
+const _: () = assert!((CAPACITY - 2) as f64 * RESOLUTION >= LONGEST);
 
 /// How many signals have a line.
 const LINES: usize = 3;
@@ -94,8 +96,8 @@ impl History {
     /// Adds a value at a time that is not before the last one.
     pub fn push(&mut self, signal: Signal, time: f64, value: f64) {
         let line = self.line(signal);
-        // The newest value is replaced while the one before it is close; the first value of all always stays.
-        let crowded = line.span.len >= 2 && time - line.at(line.span.len - 2).0 < RESOLUTION;
+        // The newest value is replaced while it is close to the one before it; the first value of all always stays.
+        let crowded = line.span.len >= 2 && line.at(line.span.len - 1).0 - line.at(line.span.len - 2).0 < RESOLUTION;
         if !crowded {
             let span = &mut self.spans[signal as usize];
             if span.len == CAPACITY {
@@ -204,15 +206,20 @@ mod tests {
 
     #[test]
     fn the_longest_delay_is_kept_however_short_the_steps() {
-        let mut all = History::new();
-        let h = 1e-5;
-        for k in 0..200_000 {
-            all.push(Signal::Disc, f64::from(k) * h, f64::from(k) * h);
-        }
-        let (now, line) = (199_999.0 * h, all.line(Signal::Disc));
-        for delay in [0.0, 1e-3, 0.05, 0.199] {
-            let got = line.interpolate(now - delay, now, now);
-            assert!((got - (now - delay)).abs() < 1e-9, "delay {delay}: {got}");
+        for h in [1e-5, 7e-5, 1e-4, 1.25e-4, 1.5e-4, 1.9e-4, 1.96e-4, 2e-4, 3.3e-4, 5e-4, 1e-3] {
+            let mut all = History::new();
+            let steps = (2.0 / h) as u32;
+            for k in 0..=steps {
+                all.push(Signal::Disc, f64::from(k) * h, f64::from(k) * h);
+            }
+            let (now, line) = (f64::from(steps) * h, all.line(Signal::Disc));
+            for delay in [0.0, 1e-3, 0.05, 0.15, LONGEST] {
+                let got = line.interpolate(now - delay, now, now);
+                assert!((got - (now - delay)).abs() < 1e-9, "delay {delay} in steps of {h}: {got}");
+            }
+            let gaps = line.iter().skip(1).zip(line.iter()).map(|(b, a)| b.0 - a.0);
+            assert!(gaps.fold(0.0, f64::max) < RESOLUTION + h, "steps of {h}");
+            assert!(h < 2e-4 || line.iter().len() == CAPACITY.min(steps as usize + 1), "every step of {h} is kept");
         }
     }
 

@@ -287,8 +287,11 @@ static void order(void) {
     CHECK("reset", Reset(c) == OK && EnterInitializationMode(c) == OK && ExitInitializationMode(c) == OK && DoStep(c, 0, 1e-3, 0) == OK);
     REFUSED("cancel", CancelStep(c), "Cancel", "pending");
     REFUSED("directional derivative", GetDirectionalDerivative(c, &output, 1, &input, 1, &x, &x), "Directional", "not offered");
-    i = 2, x = 1.0;
-    REFUSED("input derivative of another order", SetRealInputDerivatives(c, &driven, 1, &i, &x), "order", "2");
+    i = 0, x = 1.0;
+    REFUSED("input derivative of no order", SetRealInputDerivatives(c, &driven, 1, &i, &x), "order", "0");
+    i = 2;
+    int before = lines;
+    CHECK("second derivative of an input", SetRealInputDerivatives(c, &driven, 1, &i, &x) == WARNING && lines == before + 1 && strstr(last, "order 2"));
     REFUSED("output derivatives", GetRealOutputDerivatives(c, &output, 1, &i, &x), "Derivatives", "not offered");
     i = 1, x = NAN;
     REFUSED("input derivative NaN", SetRealInputDerivatives(c, &driven, 1, &i, &x), "Derivatives", "not finite");

@@ -155,8 +155,9 @@ def test_a_wrong_library_is_refused_with_the_command_that_builds_it(kisspoint, t
     assert said.returncode != 0 and "not a shared library" in said.stderr
 
 
-START = {"plant": {"omega_c_start": 30.0, "omega_f_start": 120.0, "x_to": 6.0, "T_e_ref": 20.0}, "controller": {}}
-"""Values at which every dependency shows: at standstill the gain of a speed sensor does nothing."""
+OFFSET = {"effect.empirical.actuator_offset_5": 0.1, "effect.empirical.actuator_offset_6": 0.3}
+START = {"plant": {"omega_c_start": 30.0, "omega_f_start": 120.0, "x_to": 6.0, "T_e_ref": 20.0, **OFFSET}, "controller": {}}
+"""Values at which every dependency shows: at standstill the gain of a speed sensor does nothing, nor does a position in a table of zeros."""
 
 
 @pytest.mark.parametrize("name", ["plant", "controller"])
