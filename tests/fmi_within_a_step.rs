@@ -283,6 +283,14 @@ fn what_is_written_at_an_address_counts_from_the_next_step_if_it_may_be_set() {
         assert_eq!(fmi2DoStep(c, 0.05, 0.05, 1), Status::Error);
         assert_eq!((read(k), read(bias)), (good, 8.0));
     }
+    // A state holds nothing that was not checked.
+    let mut state = ptr::null_mut();
+    write(position, f64::NAN);
+    assert_eq!((fmi2GetFMUstate(c, &mut state), read(position), state.is_null()), (Status::Error, 0.0, true));
+    assert_eq!(
+        (fmi2GetFMUstate(c, &mut state), fmi2SetFMUstate(c, state), fmi2FreeFMUstate(c, &mut state)),
+        (Status::Ok, Status::Ok, Status::Ok)
+    );
     step(c, 0.05, 0.05);
     let after = flywheel(after, 28.0, 0.0, 0.05);
     assert!((read(speed) - after).abs() < 1e-6, "{} against {after} rad/s", read(speed));

@@ -337,7 +337,7 @@ impl Instance {
     }
 
     /// Takes what was written to the values directly as if it had been set; what cannot be set is put back.
-    fn check_direct_writes(&mut self) -> Result<(), Refusal> {
+    pub fn check_direct_writes(&mut self) -> Result<(), Refusal> {
         let Some(mut checked) = self.checked.take() else { return Ok(()) };
         let mut outcome = Ok(());
         for (index, variable) in self.description.variables.iter().enumerate() {

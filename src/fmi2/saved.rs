@@ -52,9 +52,10 @@ fn check_target(target: *mut *mut c_void) -> Result<(), Refusal> {
     }
 }
 
-/// `fmi2GetFMUstate`: a state that is already there is written over, which allocates nothing.
-pub(super) fn get(instance: &Instance, target: *mut *mut c_void) -> Result<Status, Refusal> {
+/// `fmi2GetFMUstate`: a state that is already there is written over, which allocates nothing. Values that were written directly are checked first: what a state holds has been.
+pub(super) fn get(instance: &mut Instance, target: *mut *mut c_void) -> Result<Status, Refusal> {
     check_target(target)?;
+    instance.check_direct_writes()?;
     // SAFETY: checked; the standard has the importer set it to NULL or to an earlier state.
     let present = unsafe { target.read() };
     if present.is_null() {

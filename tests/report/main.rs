@@ -288,7 +288,7 @@ fn effects_that_were_taken_back_stand_with_the_verdict() {
     made.diagnosis["which"]["taken_back"] = json!({"effects": ["vehicle_mass", "judder"], "before": 27.46, "after": 68.45});
     let page = visible(&render(&made.diagnosis, &made.overlays));
     assert!(page.contains("Withdrawn: ") && page.contains("vehicle mass") && page.contains("judder"));
-    assert!(page.contains("68.5 rad/s with these effects, and by 27.5 as"));
+    assert!(page.contains("68.5 rad/s with it, and by 27.5 rad/s as"));
     assert!(page.contains("Not settled.") && !page.contains("Next best") && !page.contains("by 19 standard deviations"));
 }
 
