@@ -112,6 +112,12 @@ fn the_campaign_of_a_survey_is_read_back() {
     let r = &read.recordings[1];
     let count = |v: &[f64]| v.iter().filter(|v| !v.is_nan()).count() as f64;
     near(count(&r.omega_f) / count(&r.omega_c), 2.0, 0.1, "rates");
+    // The torque is written at its own stamps alone, and the rate is that of the faster speed.
+    let own = r.input_rows[0].as_ref().map(Vec::len);
+    assert!(own.is_none_or(|n| n < r.time.len()));
+    let steps: Vec<f64> = r.time.iter().zip(&r.omega_f).filter(|(_, v)| v.is_finite()).map(|(t, _)| *t).collect();
+    near(r.sample_rate_hz, (steps.len() - 1) as f64 / (steps[steps.len() - 1] - steps[0]), 2.0, "rate of the engine speed");
+    near(recordings[1].sample_rate_hz, r.sample_rate_hz, 0.01 * r.sample_rate_hz, "rate as written");
 }
 
 #[test]

@@ -8,17 +8,25 @@ use serde_json::{Map, Value, json};
 use super::channels::Channel;
 use super::{CampaignError, Recording};
 
-/// Writes a recording as CSV. Numbers have as many digits as they need to come back the same; what is not a number stays empty.
+/// Writes a recording as CSV. Numbers have as many digits as they need to come back the same; what is not a number stays empty, and so does an input where it has no sample
+/// of its own.
 ///
 /// The file appears under its name only when it is complete.
 pub fn write_csv(recording: &Recording, path: &Path) -> Result<(), CampaignError> {
     let r = recording;
     let brake: Option<Vec<f64>> = r.brake.as_ref().map(|b| b.iter().map(|&on| f64::from(u8::from(on))).collect());
+    let own = |values: &[f64], rows: &Option<Vec<usize>>| {
+        rows.as_ref().map_or_else(
+            || values.to_vec(),
+            |rows| (0..values.len()).map(|row| if rows.binary_search(&row).is_ok() { values[row] } else { f64::NAN }).collect(),
+        )
+    };
+    let [report, command] = [own(&r.t_e, &r.input_rows[0]), own(&r.x_to_cmd, &r.input_rows[1])];
     let columns: Vec<(&str, &[f64])> = [
         (Channel::OmegaF, Some(&r.omega_f)),
         (Channel::OmegaC, Some(&r.omega_c)),
-        (Channel::TE, Some(&r.t_e)),
-        (Channel::XToCmd, Some(&r.x_to_cmd).filter(|v| !v.is_empty())),
+        (Channel::TE, Some(&report)),
+        (Channel::XToCmd, Some(&command).filter(|v| !v.is_empty())),
         (Channel::ThetaH, Some(&r.theta_h)),
         (Channel::XTo, r.x_to.as_ref()),
         (Channel::TFc, r.t_fc.as_ref()),

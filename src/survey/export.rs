@@ -32,16 +32,27 @@ pub fn recordings(s: &Survey, torque: &str, gear: Option<usize>) -> Result<Vec<R
     let is = |channel: Channel| s.log.channels.iter().find(|c| c.guess == Some(channel));
     let one = |(k, e): (usize, &Engagement)| {
         let (from, to) = (e.from - LEAD_S, e.until);
-        let mut time: Vec<f64> = [engine, road, t_e].iter().flat_map(|c| c.trace().within(from, to).map(|i| c.time[i])).collect();
+        let mut time: Vec<f64> = [Some(engine), Some(road), Some(t_e), is(Channel::XToCmd)]
+            .into_iter()
+            .flatten()
+            .flat_map(|c| c.trace().within(from, to).map(|i| c.time[i]))
+            .collect();
         time.sort_by(f64::total_cmp);
         time.dedup_by(|b, a| *b - *a < 1e-6);
         let start = time.first().copied().unwrap_or(from);
         let factor = s.gears.factor(e.gear);
-        let steps: Vec<f64> = time.windows(2).map(|w| w[1] - w[0]).collect();
+        let step = |c: &LogChannel| {
+            let own = c.trace().within(from, to);
+            super::median(c.time[own].windows(2).map(|w| w[1] - w[0]).collect::<Vec<f64>>())
+        };
+        let own = |c: &LogChannel| {
+            let there = sampled(c, &time, 1.0);
+            (0..time.len()).filter(|row| there[*row].is_finite()).collect::<Vec<usize>>()
+        };
         Recording {
             name: format!("r{:02}", k + 1),
             manoeuvre: if e.launch { "launch".into() } else { "shift".into() },
-            sample_rate_hz: 1.0 / super::median(steps),
+            sample_rate_hz: 1.0 / step(engine).min(step(road)),
             theta_c0: UNKNOWN.0,
             theta_b0: UNKNOWN.0,
             theta_0_sigma: [UNKNOWN.1; 2],
@@ -51,6 +62,7 @@ pub fn recordings(s: &Survey, torque: &str, gear: Option<usize>) -> Result<Vec<R
             x_to_cmd: is(Channel::XToCmd).map(|c| held(c, &time)).unwrap_or_default(),
             theta_h: is(Channel::ThetaH).map_or_else(|| vec![UNKNOWN.0; time.len()], |c| held(c, &time)),
             brake: is(Channel::Brake).map(|c| held(c, &time).into_iter().map(|v| v > 0.5).collect()),
+            input_rows: [Some(own(t_e)), is(Channel::XToCmd).map(own)],
             time: time.iter().map(|t| t - start).collect(),
             ..Recording::default()
         }
