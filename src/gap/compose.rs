@@ -439,6 +439,23 @@ fn percent(share: f64) -> String {
     if share >= 1.0 { "100 %".to_owned() } else { format!("{:.1} %", (1000.0 * share).floor() / 10.0).replace('-', "−") }
 }
 
+/// A list as people write it: "a, b and c".
+fn joined(items: &[impl AsRef<str>], word: &str) -> String {
+    let items: Vec<&str> = items.iter().map(AsRef::as_ref).collect();
+    match &items[..] {
+        [head @ .., last] if !head.is_empty() => format!("{} {word} {last}", head.join(", ")),
+        _ => items.concat(),
+    }
+}
+
+/// Effects, of which some stand with their rivals: "a or b, and c".
+fn each_with_rivals(groups: &[String]) -> String {
+    match groups {
+        [head @ .., last] if !head.is_empty() && groups.iter().any(|g| g.contains(" or ")) => format!("{}, and {last}", head.join(", ")),
+        _ => joined(groups, "and"),
+    }
+}
+
 fn sentence(f: &Findings, closed: f64) -> String {
     let with_rivals = |e: usize| {
         let mut words = vec![REGISTRY[e].id];
@@ -446,11 +463,11 @@ fn sentence(f: &Findings, closed: f64) -> String {
         words.join(" or ")
     };
     let effects = named(f);
-    let names = effects.iter().map(|&e| with_rivals(e)).collect::<Vec<_>>().join(" and ");
+    let names = each_with_rivals(&effects.iter().map(|&e| with_rivals(e)).collect::<Vec<_>>());
     let (helps, closes) = if effects.len() == 1 { ("helps", "closes") } else { ("help", "close") };
     let c = f.conclusion;
     let places: Vec<&str> = c.unexplained_at.iter().chain(&c.or_at).map(|s| s.id()).collect();
-    let at = places.join(" or ");
+    let at = joined(&places, "or");
     let of_it = if closed > 0.0 { percent(closed) } else { "none".to_owned() };
     let share = format!("{of_it} of the gap on {}, which took no part in the fit", f.held_out_name);
     match c.verdict {
@@ -533,6 +550,14 @@ mod tests {
         ];
         assert_eq!(in_place_of(2, &[1, 2], &all), [8, 5]);
         assert_eq!(in_place_of(1, &[1, 2], &all), [0; 0]);
+    }
+
+    #[test]
+    fn lists_are_written_as_people_write_them() {
+        let of = |items: &[&str]| each_with_rivals(&items.iter().map(|s| (*s).to_owned()).collect::<Vec<_>>());
+        assert_eq!([of(&[]), of(&["a"]), of(&["a", "b"]), of(&["a", "b", "c"])], ["", "a", "a and b", "a, b and c"]);
+        assert_eq!([of(&["a or b", "c"]), of(&["a", "b", "c or d"]), of(&["a or b"])], ["a or b, and c", "a, b, and c or d", "a or b"]);
+        assert_eq!(joined(&["x", "y", "z"], "or"), "x, y or z");
     }
 
     #[test]

@@ -144,6 +144,14 @@ impl Conclusion {
         if self.unexplained_at.is_none() {
             self.unexplained_at = first;
             self.or_at.extend(rest);
+            // Each place once, though it was doubted for another reason before.
+            let mut seen: Vec<Subsystem> = first.into_iter().collect();
+            self.or_at.retain(|place| {
+                !seen.contains(place) && {
+                    seen.push(*place);
+                    true
+                }
+            });
         }
         if let Some(first) = first {
             self.shares.iter_mut().for_each(|(_, share)| *share *= 1.0 - irregular.share);
@@ -307,6 +315,10 @@ mod tests {
         let mut c = concluded(&["actuator_delay"]);
         c.leave(&left(&[Subsystem::Friction, Subsystem::ClutchForce, Subsystem::Actuator], 0.1));
         assert_eq!((c.unexplained_at, c.or_at), (Some(Subsystem::Actuator), vec![Subsystem::Friction, Subsystem::ClutchForce]));
+        // What was doubted before is not said twice.
+        let mut c = Conclusion { or_at: vec![Subsystem::ClutchForce, Subsystem::Thermal], ..concluded(&["actuator_delay"]) };
+        c.leave(&left(&[Subsystem::Friction, Subsystem::ClutchForce, Subsystem::Actuator], 0.1));
+        assert_eq!(c.or_at, [Subsystem::ClutchForce, Subsystem::Thermal, Subsystem::Friction]);
     }
 
     #[test]

@@ -70,7 +70,11 @@ fn named(effects: &[Value]) -> String {
         return "An effect that is not named".to_owned();
     }
     let doubtful = groups.iter().any(|g| g.contains(MARK));
-    capitalised(&if doubtful { groups.join(", and ") } else { enumeration(&groups) })
+    let separate = |groups: &[String]| match groups {
+        [head @ .., last] if !head.is_empty() => format!("{}, and {last}", head.join(", ")),
+        _ => groups.concat(),
+    };
+    capitalised(&if doubtful { separate(&groups) } else { enumeration(&groups) })
 }
 
 /// Where the remainder or the unexplained gap lies, with what may stand in its place.
@@ -78,7 +82,11 @@ fn places(diagnosis: &Value) -> String {
     let place = &diagnosis["where"];
     let first = text(place, "unexplained_at").or_else(|| text(place, "primary"));
     let all: Vec<String> = first.into_iter().chain(texts(place, "ambiguous_with")).map(names::place).collect();
-    if all.is_empty() { "a subsystem that is not named".to_owned() } else { all.join(&format!(" {MARK}or{MARK} ")) }
+    match &all[..] {
+        [] => "a subsystem that is not named".to_owned(),
+        [one] => one.clone(),
+        [head @ .., last] => format!("{} {MARK}or{MARK} {last}", head.join(", ")),
+    }
 }
 
 /// How far off a free replay of what was held out is, before and after.
