@@ -67,6 +67,14 @@ pub fn change(basis: &Basis) -> f64 {
     basis.iter().flatten().map(|f| f.innovations.square()).sum()
 }
 
+/// Difference of the logarithms of the squares of what two sets of forms change, up to which they are as large as each other.
+const AS_LARGE: f64 = 0.2;
+
+/// Whether two sets of forms are as large as each other: those that are not are worked out again where a fit ends, for a form is a share of what its effect changes there.
+pub fn are_as_large(one: &Basis, other: &Basis) -> bool {
+    one.is_empty() && other.is_empty() || (change(one) / change(other)).ln().abs() < AS_LARGE
+}
+
 /// The functions of changes, so that all of them together change this share of what the first one is.
 fn of_changes(problem: &Problem, changes: &[Vec<Residuals>], share: f64) -> Basis {
     let whole = square(&changes[0]);

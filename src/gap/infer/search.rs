@@ -71,7 +71,7 @@ impl Hypothesis {
         let formed = fit(problem, Free { effects: &effects, basis: Some(&basis) }, &start, iterations, known);
         // A form is a share of what its effect changes where the fit ends, not where it began.
         let there = forms(problem, &formed.point, &effects);
-        if basis.is_empty() && there.is_empty() || (form::change(&there) / form::change(&basis)).ln().abs() < AS_LARGE {
+        if form::are_as_large(&there, &basis) {
             return Self::new(problem, effects, formed, basis);
         }
         let start = Point { missing: Vec::new(), ..formed.point.clone() };
@@ -186,8 +186,6 @@ const LOOKS_AT_ONCE: usize = 4;
 
 /// Most effects at a time.
 pub const MOST_EFFECTS: usize = 3;
-/// Difference of the logarithms of the squares of what two sets of forms change, up to which they are as large as each other.
-const AS_LARGE: f64 = 0.2;
 /// Iterations of a fit that stays.
 const STAY: usize = 12;
 /// Candidates that are looked at from the fitted car, from the nominal one if a gap dragged that along, and those of them that are fitted to the end.

@@ -7,7 +7,7 @@
 use super::coordinate::Coordinate;
 use super::density::{Baseline, Basis, ByAccuracy, ByPhase, Point, Problem, WHOLE, overall};
 use super::fit::{Fit, Free, LOOK, fit, mean_covariance};
-use super::form::{forms, of_law};
+use super::form::{are_as_large, forms, of_law};
 use super::linear::{Columns, Frame, Known, Normal, Products, assemble, by_phase, to_powers};
 use super::search::{DRAGGED, Hypothesis, log_prior, moments};
 use crate::effects::Subsystem;
@@ -176,10 +176,19 @@ fn promised(problem: &Problem, of: &Hypothesis, [sharp, coarse]: [&Mode; 2], pla
 /// A missing law at a place beside a set with the forms of its effects, fitted from a point. `known` are derivatives there.
 pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, known: Option<Known>) -> Unknown {
     let count = law.basis.len();
-    let all: Basis = law.basis.iter().cloned().chain(forms(problem, start, effects)).collect();
+    let of_effects = forms(problem, start, effects);
+    let mut all: Basis = law.basis.iter().chain(&of_effects).cloned().collect();
     let mut start = start.clone();
     start.missing.truncate(count);
-    let formless = fit(problem, Free { effects, basis: Some(&all) }, &start, LOOK + 2, known);
+    let mut formless = fit(problem, Free { effects, basis: Some(&all) }, &start, LOOK + 2, known);
+    // Effects that the law leaves nothing to do have next to no form either.
+    let there = forms(problem, &formless.point, effects);
+    if !are_as_large(&there, &of_effects) {
+        all.splice(count.., there);
+        let mut from = formless.point.clone();
+        from.missing.truncate(count);
+        formless = fit(problem, Free { effects, basis: Some(&all) }, &from, LOOK, formless.known());
+    }
     let form = of_law(problem, &formless.point, &all, count);
     let all: Basis = all.into_iter().chain(form).collect();
     let fitted = fit(problem, Free { effects, basis: Some(&all) }, &formless.point, LOOK, formless.known_with_law());
