@@ -69,8 +69,12 @@ else
     rm -rf "$target/fmu-sources"
     skipped "C sources of the FMUs" "wabt or std for wasm32-unknown-unknown is not to be had; packaging/sources.sh says more"
 fi
-# The library as it ships, without what only the command needs; it goes into the FMUs that the Python tests load.
-group "Rust: library of the FMUs" cargo build --profile quick --lib --no-default-features
+# The library as it ships, without what only the command needs; it goes into the FMUs that the Python tests load. Built where the command is, it would make cargo build everything else again.
+fmu_library() {
+    CARGO_TARGET_DIR=$target/fmus cargo build --profile quick --lib --no-default-features &&
+        cp --remove-destination "$target/fmus/quick/libkisspoint.so" "$target/quick/"
+}
+group "Rust: library of the FMUs" fmu_library
 export KISSPOINT=$PWD/$target/quick/kisspoint KISSPOINT_PROFILE=quick
 [[ $target == /* ]] && KISSPOINT=$target/quick/kisspoint
 group "Python: tests" "$target/venv/bin/python" -m pytest -q -rs --durations=15 --numprocesses auto --dist loadfile tests/python
