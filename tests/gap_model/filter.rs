@@ -5,6 +5,7 @@ use crate::thinned::every;
 use kisspoint::campaign::Recording;
 use kisspoint::effects::{self, param};
 use kisspoint::gap::infer::density::{Problem, misfit};
+use kisspoint::gap::infer::search::Hypothesis;
 use kisspoint::gap::model::tolerance::Car;
 use kisspoint::gap::model::track::{Channel, Track};
 use kisspoint::gap::model::{filter, prepare, replay};
@@ -381,6 +382,62 @@ fn a_closed_clutch_that_brakes_with_one_speed_late_holds() {
     let (skew, with) = held(&vehicle_json);
     assert!((skew - 0.012).abs() < 1e-3, "{skew}");
     assert!(with == 47 && without < 5, "{with} {without}");
+}
+
+/// The same samples in four messages that follow each other by 30 µs: the same innovations, and the same car.
+#[test]
+fn channels_in_bursts_say_what_they_say_in_one_row() {
+    let (recordings, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let bursts = |r: &Recording| {
+        let rows = 4 * r.time.len();
+        let one = |v: &[f64], message: usize| (0..rows).map(|k| if k % 4 == message { v[k / 4] } else { f64::NAN }).collect::<Vec<f64>>();
+        // Inputs are held, the first one from the start.
+        let held = |v: &[f64], message: usize| (0..rows).map(|k| v[(k + 4 - message).saturating_sub(4) / 4]).collect::<Vec<f64>>();
+        let own = |message: usize| Some((0..rows).filter(|k| k % 4 == message).collect::<Vec<usize>>());
+        let all = Recording {
+            time: (0..rows).map(|k| r.time[k / 4] + 3e-5 * (k % 4) as f64).collect(),
+            omega_f: one(&r.omega_f, 0),
+            omega_c: one(&r.omega_c, 1),
+            t_e: held(&r.t_e, 2),
+            x_to_cmd: held(&r.x_to_cmd, 3),
+            theta_h: held(&r.theta_h, 0),
+            input_rows: [own(2), own(3)],
+            x_to: r.x_to.as_ref().map(|v| one(v, 0)),
+            t_fc: r.t_fc.as_ref().map(|v| one(v, 0)),
+            theta_c: r.theta_c.as_ref().map(|v| one(v, 0)),
+            brake: None,
+            ..r.clone()
+        };
+        // As the reader has it: it begins with the message that begins last.
+        let cut = |v: Vec<f64>| v[3..].to_vec();
+        Recording {
+            time: all.time[3..].iter().map(|t| t - all.time[3]).collect(),
+            omega_f: cut(all.omega_f),
+            omega_c: cut(all.omega_c),
+            t_e: cut(all.t_e),
+            x_to_cmd: cut(all.x_to_cmd),
+            theta_h: cut(all.theta_h),
+            x_to: all.x_to.map(cut),
+            t_fc: all.t_fc.map(cut),
+            theta_c: all.theta_c.map(cut),
+            input_rows: all.input_rows.map(|own| own.map(|o| o.iter().filter(|k| **k >= 3).map(|k| k - 3).collect())),
+            brake: None,
+            ..r.clone()
+        }
+    };
+    let of = |recordings: &[Recording]| {
+        let all: Vec<&Recording> = recordings.iter().collect();
+        let (tracks, tolerances) = prepare::read(&all, &vehicle_json).unwrap();
+        let with = prepare::disturbances(&tracks, &tolerances);
+        let problem = prepare::problem(tracks, &vehicle, &tolerances, &with);
+        let fit = Hypothesis::fitted(&problem, Vec::new(), &problem.nominal(), 12, None).fit;
+        (misfit(&problem.all_residuals(&problem.nominal(), None)), fit)
+    };
+    let (whole, split) = (of(&recordings), of(&recordings.iter().map(bursts).collect::<Vec<_>>()));
+    assert!((split.0 / whole.0 - 1.0).abs() < 0.02 && (split.1.cost / whole.1.cost - 1.0).abs() < 0.02, "{} {}", split.0, whole.0);
+    let apart = split.1.point.shared.iter().zip(&whole.1.point.shared).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(apart < 0.6, "{apart}: {:?} {:?}", split.1.point.shared, whole.1.point.shared);
 }
 
 /// A speed that is lost for 0.8 s under the brakes is not one below a sensor's threshold: the car goes on.

@@ -155,11 +155,17 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     let variance = |c: usize, samples: usize| with.noise[c].white.powi(2) / samples as f64;
     let mut p = Covariance::zeros();
     // What a speed is before its first sample is known as well as that sample is small.
+    let at_start = [Channel::OmegaF, Channel::OmegaC].map(|c| track.speed_at(c, 0).map(|s| s.1));
     let hidden = |c: usize| {
         let seen = speeds[c].iter().map(|s| s.0).find(|v| v.is_finite()).unwrap_or(0.0);
-        if speeds[c][0].0.is_nan() && seen.abs() < HIDDEN { 0.5 * seen } else { 0.0 }
+        if at_start[c].is_none() && seen.abs() < HIDDEN { 0.5 * seen } else { 0.0 }
     };
-    let start = |c: usize| with.noise[c].white.powi(2) + with.noise[c].coloured.powi(2) + with.sensors[c].sigma.powi(2) + hidden(c).powi(2);
+    let start = |c: usize| {
+        at_start[c].unwrap_or(1.0) * with.noise[c].white.powi(2)
+            + with.noise[c].coloured.powi(2)
+            + with.sensors[c].sigma.powi(2)
+            + hidden(c).powi(2)
+    };
     (p[(OMEGA_F, OMEGA_F)], p[(OMEGA_C, OMEGA_C)]) = (start(0), start(1));
     let colour: [Wander; 2] = std::array::from_fn(|c| joined(with.noise[c], with.sensors[c]));
     // What the noise of a flywheel that follows its sensor is worth at the disc.

@@ -90,10 +90,12 @@ pub const HIDDEN: f64 = 10.0;
 /// State at a row: the speeds as measured there; a clutch that is closed on two nearly equal speeds is locked.
 pub fn start(track: &Track, car: &Car, row: usize, theta: [f64; 2], noise: f64) -> Start {
     let first = |c: Channel| {
-        let v = &track.measured[c as usize][row..];
-        let seen = v.iter().copied().find(|v| v.is_finite()).unwrap_or(0.0);
+        if let Some((speed, _)) = track.speed_at(c, row) {
+            return speed;
+        }
         // A slow wheel that shows nothing yet stands still, or nearly.
-        if v.first().is_some_and(|v| v.is_nan()) && seen.abs() < HIDDEN { 0.0 } else { seen }
+        let seen = track.measured[c as usize][row..].iter().copied().find(|v| v.is_finite()).unwrap_or(0.0);
+        if seen.abs() < HIDDEN { 0.0 } else { seen }
     };
     let (omega_f, omega_c) =
         (sensed::meant(&car.effects, 0, first(Channel::OmegaF)), sensed::meant(&car.effects, 1, first(Channel::OmegaC)));

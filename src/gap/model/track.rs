@@ -104,6 +104,8 @@ pub struct Track {
     inputs: [Input; 2],
     /// Typical interval of the speeds, s.
     speed_interval: f64,
+    /// Whether channels have clocks of their own.
+    several_clocks: bool,
     /// [`Recording::held`].
     pub held: bool,
     /// Whether no position was recorded. Bench channels then say nothing either.
@@ -119,11 +121,11 @@ impl Track {
         let optional = |v: &Option<Vec<f64>>| v.clone().filter(|_| !position_free).unwrap_or_default();
         let rows = r.time.len();
         let step = 1.0 / r.sample_rate_hz;
-        let clocks = has_several_clocks(r);
+        let several_clocks = has_several_clocks(r);
         let [report, command] = r.input_rows.each_ref().map(|own| Input::new(own.as_deref(), &r.time, step));
         let reported: Vec<f64> = report.own_rows(rows).map(|row| r.t_e[row]).collect();
         let report_time = report.own_rows(rows).map(|row| r.time[row]).collect();
-        let first_rows = first_rows(&r.time, step, clocks);
+        let first_rows = first_rows(&r.time, step, several_clocks);
         let observation_of_row = first_rows.windows(2).enumerate().flat_map(|(k, w)| std::iter::repeat_n(k, w[1] - w[0])).collect();
         let (ticks, tick_of_row) = ticks(r, step, [&report, &command]);
         Self {
@@ -141,7 +143,8 @@ impl Track {
             first_rows,
             observation_of_row,
             inputs: [report, command],
-            speed_interval: if clocks { step } else { mean_interval(&r.time) },
+            speed_interval: if several_clocks { step } else { mean_interval(&r.time) },
+            several_clocks,
             held: r.held,
             position_free,
             unknown_clutch: None,
@@ -178,9 +181,9 @@ impl Track {
         self.observation_of_row[row]
     }
 
-    /// Whether observations average over several rows.
+    /// Whether the rows of an observation are spread over it, so that one step may stand for them all. Those of a burst lie at its beginning.
     pub fn averages(&self) -> bool {
-        self.observations() < self.rows()
+        self.observations() < self.rows() && !self.several_clocks
     }
 
     /// Typical interval of the observations, s.
@@ -209,6 +212,20 @@ impl Track {
         (sum / count as f64, count)
     }
 
+    /// A speed at `row`, from its first two samples from there on, and its variance in units of a sample's; none if the first comes as late as the second follows it: a sensor
+    /// below its threshold says nothing.
+    pub fn speed_at(&self, speed: Channel, row: usize) -> Option<(f64, f64)> {
+        let v = &self.measured[speed as usize];
+        let mut known = (row..self.rows()).filter(|&k| v[k].is_finite());
+        let first = known.next()?;
+        if first == row {
+            return Some((v[row], 1.0));
+        }
+        let second = known.next()?;
+        let share = (self.time[first] - self.time[row]) / (self.time[second] - self.time[first]);
+        (share < 1.0 - 1e-6).then(|| (v[first] - share * (v[second] - v[first]), (1.0 + share).powi(2) + share.powi(2)))
+    }
+
     /// Typical interval of the rows, s.
     pub fn interval(&self) -> f64 {
         mean_interval(&self.time)
@@ -222,7 +239,7 @@ impl Track {
     /// Stamps of the logger's clock: those of the flywheel speed where channels have clocks of their own.
     fn clock(&self) -> Cow<'_, [f64]> {
         let speed = &self.measured[Channel::OmegaF as usize];
-        if self.inputs.iter().all(|i| i.own.is_none()) {
+        if !self.several_clocks {
             return Cow::Borrowed(&self.time);
         }
         self.time.iter().zip(speed).filter(|(_, v)| v.is_finite()).map(|(t, _)| *t).collect()
@@ -445,8 +462,16 @@ mod tests {
                 assert_eq!((track.rows_of(k), track.observation_of(4 * k + 3), track.reports_in(k)), (4 * k..4 * k + 4, k, 1));
                 assert_eq!(track.mean(Channel::OmegaC, k), (4.0 * k as f64 + 1.0, 1));
             }
-            assert!(track.averages() && !track.jitters() && track.unevenness() < 1e-9, "bursts are no jitter");
+            assert!(!track.averages() && !track.jitters() && track.unevenness() < 1e-9, "bursts are no jitter");
             assert!((track.speed_interval() - step).abs() < 1e-12 && track.samples_per_observation(Channel::OmegaF) == 1);
+            // The disc speed at the first row is on the line through its first two samples.
+            let (late, share) = (after[1], after[1] / step);
+            let (value, variance) = track.speed_at(Channel::OmegaC, 0).unwrap();
+            assert!(
+                (value - (1.0 - 4.0 * share)).abs() < 1e-9 && (variance - ((1.0 + share).powi(2) + share.powi(2))).abs() < 1e-9,
+                "{late}"
+            );
+            assert_eq!((track.speed_at(Channel::OmegaF, 0), track.speed_at(Channel::OmegaF, 37)), (Some((0.0, 1.0)), None));
             assert_eq!(track.reported, (0..10).map(|n| 10.0 * f64::from(n)).collect::<Vec<_>>());
         }
         // Speeds at 1 kHz, each with a clock of its own, make observations of ten samples.
