@@ -38,8 +38,8 @@ fi
 tests() {
     case $1 in
     effects) echo val_effects val_physics effects_null ;;
-    physics) echo val_effects val_physics val_inverse_map val_plant val_oracle val_work ;;
-    plant) echo val_effects val_physics val_plant val_rest val_energy val_oracle val_continuity val_work ;;
+    physics) echo val_effects val_physics val_inverse_map val_plant val_switched val_oracle val_work ;;
+    plant) echo val_effects val_physics val_plant val_switched val_rest val_energy val_oracle val_continuity val_work ;;
     control) echo val_control_promises val_control val_control_faults val_control_estimators val_control_governed regress_table2 ;;
     fmi2) echo fmi_refusals fmi_within_a_step fmi_tells fmi_resources fmi_realtime fmi_random fmi_abuse ;;
     campaign) echo campaign_guards campaign_defects campaign_formats campaign_random ;;

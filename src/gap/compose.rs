@@ -14,9 +14,11 @@ use super::infer::search::{Search, log_prior};
 use super::map::{Cell, FAMILY_WISE_ERROR};
 use super::measure::{Closed, Engagement, HeldOut};
 use super::model::track::Channel;
-use super::model::unknown_clutch::{self, HIDDEN};
+use super::model::unknown_clutch::HIDDEN;
 use super::plan::Outlook;
 use super::plan::reach::Reach;
+use super::prose::{percent, three_digits};
+use super::sentence::sentence;
 use super::verdict::{Conclusion, NAMED_BESIDE, Verdict};
 use crate::campaign::Campaign;
 use crate::effects::{self, PARAMETERS, Parameters, REGISTRY, Subsystem};
@@ -102,7 +104,7 @@ fn names_effects(f: &Findings) -> bool {
 }
 
 /// Effects that were named, most important first.
-fn named(f: &Findings) -> Vec<usize> {
+pub(super) fn named(f: &Findings) -> Vec<usize> {
     if !names_effects(f) {
         return Vec::new();
     }
@@ -217,12 +219,12 @@ fn to_measure(f: &Findings, effect: usize) -> String {
 }
 
 /// Whether no recording says where the bearing is.
-fn position_free(f: &Findings) -> bool {
+pub(super) fn position_free(f: &Findings) -> bool {
     f.problem.tracks.iter().all(|t| t.position_free)
 }
 
 /// Effects that may be there in the place of `e`.
-fn rivals(f: &Findings, e: usize) -> Vec<usize> {
+pub(super) fn rivals(f: &Findings, e: usize) -> Vec<usize> {
     in_place_of(e, &f.conclusion.explanation.effects, &f.posterior.explanations)
 }
 
@@ -425,82 +427,6 @@ fn kpi(h: &HeldOut) -> BTreeMap<&'static str, Figures> {
     ])
 }
 
-/// As the report's headline has it.
-fn three_digits(value: f64) -> String {
-    if value == 0.0 {
-        return "0".to_owned();
-    }
-    let magnitude = value.abs().max(1e-6).log10().floor() as i32;
-    format!("{value:.*}", (2 - magnitude).clamp(0, 9) as usize)
-}
-
-/// Rounded down: "100 %" is said of a gap that is closed, not of one that nearly is.
-fn percent(share: f64) -> String {
-    if share >= 1.0 { "100 %".to_owned() } else { format!("{:.1} %", (1000.0 * share).floor() / 10.0).replace('-', "−") }
-}
-
-/// A list as people write it: "a, b and c".
-fn joined(items: &[impl AsRef<str>], word: &str) -> String {
-    let items: Vec<&str> = items.iter().map(AsRef::as_ref).collect();
-    match &items[..] {
-        [head @ .., last] if !head.is_empty() => format!("{} {word} {last}", head.join(", ")),
-        _ => items.concat(),
-    }
-}
-
-/// Effects, of which some stand with their rivals: "a or b, and c".
-fn each_with_rivals(groups: &[String]) -> String {
-    match groups {
-        [head @ .., last] if !head.is_empty() && groups.iter().any(|g| g.contains(" or ")) => format!("{}, and {last}", head.join(", ")),
-        _ => joined(groups, "and"),
-    }
-}
-
-fn sentence(f: &Findings, closed: f64) -> String {
-    let with_rivals = |e: usize| {
-        let mut words = vec![REGISTRY[e].id];
-        words.extend(rivals(f, e).iter().map(|&k| REGISTRY[k].id));
-        words.join(" or ")
-    };
-    let effects = named(f);
-    let names = each_with_rivals(&effects.iter().map(|&e| with_rivals(e)).collect::<Vec<_>>());
-    let (helps, closes) = if effects.len() == 1 { ("helps", "closes") } else { ("help", "close") };
-    let c = f.conclusion;
-    let places: Vec<&str> = c.unexplained_at.iter().chain(&c.or_at).map(|s| s.id()).collect();
-    let at = joined(&places, "or");
-    let of_it = if closed > 0.0 { percent(closed) } else { "none".to_owned() };
-    let share = format!("{of_it} of the gap on {}, which took no part in the fit", f.held_out_name);
-    match c.verdict {
-        Verdict::NoGap if position_free(f) => format!(
-            "No effect is needed in engine, driveline and sensors: there the model follows the car within the tolerances of its vehicle file. Without a position, {} are not assessable.",
-            unknown_clutch::hidden()
-        ),
-        Verdict::NoGap => "No effect is needed: the model follows the car within the tolerances of its vehicle file.".to_owned(),
-        Verdict::Explained => format!("The gap is explained by {names}, which {closes} {share}."),
-        Verdict::PartlyExplained if closed <= 0.0 => {
-            format!(
-                "{names} {helps} in the recordings of the fit but {closes} {share}; something structured remains in {at} that no effect in the library accounts for."
-            )
-        }
-        Verdict::PartlyExplained => {
-            format!(
-                "{names} {helps} and {closes} {share}, but something structured remains in {at} that no effect in the library accounts for."
-            )
-        }
-        Verdict::Unexplained => format!("There is a gap in {at} that no effect in the library accounts for."),
-        Verdict::InputsDoNotFit if position_free(f) => {
-            "These inputs do not fit this vehicle: such a car cannot have this torque and these speeds at once, whatever its clutch transmits. Check \
-             the channel map: what T_e_Nm means, and which shafts the speeds belong to."
-                .to_owned()
-        }
-        Verdict::InputsDoNotFit => {
-            "These inputs do not fit this vehicle: such a car cannot have this torque, position and speed at once. Check \
-             the channel map: what T_e_Nm means, which shafts the speeds belong to, and which way the position counts."
-                .to_owned()
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -550,25 +476,5 @@ mod tests {
         ];
         assert_eq!(in_place_of(2, &[1, 2], &all), [8, 5]);
         assert_eq!(in_place_of(1, &[1, 2], &all), [0; 0]);
-    }
-
-    #[test]
-    fn lists_are_written_as_people_write_them() {
-        let of = |items: &[&str]| each_with_rivals(&items.iter().map(|s| (*s).to_owned()).collect::<Vec<_>>());
-        assert_eq!([of(&[]), of(&["a"]), of(&["a", "b"]), of(&["a", "b", "c"])], ["", "a", "a and b", "a, b and c"]);
-        assert_eq!([of(&["a or b", "c"]), of(&["a", "b", "c or d"]), of(&["a or b"])], ["a or b, and c", "a, b, and c or d", "a or b"]);
-        assert_eq!(joined(&["x", "y", "z"], "or"), "x, y or z");
-    }
-
-    #[test]
-    fn figures_are_said_as_one_reads_them() {
-        assert_eq!(
-            [percent(1.0), percent(1.2), percent(0.9999), percent(0.123_49), percent(-0.05)],
-            ["100 %", "100 %", "99.9 %", "12.3 %", "−5.0 %"]
-        );
-        assert_eq!(
-            [three_digits(12.345), three_digits(0.012_345), three_digits(1234.5), three_digits(0.0)],
-            ["12.3", "0.0123", "1234", "0"]
-        );
     }
 }

@@ -12,7 +12,7 @@
 //! 5. [`plan`]: what to measure to settle what is open, and how small an effect would still show; [`advice`]: the same in words
 //! 6. [`empirical`]: a law learned from the recordings where the library ends; [`domain`]: where the retuned plant was validated, and how well its clutch torque
 //!    is known
-//! 7. [`compose`]: the [`answer`] and its sentences; [`joint`]: the posterior itself, for pooling many cars
+//! 7. [`compose`]: the [`answer`]; [`sentence`] and [`prose`]: its words; [`joint`]: the posterior itself, for pooling many cars
 //!
 //! [`diagnosis`] runs all of it, and [`progress`] tells how far it is.
 
@@ -31,4 +31,6 @@ pub mod measure;
 pub mod model;
 pub mod plan;
 pub mod progress;
+pub mod prose;
+pub mod sentence;
 pub mod verdict;

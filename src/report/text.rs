@@ -1,5 +1,7 @@
 //! Text for people: escaping, numbers, names.
 
+use crate::gap::prose::listed;
+
 /// `text` safe in HTML content and in quoted attributes.
 pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
@@ -95,20 +97,12 @@ pub fn words(id: &str) -> String {
 
 /// Items as a list in prose.
 pub fn enumeration(items: &[String]) -> String {
-    joined(items, "and")
+    listed(items, " and ")
 }
 
 /// Alternatives as people write them.
 pub fn alternatives(items: &[String]) -> String {
-    joined(items, "or")
-}
-
-fn joined(items: &[String], word: &str) -> String {
-    match items {
-        [] => String::new(),
-        [one] => one.clone(),
-        [head @ .., last] => format!("{} {word} {last}", head.join(", ")),
-    }
+    listed(items, " or ")
 }
 
 /// A unit as people write it.

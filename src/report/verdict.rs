@@ -7,6 +7,7 @@ use super::doubts;
 use super::json::{list, real, text, texts};
 use super::names;
 use super::text::{alternatives, capitalised, enumeration, escape, number, percent};
+use crate::gap::prose::listed;
 
 /// Stands about the "or" between rivals, which the page sets in bold.
 const MARK: char = '\u{1}';
@@ -70,11 +71,7 @@ fn named(effects: &[Value]) -> String {
         return "An effect that is not named".to_owned();
     }
     let doubtful = groups.iter().any(|g| g.contains(MARK));
-    let separate = |groups: &[String]| match groups {
-        [head @ .., last] if !head.is_empty() => format!("{}, and {last}", head.join(", ")),
-        _ => groups.concat(),
-    };
-    capitalised(&if doubtful { separate(&groups) } else { enumeration(&groups) })
+    capitalised(&listed(&groups, if doubtful { ", and " } else { " and " }))
 }
 
 /// Where the remainder or the unexplained gap lies, with what may stand in its place.
@@ -82,11 +79,7 @@ fn places(diagnosis: &Value) -> String {
     let place = &diagnosis["where"];
     let first = text(place, "unexplained_at").or_else(|| text(place, "primary"));
     let all: Vec<String> = first.into_iter().chain(texts(place, "ambiguous_with")).map(names::place).collect();
-    match &all[..] {
-        [] => "a subsystem that is not named".to_owned(),
-        [one] => one.clone(),
-        [head @ .., last] => format!("{} {MARK}or{MARK} {last}", head.join(", ")),
-    }
+    if all.is_empty() { "a subsystem that is not named".to_owned() } else { listed(&all, &format!(" {MARK}or{MARK} ")) }
 }
 
 /// How far off a free replay of what was held out is, before and after.

@@ -2,6 +2,7 @@
 
 mod filter;
 mod inference;
+mod laws;
 mod made_up;
 mod residual_map;
 #[path = "../thinned/mod.rs"]

@@ -182,3 +182,22 @@ pub fn remains(tau: f64, kappa: f64, t: f64) -> (f64, f64) {
         (z, -(decay * decay + turn * turn) / turn * (-decay * t).exp() * (turn * t).sin())
     }
 }
+
+/// Effects with these values.
+pub fn with(set: &[(usize, f64)]) -> Parameters {
+    let mut parameters = effects::null();
+    set.iter().for_each(|&(k, value)| parameters[k] = value);
+    parameters
+}
+
+pub fn close(what: &str, found: f64, expected: f64, tolerance: f64) {
+    assert!((found - expected).abs() <= tolerance, "{what}: {found} against {expected}, {:.1e} apart", (found - expected).abs());
+}
+
+/// A disc and a car of together 0.5 kg·m² behind shafts without damping; the flywheel has 0.2 kg·m².
+pub fn elastic(omega_f: f64, omega_c: f64, x_to: f64) -> (Bench, Parameters) {
+    use effects::param::driveline_compliance::{compliance, damping, disc_share};
+    let mut bench = Bench::held(omega_f, omega_c, 25.0, x_to);
+    (bench.vehicle.driveline.J_f, bench.vehicle.driveline.J_c) = (0.2, 0.5);
+    (bench, with(&[(compliance, 2e-3), (disc_share, 0.2), (damping, 0.0)]))
+}

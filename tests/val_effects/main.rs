@@ -5,6 +5,7 @@
 //! be far from what the plant does without the effects, or, where it is a limit at which the effect does nothing, equal to it.
 
 mod actuator;
+#[allow(dead_code)]
 mod bench;
 mod clutch_force;
 mod driveline;

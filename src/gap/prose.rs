@@ -1,0 +1,48 @@
+//! Lists and figures in sentences.
+
+/// Items as people list them: commas between all but the last two, which `last` joins, e.g. " and ".
+pub fn listed(items: &[impl AsRef<str>], last: &str) -> String {
+    let items: Vec<&str> = items.iter().map(AsRef::as_ref).collect();
+    match &items[..] {
+        [head @ .., end] if !head.is_empty() => format!("{}{last}{end}", head.join(", ")),
+        _ => items.concat(),
+    }
+}
+
+/// As the report's headline has it.
+pub fn three_digits(value: f64) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    let magnitude = value.abs().max(1e-6).log10().floor() as i32;
+    format!("{value:.*}", (2 - magnitude).clamp(0, 9) as usize)
+}
+
+/// Rounded down: "100 %" is said of a gap that is closed, not of one that nearly is.
+pub fn percent(share: f64) -> String {
+    if share >= 1.0 { "100 %".to_owned() } else { format!("{:.1} %", (1000.0 * share).floor() / 10.0).replace('-', "−") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_two_are_joined_by_a_word() {
+        let none: [&str; 0] = [];
+        assert_eq!([listed(&none, " and "), listed(&["a"], " and ")], ["", "a"]);
+        assert_eq!([listed(&["a", "b"], " or "), listed(&["a", "b", "c"], ", and ")], ["a or b", "a, b, and c"]);
+    }
+
+    #[test]
+    fn figures_are_said_as_one_reads_them() {
+        assert_eq!(
+            [percent(1.0), percent(1.2), percent(0.9999), percent(0.123_49), percent(-0.05)],
+            ["100 %", "100 %", "99.9 %", "12.3 %", "−5.0 %"]
+        );
+        assert_eq!(
+            [three_digits(12.345), three_digits(0.012_345), three_digits(1234.5), three_digits(0.0)],
+            ["12.3", "0.0123", "1234", "0"]
+        );
+    }
+}

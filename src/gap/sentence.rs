@@ -1,0 +1,70 @@
+//! The sentence of an answer.
+
+use super::compose::{Findings, named, position_free, rivals};
+use super::model::unknown_clutch;
+use super::prose::{listed, percent};
+use super::verdict::Verdict;
+use crate::effects::REGISTRY;
+
+/// Effects, of which some stand with their rivals: "a or b, and c".
+fn each_with_rivals(groups: &[String]) -> String {
+    listed(groups, if groups.iter().any(|g| g.contains(" or ")) { ", and " } else { " and " })
+}
+
+/// Verdict, effects and how much of the gap they close, of which `closed` is the share.
+pub fn sentence(f: &Findings, closed: f64) -> String {
+    let with_rivals = |e: usize| {
+        let mut words = vec![REGISTRY[e].id];
+        words.extend(rivals(f, e).iter().map(|&k| REGISTRY[k].id));
+        words.join(" or ")
+    };
+    let effects = named(f);
+    let names = each_with_rivals(&effects.iter().map(|&e| with_rivals(e)).collect::<Vec<_>>());
+    let (helps, closes) = if effects.len() == 1 { ("helps", "closes") } else { ("help", "close") };
+    let c = f.conclusion;
+    let places: Vec<&str> = c.unexplained_at.iter().chain(&c.or_at).map(|s| s.id()).collect();
+    let at = listed(&places, " or ");
+    let of_it = if closed > 0.0 { percent(closed) } else { "none".to_owned() };
+    let share = format!("{of_it} of the gap on {}, which took no part in the fit", f.held_out_name);
+    match c.verdict {
+        Verdict::NoGap if position_free(f) => format!(
+            "No effect is needed in engine, driveline and sensors: there the model follows the car within the tolerances of its vehicle file. Without a position, {} are not assessable.",
+            unknown_clutch::hidden()
+        ),
+        Verdict::NoGap => "No effect is needed: the model follows the car within the tolerances of its vehicle file.".to_owned(),
+        Verdict::Explained => format!("The gap is explained by {names}, which {closes} {share}."),
+        Verdict::PartlyExplained if closed <= 0.0 => {
+            format!(
+                "{names} {helps} in the recordings of the fit but {closes} {share}; something structured remains in {at} that no effect in the library accounts for."
+            )
+        }
+        Verdict::PartlyExplained => {
+            format!(
+                "{names} {helps} and {closes} {share}, but something structured remains in {at} that no effect in the library accounts for."
+            )
+        }
+        Verdict::Unexplained => format!("There is a gap in {at} that no effect in the library accounts for."),
+        Verdict::InputsDoNotFit if position_free(f) => {
+            "These inputs do not fit this vehicle: such a car cannot have this torque and these speeds at once, whatever its clutch transmits. Check \
+             the channel map: what T_e_Nm means, and which shafts the speeds belong to."
+                .to_owned()
+        }
+        Verdict::InputsDoNotFit => {
+            "These inputs do not fit this vehicle: such a car cannot have this torque, position and speed at once. Check \
+             the channel map: what T_e_Nm means, which shafts the speeds belong to, and which way the position counts."
+                .to_owned()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_are_written_as_people_write_them() {
+        let of = |items: &[&str]| each_with_rivals(&items.iter().map(|s| (*s).to_owned()).collect::<Vec<_>>());
+        assert_eq!([of(&[]), of(&["a"]), of(&["a", "b"]), of(&["a", "b", "c"])], ["", "a", "a and b", "a, b and c"]);
+        assert_eq!([of(&["a or b", "c"]), of(&["a", "b", "c or d"]), of(&["a or b"])], ["a or b, and c", "a, b, and c or d", "a or b"]);
+    }
+}
