@@ -4,7 +4,8 @@
 //!
 //! closed = (before − after) / (before − floor), each the mean over replays of the root mean square error of both speeds.
 //!
-//! A bench recording is replayed from its first sample, and the floor is its sensors' noise. A drive is replayed from each release of the
+//! A bench recording is replayed from its first sample, and the floor is its sensors' noise; what the true car itself closes is said beside it, for it is told no more than the
+//! retuned plant of start temperatures and of the drift of the torque report. A drive is replayed from each release of the
 //! brake at rest to the next braking, [`LONGEST_S`] at most; until then the replay is pulled towards the speeds that were measured, with a
 //! memory of [`MEMORY_S`], so that temperatures and actuator run through the drive. The floor is what the true car leaves: it too is told neither
 //! the grade, nor the wander of the torque report, nor more of the start temperatures than was noted.
@@ -34,15 +35,26 @@ pub struct Closed {
     pub before: f64,
     /// Of the retuned plant.
     pub after: f64,
-    /// Of the true car.
+    /// Of a car that nobody could improve on.
     pub floor: f64,
+    /// Of the true car, which is told no more than the retuned plant.
+    pub true_car: f64,
 }
 
 impl Closed {
     /// Share of the gap above the floor that is gone; none where the gap does not stand out of the floor by a fifth of it.
     pub fn fraction(&self) -> Option<f64> {
-        let above = self.before - self.floor;
-        (above > 0.2 * self.floor).then(|| ((self.before - self.after) / above).min(1.0))
+        self.above(self.floor)
+    }
+
+    /// The same above what the true car leaves.
+    pub fn of_true_car(&self) -> Option<f64> {
+        self.above(self.true_car)
+    }
+
+    fn above(&self, floor: f64) -> Option<f64> {
+        let above = self.before - floor;
+        (above > 0.2 * floor).then(|| ((self.before - self.after) / above).min(1.0))
     }
 }
 
@@ -105,23 +117,20 @@ pub fn on(unseen: &[Recording], vehicle_json: &str, parameters: &Value, real: &R
         plant.set_max_substep(SUBSTEP_S);
         plant
     };
-    let mut sums = [0.0; 3];
+    let mut sums = [0.0; 4];
     let mut count = 0.0;
     for (number, r) in unseen.iter().enumerate() {
         let windows = windows(r);
         let before = errors(r, &windows, plant(&file, &effects::null(), r));
         let after = errors(r, &windows, plant(&retuned, &effects, r));
-        let floor = if r.brake.is_some() {
-            errors(r, &windows, real.at_start_of(r, number as u64))
-        } else {
-            vec![real.noise_rad_s(); 2 * windows.len()]
-        };
-        for (k, part) in [before, after, floor].iter().enumerate() {
+        let true_car = errors(r, &windows, real.at_start_of(r, number as u64));
+        let floor = if r.brake.is_some() { true_car.clone() } else { vec![real.noise_rad_s(); 2 * windows.len()] };
+        for (k, part) in [before, after, floor, true_car].iter().enumerate() {
             sums[k] += part.iter().sum::<f64>();
         }
         count += 2.0 * windows.len() as f64;
     }
-    (count > 0.0).then(|| Closed { before: sums[0] / count, after: sums[1] / count, floor: sums[2] / count })
+    (count > 0.0).then(|| Closed { before: sums[0] / count, after: sums[1] / count, floor: sums[2] / count, true_car: sums[3] / count })
 }
 
 /// The file's vehicle and its effects with what the answer says of the FMU's variables.
@@ -199,6 +208,15 @@ mod tests {
 
     fn gap(car: &Car, parameters: &Value) -> Closed {
         on(&car.unseen, &car.campaign.vehicle_json, parameters, &car.real).unwrap()
+    }
+
+    /// A car that leaves more than its sensors' noise limits what anybody could close.
+    #[test]
+    fn a_gap_counts_from_the_floor_or_from_what_the_true_car_leaves() {
+        let of = |before: f64, after: f64| Closed { before, after, floor: 0.2, true_car: 1.0 };
+        assert!((of(5.0, 2.0).fraction().unwrap() - 3.0 / 4.8).abs() < 1e-12 && of(5.0, 2.0).of_true_car() == Some(0.75));
+        assert!(of(1.19, 0.9).fraction().is_some() && of(1.19, 0.9).of_true_car().is_none());
+        assert_eq!(of(5.0, 0.1).of_true_car(), Some(1.0));
     }
 
     #[test]

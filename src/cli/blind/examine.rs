@@ -212,7 +212,7 @@ impl Outcome {
         json!({
             "truth": self.true_ids().collect::<Vec<_>>(), "shapes": shapes, "alteration": self.alteration.map(super::scores::row_name),
             "verdict": self.verdict, "primary": self.primary, "unexplained_at": self.unexplained_at, "doubted": self.doubted,
-            "named": named, "intervals": intervals, "closed": self.closed.map(|c| c.fraction()), "gap": self.closed.map(|c| [c.before, c.after, c.floor]),
+            "named": named, "intervals": intervals, "closed": self.closed.map(|c| c.fraction()), "gap": self.closed.map(|c| [c.before, c.after, c.floor, c.true_car]),
             "error": self.error,
         })
     }

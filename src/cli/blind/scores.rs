@@ -3,6 +3,7 @@
 //! A share p̂ = x/n has Wilson's interval (p̂ + z²/2n ± z √(p̂(1 − p̂)/n + z²/4n²)) / (1 + z²/n), z = 1.96; an effect that is named as one of a
 //! group of m counts 1/m. A quantile has the interval between the order statistics at n q ± z √(n q (1 − q)).
 
+use super::closed::Closed;
 use super::examine::{Named, Outcome};
 use realcar::altered::{ALTERATIONS, Alteration};
 use serde_json::{Value, json};
@@ -50,7 +51,7 @@ fn share<'a>(name: impl Into<String>, outcomes: impl Iterator<Item = &'a Outcome
     Score { name: name.into(), value, hits: Some(sum), interval: some.then(|| wilson(sum, count)), count, is_share: true }
 }
 
-fn quantile(name: &str, sorted: &[f64], q: f64) -> Score {
+fn quantile(name: impl Into<String>, sorted: &[f64], q: f64) -> Score {
     let n = sorted.len() as f64;
     let at = |place: f64| sorted[(place.round().max(0.0) as usize).min(sorted.len() - 1)];
     let spread = Z * (n * q * (1.0 - q)).sqrt();
@@ -165,10 +166,14 @@ fn drawn(outcomes: &[Outcome]) -> Vec<Score> {
         count,
         is_share: false,
     });
-    let mut closed: Vec<f64> = faulty().filter(|o| o.known()).filter_map(|o| o.closed?.fraction()).collect();
-    closed.sort_by(f64::total_cmp);
-    table.push(quantile("gap closed on unseen recordings, median", &closed, 0.5));
-    table.push(quantile("gap closed on unseen recordings, tenth percentile", &closed, 0.1));
+    let counts: [(&str, fn(&Closed) -> Option<f64>); 2] =
+        [("gap closed on unseen recordings", Closed::fraction), ("above what the true car leaves", Closed::of_true_car)];
+    for (name, fraction) in counts {
+        let mut closed: Vec<f64> = faulty().filter(|o| o.known()).filter_map(|o| fraction(o.closed.as_ref()?)).collect();
+        closed.sort_by(f64::total_cmp);
+        table.push(quantile(format!("{name}, median"), &closed, 0.5));
+        table.push(quantile(format!("{name}, tenth percentile"), &closed, 0.1));
+    }
     table
 }
 
