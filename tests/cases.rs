@@ -4,6 +4,7 @@
 use kisspoint::campaign::{self, ReadOptions};
 use kisspoint::effects::{self, Subsystem};
 use kisspoint::gap::diagnosis::diagnose;
+use kisspoint::gap::infer::sensors;
 use kisspoint::gap::model::replay::{self, Missing};
 use kisspoint::gap::model::tolerance::Car;
 use kisspoint::gap::model::{missing, prepare};
@@ -61,18 +62,23 @@ fn every_case_gets_its_expected_answer() {
 /// The control unit of the first case computes at 50 Hz, as it is logged; that of the sixth at 100 Hz, of which a logger of 50 Hz would miss half.
 #[test]
 fn a_slow_control_unit_is_told_from_a_slow_logger() {
-    let held = |case: &str, step: usize| {
+    let read = |case: &str, step: usize| {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/cases").join(case).join("campaign");
         let mut campaign = campaign::read(&folder, &ReadOptions::default()).unwrap();
         campaign.recordings = campaign.recordings.iter().map(|r| every(step, r)).collect();
-        let found = diagnose(&campaign, &|_, _| {}).unwrap();
+        campaign
+    };
+    let held = |case: &str, step: usize| {
+        let found = diagnose(&read(case, step), &|_, _| {}).unwrap();
         let said = found.json["notes"].as_array().unwrap().iter().any(|n| n.as_str().unwrap().contains("held from sample to sample"));
         assert_eq!(said, found.held);
         found.held
     };
     assert!(held("1", 1), "50 Hz, every command logged");
     assert!(!held("6", 2), "50 Hz, every second command logged");
-    assert!(!held("6", 1), "at 100 Hz there is nothing to tell");
+    let whole = read("6", 1);
+    let (tracks, _) = prepare::read(&whole.recordings.iter().collect::<Vec<_>>(), &whole.vehicle_json).unwrap();
+    assert!(!sensors::may_be_held(&tracks), "at 100 Hz there is nothing to tell");
 }
 
 /// A bearing that is elsewhere than the law of the actuator has it shows in a sensor of its position, a torque of the clutch in a transducer.

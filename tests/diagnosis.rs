@@ -41,13 +41,16 @@ impl Drop for Folder {
     }
 }
 
+/// Of this seed the first car of which that can be said below.
+const FIRST: usize = 3;
+
 /// The first car of this kind that is recorded at 100 Hz without bench and holds all manoeuvres: the everyday campaign, and the quickest.
 fn everyday(kind: Kind) -> Car {
     let is_everyday = |car: &Car| {
         let r = &car.campaign.recordings;
         r.len() == 9 && r.iter().all(|r| r.bench.is_none() && r.sample_rate_hz == 100.0)
     };
-    (0..1000).map(|index| draw_car_of(Place::Bench, SEED, index, kind)).find(is_everyday).unwrap()
+    (FIRST..1000).map(|index| draw_car_of(Place::Bench, SEED, index, kind)).find(is_everyday).unwrap()
 }
 
 /// The same car with only the recordings at these places.

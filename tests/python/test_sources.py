@@ -78,10 +78,10 @@ def test_what_others_wrote_is_named_with_its_licence(with_sources):
 
 @pytest.mark.skipif(not shutil.which("arm-linux-gnueabihf-gcc") or not shutil.which("qemu-arm"), reason="no ARM compiler, or no qemu-arm")
 def test_sources_compile_and_run_on_arm(with_sources, kisspoint, tmp_path):
-    """A 32-bit target: the coupled launch of tests/cross/launch.c, with both models from their sources."""
+    """A 32-bit target: the coupled launch of tests/cross/launch.c, with both models from the plant's sources: they serve both, as the binary does, and the GUID says which."""
     compiler = "arm-linux-gnueabihf-gcc"
     fmus = [with_sources / f"{name}.fmu" for name in ("DrivelinePlant", "ClutchController")]
-    libraries = [compiled(fmu, tmp_path / fmu.stem, compiler) for fmu in fmus]
+    library = compiled(fmus[0], tmp_path / "arm", compiler)
     guids = [Model(fmu).description.guid for fmu in fmus]
     launch = ROOT / "tests/cross/launch.c"
     native, arm = tmp_path / "launch", tmp_path / "launch_arm"
@@ -89,8 +89,7 @@ def test_sources_compile_and_run_on_arm(with_sources, kisspoint, tmp_path):
     subprocess.run([compiler, "-O2", launch, "-o", arm, "-ldl"], check=True)
     binary = Path(Model(fmus[0]).folder) / "binaries/linux64/DrivelinePlant.so"
     expected = subprocess.run([native, binary, *guids], check=True, capture_output=True, text=True).stdout.split()
-    # The plant's library serves both models, as the binary does: the GUID says which.
-    words = ["qemu-arm", "-L", "/usr/arm-linux-gnueabihf", arm, libraries[0], *guids]
+    words = ["qemu-arm", "-L", "/usr/arm-linux-gnueabihf", arm, library, *guids]
     found = subprocess.run(list(map(str, words)), check=True, capture_output=True, text=True).stdout.split()
     assert len(found) == len(expected) == 48
     assert [float(x) for x in found[2::3]] == pytest.approx([float(x) for x in expected[2::3]], rel=1e-9)
