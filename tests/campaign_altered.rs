@@ -1,6 +1,7 @@
 //! The bundled campaign as a road logger would have given it: what is lost or wrong is left out, everything else is kept as it was.
 
 use kisspoint::campaign::{self, Campaign, ReadOptions};
+use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
 /// The cells of a recording, the header apart.
@@ -204,16 +205,15 @@ fn the_diagnosis_of_a_worse_log_is_the_same() {
             k == 1 || drawn(10_000 * number + k) > 0.005
         });
     };
-    let all: [(&str, &dyn Fn(usize, &mut Rows)); 5] = [
+    let all: [(&str, &(dyn Fn(usize, &mut Rows) + Sync)); 5] = [
         ("blank-diagnosed", &blank),
         ("slow-diagnosed", &slow),
         ("code-diagnosed", &code),
         ("dead-diagnosed", &dead),
         ("lost-diagnosed", &lost),
     ];
-    for (name, change) in all {
-        assert_eq!(named(&altered(name, change)), ["kiss_point_thermal"], "{name}");
-    }
+    // Side by side, which leaves no core idle.
+    all.into_par_iter().for_each(|(name, change)| assert_eq!(named(&altered(name, change)), ["kiss_point_thermal"], "{name}"));
 }
 
 /// Nobody noted how warm the clutch was: 25 °C, give or take 50 K.

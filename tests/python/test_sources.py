@@ -12,7 +12,8 @@ from master import Model, couple
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "fmu-sources"
-FLAGS = ["-std=c99", "-O1", "-w"]
+# Hardly optimised: the compiler is most of the time that this takes.
+FLAGS = ["-std=c99", "-Og", "-w"]
 
 pytestmark = pytest.mark.skipif(not (SOURCES / "kisspoint.c").is_file(), reason="packaging/sources.sh has not been run")
 
