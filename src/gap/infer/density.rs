@@ -116,8 +116,7 @@ impl Problem {
         for (r, residuals) in here.iter().enumerate() {
             residuals.iter().enumerate().filter(|(_, x)| **x != 0.0).for_each(|(i, _)| samples[self.phase(r, i)] += 1.0);
         }
-        let power = |c: f64, p: usize| 1.0 / (1.0 + 0.5 * c * c * (misfits[p] - samples[p]).max(0.0));
-        self.powers = ACCURACIES.map(|c| std::array::from_fn(|p| power(c, p)));
+        self.powers = coarsened(EXACT, std::array::from_fn(|p| misfits[p] - samples[p]));
     }
 
     /// The powers by which a search is steered.
@@ -273,6 +272,12 @@ fn driving(basis: &Basis, k: usize, amplitudes: &[f64]) -> Missing {
     sum
 }
 
+/// Powers of the likelihood where recordings beyond those that have these leave G more unexplained in each phase of the clutch, see [`Problem::coarsen`].
+pub fn coarsened(powers: ByAccuracy<ByPhase<f64>>, unexplained: ByPhase<f64>) -> ByAccuracy<ByPhase<f64>> {
+    let power = |a: usize, p: usize| 1.0 / (1.0 / powers[a][p] + 0.5 * ACCURACIES[a].powi(2) * unexplained[p].max(0.0));
+    std::array::from_fn(|a| std::array::from_fn(|p| power(a, p)))
+}
+
 /// Power that the whole likelihood would have if its phases have these.
 pub fn overall(powers: ByPhase<f64>) -> f64 {
     1.0 / (1.0 + powers.iter().map(|power| 1.0 / power - 1.0).sum::<f64>())
@@ -402,6 +407,16 @@ mod tests {
             assert!((slope - 2.0 * weight(r) * r).abs() < 1e-4);
         }
         assert!((misfit(&[vec![3.0, -10.0], vec![5.0]]) - 97.0).abs() < 1e-12);
+    }
+
+    /// 1/(1 + ½ c² G), and the same whether recordings come together or one after the other.
+    #[test]
+    fn what_is_left_unexplained_lowers_the_powers() {
+        let once = coarsened(EXACT, [1000.0, -5.0, 250.0]);
+        assert!((once[0][0] - 1.0 / 1.2).abs() < 1e-12 && (once[2][0] - 1.0 / 4.2).abs() < 1e-12, "{once:?}");
+        assert!(once[1][1] == 1.0 && (once[1][2] - 1.0 / 1.2).abs() < 1e-12, "{once:?}");
+        let twice = coarsened(coarsened(EXACT, [400.0, 0.0, 250.0]), [600.0, 0.0, 0.0]);
+        assert!(once.iter().flatten().zip(twice.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-12));
     }
 
     #[test]

@@ -19,9 +19,9 @@ use super::infer::posterior::Posterior;
 use super::infer::screen::Limit;
 use super::model::filter::Disturbances;
 use super::model::noise::Noise;
-use super::model::prepare;
 use super::model::tolerance::{self, Car, Nuisance, ToleranceError};
 use super::model::track::Track;
+use super::model::{missing, prepare};
 use super::progress::Work;
 use crate::campaign::Recording;
 use crate::effects;
@@ -117,6 +117,7 @@ impl Planner {
     fn problem(&self, what: &Manoeuvre, car: &Car) -> Problem {
         let track = Track::new(&self.recording(what, car));
         let filter = prepare::filter_of(&track, &self.vehicle, &self.with);
+        let states = missing::states(&track, &filter, &Car::nominal(&self.vehicle), track.theta_0);
         let (shared, own, work) = (self.shared.clone(), self.own.clone(), self.work.clone());
         Problem {
             tracks: vec![track],
@@ -124,7 +125,7 @@ impl Planner {
             vehicle: self.vehicle,
             shared,
             own,
-            states: Vec::new(),
+            states: vec![states],
             powers: self.powers,
             work,
         }

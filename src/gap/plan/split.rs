@@ -7,20 +7,23 @@
 //! D_ij = ½ min over Δ of  |d_ij + J_j Δ|² + Δᵀ P_j Δ,
 //! ```
 //!
-//! J_j the innovations' derivatives along j's unknowns and P_j what is known of these: the posterior's precision of all that recordings share, and one for each
-//! standard deviation of what the new recording has of its own. Squares are Huber's loss, as everywhere. It is normal with variance 2 D_ij (both follow from
+//! J_j the innovations' derivatives along j's unknowns and P_j what is known of these: the posterior's precision of all that recordings share, one for each
+//! standard deviation of what the new recording has of its own, and the forms of j's effects, of the size that the recordings so far leave to them. Squares are Huber's loss, as
+//! everywhere, and the likelihood has the powers that it will have once the new recording shows the gap as well, so that there is a D_ij for each accuracy that explanations may have. It is normal with variance 2 D_ij (both follow from
 //! innovations that are normal). With p the present probabilities, the expected evidence for what is true against all else is
 //!
 //! ```text
 //! Σ p_i (−ln Σ_{j≠i} p_j e^(−D_ij) / (1 − p_i)),
 //! ```
 //!
-//! for two explanations the mean of D_12 and D_21, for more of them what the nearest rival leaves.
+//! for two explanations the mean of D_12 and D_21, for more of them what the nearest rival leaves. Over the accuracies it is the mean of what is left that counts, e^(−D), as
+//! it is of probabilities.
 
 use super::Planner;
 use super::manoeuvre::Manoeuvre;
 use crate::gap::infer::coordinate::{Coordinate, coordinates};
-use crate::gap::infer::density::Point;
+use crate::gap::infer::density::{ByAccuracy, Point, coarsened};
+use crate::gap::infer::form::forms;
 use crate::gap::infer::limit::normal;
 use crate::gap::infer::linear::{Frame, by_phase, derivatives, to_powers};
 use crate::gap::infer::posterior::Posterior;
@@ -39,6 +42,8 @@ pub struct Rival {
     shared: Vec<Coordinate>,
     /// Posterior precision of what recordings share.
     precision: DMatrix<f64>,
+    /// Size of its effects' forms, relative to that with which they are fitted.
+    form_size: f64,
 }
 
 /// Explanations of a posterior between which a manoeuvre may decide: those that are believed beside the best by more than [`NAMED_BESIDE`], the best first. What
@@ -54,6 +59,7 @@ pub fn rivals(posterior: &Posterior) -> Vec<Rival> {
                 point: fit.point.clone(),
                 shared: fit.shared.clone(),
                 precision: fit.curvature.clone(),
+                form_size: fit.form_size,
             })
         })
         .collect();
@@ -65,18 +71,28 @@ pub fn rivals(posterior: &Posterior) -> Vec<Rival> {
 /// What a manoeuvre is expected to do to the rivals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Split {
-    /// D_ij, nats: row i is true.
-    pub nats: DMatrix<f64>,
+    /// D_ij, nats, for each accuracy that explanations may have: row i is true.
+    pub nats: ByAccuracy<DMatrix<f64>>,
+}
+
+fn mean(of: &ByAccuracy<f64>) -> f64 {
+    of.iter().sum::<f64>() / of.len() as f64
 }
 
 impl Split {
     /// Expected evidence for what is true against the rest, nats.
     pub fn evidence(&self, probability: &[f64]) -> f64 {
+        let all = self.nats.each_ref().map(|nats| Self::evidence_of(nats, probability));
+        let least = all.iter().copied().fold(f64::INFINITY, f64::min);
+        least - mean(&all.map(|nats| (least - nats).exp())).ln()
+    }
+
+    fn evidence_of(nats: &DMatrix<f64>, probability: &[f64]) -> f64 {
         let one = |i: usize| {
             let others = (0..probability.len()).filter(|j| *j != i);
-            let least = others.clone().map(|j| self.nats[(i, j)]).fold(f64::INFINITY, f64::min);
+            let least = others.clone().map(|j| nats[(i, j)]).fold(f64::INFINITY, f64::min);
             let rest: f64 = others.clone().map(|j| probability[j]).sum();
-            let left: f64 = others.map(|j| probability[j] * (least - self.nats[(i, j)]).exp()).sum();
+            let left: f64 = others.map(|j| probability[j] * (least - nats[(i, j)]).exp()).sum();
             probability[i] * (least - (left / rest).ln())
         };
         let total: f64 = probability.iter().sum();
@@ -85,12 +101,9 @@ impl Split {
 
     /// Probability that the first rival and rival `k` are told apart afterwards: that the one that is wrong falls below [`NAMED_BESIDE`].
     pub fn told_apart(&self, probability: &[f64], k: usize) -> f64 {
-        let enough = ((1.0 - NAMED_BESIDE) / NAMED_BESIDE).ln();
         let prior = (probability[0] / probability[k]).ln();
-        let when = |d: f64, ahead: f64| {
-            if d > 0.0 { normal((d + ahead - enough) / (2.0 * d).sqrt()) } else { f64::from(u8::from(ahead > enough)) }
-        };
-        let (first, other) = (when(self.nats[(0, k)], prior), when(self.nats[(k, 0)], -prior));
+        let of = |i: usize, j: usize, ahead: f64| told(&self.nats.each_ref().map(|nats| nats[(i, j)]), ahead);
+        let (first, other) = (of(0, k, prior), of(k, 0, -prior));
         (probability[0] * first + probability[k] * other) / (probability[0] + probability[k])
     }
 
@@ -101,8 +114,27 @@ impl Split {
 
     /// The same for these rivals alone.
     pub fn among(&self, places: &[usize]) -> Self {
-        Self { nats: DMatrix::from_fn(places.len(), places.len(), |i, j| self.nats[(places[i], places[j])]) }
+        let of = |nats: &DMatrix<f64>| DMatrix::from_fn(places.len(), places.len(), |i, j| nats[(places[i], places[j])]);
+        Self { nats: self.nats.each_ref().map(of) }
     }
+}
+
+/// Deviates between which the one is looked for from which on explanations are told apart.
+const DEVIATES: [f64; 2] = [-40.0, 40.0];
+
+/// Probability that what is wrong falls below [`NAMED_BESIDE`] where what is true is `ahead` by so many nats, with these nats expected at each accuracy. One recording has one
+/// deviate whatever the accuracy, and what is left of the wrong one falls as it rises.
+fn told(nats: &ByAccuracy<f64>, ahead: f64) -> f64 {
+    let is_told = |z: f64| mean(&nats.map(|d| 1.0 / (1.0 + (ahead + d + (2.0 * d).sqrt() * z).exp()))) < NAMED_BESIDE;
+    let [mut low, mut high] = DEVIATES;
+    if is_told(low) {
+        return 1.0;
+    }
+    while high - low > 1e-6 {
+        let middle = 0.5 * (low + high);
+        if is_told(middle) { high = middle } else { low = middle }
+    }
+    normal(-high)
 }
 
 /// What every manoeuvre of the planner would do to these rivals, in its order.
@@ -114,26 +146,35 @@ fn split(planner: &Planner, rivals: &[Rival], what: &Manoeuvre) -> Split {
     let problem = planner.problem(what, &planner.car(&planner.at(&rivals[0].point)));
     let points: Vec<Point> = rivals.iter().map(|r| planner.at(&r.point)).collect();
     let innovations: Vec<Vec<f64>> = points.iter().map(|p| problem.residuals(0, p, None)).collect();
+    let difference = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<f64>>();
+    // What shows explanations well shows the gap well, and what they leave of it.
+    let gap = difference(&problem.residuals(0, &planner.nominal(), None), &innovations[0]);
+    let powers = coarsened(problem.powers, problem.misfits(&[gap]));
     let n = rivals.len();
-    let mut nats = DMatrix::zeros(n, n);
+    let mut nats = powers.map(|_| DMatrix::zeros(n, n));
     for (j, rival) in rivals.iter().enumerate() {
-        let (shared, own) = coordinates(&problem, &rival.effects, 0);
-        debug_assert_eq!(shared, rival.shared);
-        let (s, o) = (shared.len(), own.len());
+        let basis = forms(&problem, &points[j], &rival.effects);
+        let point = Point { missing: vec![0.0; basis.len()], ..points[j].clone() };
+        let (shared, own) = coordinates(&problem, &rival.effects, basis.len());
+        let (known, s) = (rival.shared.len(), shared.len() + own.len());
+        debug_assert_eq!(shared[..known], rival.shared);
+        let functions = known..shared.len();
         let frame = Frame { shared, own };
-        let columns = derivatives(&problem, &points[j], None, &innovations[j..=j], &frame, None);
-        let known = DMatrix::from_fn(s + o, s + o, |a, b| match (a < s, b < s) {
-            (true, true) => rival.precision[(a, b)],
-            _ => f64::from(u8::from(a == b)),
+        let columns = derivatives(&problem, &point, Some(&basis), &innovations[j..=j], &frame, None);
+        let known = DMatrix::from_fn(s, s, |a, b| match (a < known && b < known, a == b) {
+            (true, _) => rival.precision[(a, b)],
+            (false, true) if functions.contains(&a) => rival.form_size.powi(-2),
+            (false, same) => f64::from(u8::from(same)),
         });
         for i in (0..n).filter(|i| *i != j) {
-            let d: Vec<f64> = innovations[j].iter().zip(&innovations[i]).map(|(e_j, e_i)| e_j - e_i).collect();
-            let d = [d];
-            let parts = by_phase(&problem, &columns, &d);
-            let (curvature, gradient) = to_powers(&parts, problem.steering()).remove(0);
-            let followed = (curvature + &known).cholesky().map_or(0.0, |root| gradient.dot(&root.solve(&gradient)));
-            let misfit: f64 = problem.misfits(&d).iter().zip(problem.steering()).map(|(misfit, power)| misfit * power).sum();
-            nats[(i, j)] = 0.5 * (misfit - followed).max(0.0);
+            let d = [difference(&innovations[j], &innovations[i])];
+            let (parts, misfits) = (by_phase(&problem, &columns, &d), problem.misfits(&d));
+            for (nats, powers) in nats.iter_mut().zip(powers) {
+                let (curvature, gradient) = to_powers(&parts, powers).remove(0);
+                let followed = (curvature + &known).cholesky().map_or(0.0, |root| gradient.dot(&root.solve(&gradient)));
+                let misfit: f64 = misfits.iter().zip(powers).map(|(misfit, power)| misfit * power).sum();
+                nats[(i, j)] = 0.5 * (misfit - followed).max(0.0);
+            }
         }
     }
     Split { nats }
@@ -144,7 +185,7 @@ mod tests {
     use super::*;
 
     fn split(n: usize, nats: &[f64]) -> Split {
-        Split { nats: DMatrix::from_row_slice(n, n, nats) }
+        Split { nats: std::array::from_fn(|_| DMatrix::from_row_slice(n, n, nats)) }
     }
 
     #[test]
@@ -169,11 +210,23 @@ mod tests {
         assert_eq!(silent.told_apart(&[0.75, 0.25], 1), 0.0);
     }
 
+    /// The accuracy at which least is expected keeps a rival alive: a third of what it leaves is left.
+    #[test]
+    fn over_accuracies_it_is_the_mean_of_what_is_left() {
+        let mut s = split(2, &[0.0, 40.0, 40.0, 0.0]);
+        s.nats[2].fill(0.5);
+        let left = s.evidence(&[0.5, 0.5]);
+        assert!((left - (0.5 + 3f64.ln())).abs() < 1e-9, "{left}");
+        // A third of what that accuracy leaves has to be below a twentieth: its odds above 17 to three.
+        let expected = normal(0.5 - (17.0_f64 / 3.0).ln());
+        assert!((s.told_apart(&[0.5, 0.5], 1) - expected).abs() < 1e-5, "{} {expected}", s.told_apart(&[0.5, 0.5], 1));
+    }
+
     /// Against drawn Bayes factors.
     #[test]
     fn the_probability_of_a_split_is_its_frequency() {
-        let (d, p) = (4.0, [0.7, 0.3]);
-        let s = split(2, &[0.0, d, d, 0.0]);
+        let (all, p) = ([6.0, 4.0, 1.5], [0.7, 0.3]);
+        let s = Split { nats: all.map(|d| DMatrix::from_row_slice(2, 2, &[0.0, d, d, 0.0])) };
         let mut seed = 9_u64;
         let mut uniform = || {
             seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -183,9 +236,9 @@ mod tests {
         for _ in 0..40_000 {
             let true_first = uniform() < p[0];
             let z = (-2.0 * uniform().ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos();
-            let factor = d + (2.0 * d).sqrt() * z;
-            let odds = if true_first { (p[0] / p[1]).ln() + factor } else { (p[1] / p[0]).ln() + factor };
-            told += usize::from(odds > 19f64.ln());
+            let before = if true_first { (p[0] / p[1]).ln() } else { (p[1] / p[0]).ln() };
+            let left = all.map(|d| 1.0 / (1.0 + (before + d + (2.0 * d).sqrt() * z).exp()));
+            told += usize::from(left.iter().sum::<f64>() / 3.0 < 0.05);
         }
         let share = told as f64 / 40_000.0;
         assert!((share - s.told_apart(&p, 1)).abs() < 0.01, "{share} {}", s.told_apart(&p, 1));
