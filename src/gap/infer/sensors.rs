@@ -6,10 +6,11 @@
 
 use super::density::{Point, Problem, Residuals, misfit};
 use super::search::Hypothesis;
+use crate::gap::model::clock::misses;
 use crate::gap::model::filter::Disturbances;
 use crate::gap::model::noise::Noise;
 use crate::gap::model::prepare;
-use crate::gap::model::track::{Track, misses};
+use crate::gap::model::track::Track;
 use rayon::prelude::*;
 
 /// Correlation of neighbouring innovations from which a memory is looked for.

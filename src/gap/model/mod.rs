@@ -1,5 +1,6 @@
 //! The model of the data: recordings, noise, tolerances, and the corrected replay that makes innovations of them.
 
+pub mod clock;
 pub mod column;
 pub mod filter;
 pub mod missing;

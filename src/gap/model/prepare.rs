@@ -1,11 +1,12 @@
 //! From a campaign to what is fitted: tracks, noise, tolerances, filters.
 
+use super::clock::CONTROL_INTERVAL_S;
 use super::filter::{self, Disturbances, Filter, filter};
 use super::missing;
 use super::noise::{self, Noise};
 use super::replay;
 use super::tolerance::{self, Car, Logger, Tolerances, Wander};
-use super::track::{CONTROL_INTERVAL_S, Track};
+use super::track::Track;
 use super::unknown_clutch;
 use crate::campaign::Recording;
 use crate::gap::infer::density::{EXACT, Problem};

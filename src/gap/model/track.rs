@@ -6,6 +6,7 @@
 //!
 //! Channels may have clocks of their own, as messages of a bus do: their rows come in bursts, and an observation holds a burst.
 
+use super::clock::{Input, Tick, first_rows, has_several_clocks, mean_interval, ticks};
 use super::unknown_clutch::UnknownClutch;
 use crate::campaign::Recording;
 use std::borrow::Cow;
@@ -50,25 +51,6 @@ impl Channel {
             Self::ThetaC => "degC",
         }
     }
-}
-
-/// Interval at which control units compute, s: what a faster logger holds is exact, what a slower one misses lies between its samples.
-pub const CONTROL_INTERVAL_S: f64 = 0.01;
-
-/// Interval of the observations, s: faster samples are averaged over it, and so are the predictions of each of them.
-pub const OBSERVATION_S: f64 = 0.01;
-
-/// Inputs over one tick.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Tick {
-    /// Beginning, s.
-    pub time: f64,
-    /// Reported torque, N·m.
-    pub t_e: f64,
-    /// Commanded position, mm.
-    pub x_to: f64,
-    /// Housing air, °C.
-    pub theta_h: f64,
 }
 
 /// A recording.
@@ -305,125 +287,6 @@ impl Track {
             (begin, at) = (end, at + 1);
         }
     }
-}
-
-/// Whether a logger of this interval in s is slower than the control unit, and may miss its commands.
-pub fn misses(interval: f64) -> bool {
-    interval > 1.5 * CONTROL_INTERVAL_S
-}
-
-/// Typical interval of these stamps, s.
-fn mean_interval(time: &[f64]) -> f64 {
-    let span = time.last().zip(time.first()).map_or(0.0, |(b, a)| b - a);
-    span / (time.len().max(2) - 1) as f64
-}
-
-/// Whether channels have clocks of their own: there are far more rows than the faster speed has samples.
-fn has_several_clocks(r: &Recording) -> bool {
-    let samples = |v: &[f64]| v.iter().filter(|x| x.is_finite()).count();
-    2 * r.time.len() > 3 * samples(&r.omega_f).max(samples(&r.omega_c))
-}
-
-/// First row of each observation, and one past the last row. Rows of one clock are counted; those of several clocks belong to the observation that began less than
-/// half a step of the speeds short of its length ago.
-fn first_rows(time: &[f64], step: f64, clocks: bool) -> Vec<usize> {
-    let rows = time.len();
-    let mut firsts: Vec<usize> = if clocks {
-        let length = OBSERVATION_S.max(step) - 0.5 * step.min(OBSERVATION_S);
-        let mut begin = f64::NEG_INFINITY;
-        let begins = |row: &usize| {
-            let new = time[*row] - begin >= length;
-            begin = if new { time[*row] } else { begin };
-            new
-        };
-        (0..rows).filter(begins).collect()
-    } else {
-        let each = ((OBSERVATION_S / step).round() as usize).max(1);
-        // Rows at the end that fill no observation are part of the last one.
-        (0..(rows / each).max(1)).map(|k| k * each).collect()
-    };
-    firsts.push(rows);
-    firsts
-}
-
-/// An input at the rows of a recording.
-#[derive(Clone, Debug)]
-struct Input {
-    /// Rows at which it has samples; every row without.
-    own: Option<Vec<usize>>,
-    /// Sample that holds in each row.
-    held: Vec<usize>,
-    /// Typical interval of its samples, s.
-    interval: f64,
-}
-
-impl Input {
-    fn new(own: Option<&[usize]>, time: &[f64], step: f64) -> Self {
-        let Some(own) = own.filter(|own| !own.is_empty()) else { return Self { own: None, held: Vec::new(), interval: step } };
-        let held = (0..time.len()).map(|row| own.partition_point(|o| *o <= row).saturating_sub(1)).collect();
-        let stamps: Vec<f64> = own.iter().map(|&row| time[row]).collect();
-        Self { own: Some(own.to_vec()), held, interval: mean_interval(&stamps) }
-    }
-
-    /// Rows at which it has samples.
-    fn own_rows(&self, rows: usize) -> Box<dyn Iterator<Item = usize> + '_> {
-        match &self.own {
-            Some(own) => Box::new(own.iter().copied()),
-            None => Box::new(0..rows),
-        }
-    }
-
-    /// How many of them lie in these rows.
-    fn own_in(&self, rows: Range<usize>) -> usize {
-        self.own.as_ref().map_or(rows.len(), |own| own.partition_point(|o| *o < rows.end) - own.partition_point(|o| *o < rows.start))
-    }
-
-    /// Sample that holds in `row`.
-    fn sample(&self, row: usize) -> usize {
-        if self.own.is_some() { self.held[row] } else { row }
-    }
-
-    /// Row of a sample.
-    fn row(&self, sample: usize) -> usize {
-        self.own.as_ref().map_or(sample, |own| own[sample])
-    }
-
-    /// Value at a time after `row` and before the next one, from the values of the samples: that of the last sample if it holds, else on the way to the next one.
-    fn at(&self, values: &[f64], time: &[f64], row: usize, t: f64, held: bool) -> f64 {
-        let sample = self.sample(row);
-        let (Some(a), next) = (values.get(sample), values.get(sample + 1)) else { return 0.0 };
-        let Some(b) = next.filter(|_| !held && misses(self.interval)) else { return *a };
-        let (from, to) = (time[self.row(sample)], time[self.row(sample + 1)]);
-        a + (t - from) / (to - from) * (b - a)
-    }
-}
-
-/// Ticks between rows, and the first tick of each row.
-fn ticks(r: &Recording, step: f64, [report, command]: [&Input; 2]) -> (Vec<Tick>, Vec<usize>) {
-    let slow = [report, command].iter().any(|i| misses(i.interval)) && !r.held;
-    let rows = r.time.len();
-    let of = |input: &Input, values: &[f64]| -> Vec<f64> {
-        if values.is_empty() { Vec::new() } else { input.own_rows(rows).map(|row| values[row]).collect() }
-    };
-    let (reports, commands) = (of(report, &r.t_e), of(command, &r.x_to_cmd));
-    let (mut ticks, mut of_row) = (Vec::with_capacity(rows), Vec::with_capacity(rows + 1));
-    for k in 0..rows {
-        of_row.push(ticks.len());
-        let next = (k + 1).min(rows - 1);
-        let length = if next > k { r.time[next] - r.time[k] } else { step };
-        let count = if slow { (length / CONTROL_INTERVAL_S).round().max(1.0) as usize } else { 1 };
-        for part in 0..count {
-            let time = r.time[k] + part as f64 / count as f64 * length;
-            ticks.push(Tick {
-                time,
-                t_e: report.at(&reports, &r.time, k, time, r.held),
-                x_to: command.at(&commands, &r.time, k, time, r.held),
-                theta_h: r.theta_h[k],
-            });
-        }
-    }
-    of_row.push(ticks.len());
-    (ticks, of_row)
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! What a logger does not show: where a signal went between slow samples, and when a sample was taken whose stamp is off.
 
-use super::track::{CONTROL_INTERVAL_S, Track, misses};
+use super::clock::{CONTROL_INTERVAL_S, misses};
+use super::track::Track;
 
 /// Observations to both sides over which the pace of a speed is taken.
 pub const PACE_OBSERVATIONS: usize = 3;
