@@ -5,10 +5,12 @@
 //! evidence between two explanations ([`split`]).
 //!
 //! - [`manoeuvre`]: what can be driven
+//! - [`driver`]: how it is driven
 //! - [`rehearse`](mod@rehearse): the recording that it would give
 //! - [`reach`](mod@reach): the smallest effects that recordings show
 //! - [`split`]: expected nats between explanations
 
+pub mod driver;
 pub mod manoeuvre;
 pub mod reach;
 pub mod rehearse;

@@ -1,6 +1,7 @@
 //! Rehearsal: a manoeuvre driven with the plant, as the recording that a logger would make of it, without noise.
 
-use super::manoeuvre::{Driver, Manoeuvre};
+use super::driver::Driver;
+use super::manoeuvre::Manoeuvre;
 use crate::campaign::Recording;
 use crate::gap::model::replay::SUBSTEP_S;
 use crate::gap::model::tolerance::Car;
