@@ -167,7 +167,7 @@ fn drawn(outcomes: &[Outcome]) -> Vec<Score> {
         is_share: false,
     });
     let counts: [(&str, fn(&Closed) -> Option<f64>); 2] =
-        [("gap closed on unseen recordings", Closed::fraction), ("above what the true car leaves", Closed::of_true_car)];
+        [("gap closed on unseen recordings", Closed::fraction), ("gap closed above what the true car leaves", Closed::of_true_car)];
     for (name, fraction) in counts {
         let mut closed: Vec<f64> = faulty().filter(|o| o.known()).filter_map(|o| fraction(o.closed.as_ref()?)).collect();
         closed.sort_by(f64::total_cmp);

@@ -182,7 +182,12 @@ fn split(planner: &Planner, rivals: &[Rival], what: &Manoeuvre) -> Split {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Sensors;
+    use super::super::manoeuvre::built_in;
+    use super::super::rehearse::Logger;
     use super::*;
+    use crate::effects::{self, param};
+    use crate::vehicle::Vehicle;
 
     fn split(n: usize, nats: &[f64]) -> Split {
         Split { nats: std::array::from_fn(|_| DMatrix::from_row_slice(n, n, nats)) }
@@ -220,6 +225,32 @@ mod tests {
         // A third of what that accuracy leaves has to be below a twentieth: its odds above 17 to three.
         let expected = normal(0.5 - (17.0_f64 / 3.0).ln());
         assert!((s.told_apart(&[0.5, 0.5], 1) - expected).abs() < 1e-5, "{} {expected}", s.told_apart(&[0.5, 0.5], 1));
+    }
+
+    /// What the form of a rival's effect can follow says less, and so does a recording that is believed less because of the gap that it shows.
+    #[test]
+    fn forms_and_inexact_laws_leave_less_to_expect() {
+        let vehicle = Vehicle::paper();
+        let logger = Logger { rate_hz: 100.0, bench: [false; 3], theta_0_sigma: [1.0; 2] };
+        let chirp = built_in(&vehicle).into_iter().filter(|m| m.name == "chirp").collect();
+        let planner = Planner::before(&vehicle, &serde_json::json!({}), Sensors::default(), logger, chirp).unwrap();
+        let rival = |effect: &str, parameter: usize, size: f64, form_size: f64| {
+            let mut point = planner.nominal();
+            point.effects[parameter] = size;
+            let effects = vec![effects::find(effect).unwrap()];
+            let problem = planner.problem(&planner.manoeuvres[0], &planner.car(&point));
+            let (shared, _) = coordinates(&problem, &effects, 0);
+            let precision = DMatrix::from_fn(shared.len(), shared.len(), |i, j| if i == j { shared[i].precision() } else { 0.0 });
+            Rival { effects, probability: 0.5, point, shared, precision, form_size }
+        };
+        let expected = |form_size: f64| {
+            let lag = rival("actuator_lag", param::actuator_lag::time_constant, 0.06, form_size);
+            let late = rival("actuator_delay", param::actuator_delay::delay, 0.06, form_size);
+            splits(&planner, &[lag, late]).remove(0).nats.map(|nats| nats[(0, 1)])
+        };
+        let (formless, formed) = (expected(1e-3), expected(1.0));
+        assert!(formed.iter().zip(&formless).all(|(formed, formless)| *formed < 0.9 * formless), "{formed:?} {formless:?}");
+        assert!(formless[2] < 0.8 * formless[1] && formless[1] < 0.8 * formless[0] && formless[2] > 0.0, "{formless:?}");
     }
 
     /// Against drawn Bayes factors.
