@@ -133,7 +133,9 @@ pub fn estimate([value, low, high]: [f64; 3]) -> (String, String) {
         return (value, format!("{low} to {high}"));
     }
     let tail = format!("·10{}", superscript(power));
-    (format!("{value}{tail}"), format!("({low} to {high}){tail}"))
+    // Nothing has no power of ten.
+    let is_nothing = value.chars().all(|c| matches!(c, '0' | '.'));
+    (if is_nothing { value } else { format!("{value}{tail}") }, format!("({low} to {high}){tail}"))
 }
 
 fn superscript(power: i32) -> String {
@@ -187,6 +189,7 @@ mod tests {
         };
         assert_eq!(read([0.002_085_6, 0.002_062, 0.002_109]), "0.002086, 0.002062 to 0.002109");
         assert_eq!(read([7.85e-8, -7.2e-8, 2.29e-7]), "0.8·10⁻⁷, (−0.7 to 2.3)·10⁻⁷");
+        assert_eq!(read([1e-9, -5.2e-6, 5.2e-6]), "0, (−5 to 5)·10⁻⁶");
         assert_eq!(read([119.2, 114.0, 124.0]), "119, 114 to 124");
     }
 
