@@ -237,7 +237,8 @@ fn learned_laws_act_beside_the_known_ones() {
     (bench.vehicle.driveline.J_f, bench.vehicle.driveline.J_c) = (0.2, 0.5);
     (bench.rest.t_e_ref, bench.then[0].1.t_e_ref) = (30.0, 30.0);
     let beside = [effects::Subsystem::Actuator, effects::Subsystem::Sensors];
-    for curve in CURVES.iter().filter(|curve| curve.name != "force_direction" && !beside.contains(&curve.subsystem)) {
+    let apart = ["force_direction", "engine_time", "engine_slowing"];
+    for curve in CURVES.iter().filter(|curve| !apart.contains(&curve.name) && !beside.contains(&curve.subsystem)) {
         let by = if ["engine_speed", "engine_torque", "load_speed"].contains(&curve.name) { 7.0 } else { 0.2 };
         let learned = with(&curve.parameters().map(|k| (k, by)).collect::<Vec<_>>());
         let (mut engine, mut clutch, mut load) = (30.0, torque(6.0, MU), 0.0);
@@ -253,9 +254,9 @@ fn learned_laws_act_beside_the_known_ones() {
     }
 }
 
-/// Those of actuator and sensors, where they are the same everywhere, do what the effect of that size does; and an offset moves the bearing.
+/// Those of an engine's time, of actuator and sensors, where they are the same everywhere, do what the effect of that size does; and an offset moves the bearing.
 #[test]
-fn learned_laws_of_actuator_and_sensors_are_effects_where_they_are_flat() {
+fn learned_laws_of_times_and_sensors_are_effects_where_they_are_flat() {
     use effects::empirical::CURVES;
     let mut bench = Bench::held(150.0, 100.0, 60.0, 5.0).moved(0.0, 6.0);
     bench.then[0].1.t_e_ref = 30.0;
@@ -264,6 +265,8 @@ fn learned_laws_of_actuator_and_sensors_are_effects_where_they_are_flat() {
         with(&curve.parameters().map(|k| (k, value)).collect::<Vec<_>>())
     };
     let pairs = [
+        ("engine_time", 0.02, param::engine_torque_lag::time_constant, 0.02),
+        ("engine_slowing", 0.03, param::engine_torque_lag::time_constant, 0.03),
         ("actuator_time", 0.02, param::actuator_lag::time_constant, 0.02),
         ("actuator_slowing", 0.03, param::actuator_lag::time_constant, 0.03),
         ("actuator_play", 0.05, param::actuator_backlash::play, 0.1),

@@ -4,7 +4,7 @@ use crate::campaign::{Campaign, Recording};
 use crate::effects::Subsystem;
 use crate::effects::empirical::{Curve, curves};
 use crate::gap::diagnosis::Diagnosis;
-use crate::gap::empirical::BAND;
+use crate::gap::empirical::{BAND, Tried};
 use crate::gap::measure::Overlay;
 use crate::gap::model::replay;
 use crate::gap::model::tolerance::Car;
@@ -191,7 +191,7 @@ pub fn laws(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law
         learned: false,
     });
     // A learned law of friction may follow the work done, of which these curves know nothing.
-    if found.learned.as_ref().is_some_and(|l| l.refused.is_none() && l.law == Subsystem::Friction) {
+    if found.learned.as_ref().is_some_and(|l| l.refused.is_none() && l.laws.contains(&Subsystem::Friction)) {
         laws.iter_mut().for_each(|l| l.note += "; identified: before any friction work");
     }
     laws.extend(learned(campaign, found, traces));
@@ -210,18 +210,24 @@ struct Shown {
 /// Curves of a law that was learned and taken, each with its band and what the recordings show of it once the other curves are taken off.
 fn learned(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law> {
     let Some(l) = found.learned.as_ref().filter(|l| l.refused.is_none()) else { return Vec::new() };
-    let all: Vec<&'static Curve> = curves(l.law).collect();
+    l.laws.iter().flat_map(|&law| learned_in(law, l, campaign, found, traces)).collect()
+}
+
+/// The curves of one of the laws.
+fn learned_in(law: Subsystem, l: &Tried, campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law> {
+    let all: Vec<&'static Curve> = curves(law).collect();
     let mut without = found.effects;
     all.iter().flat_map(|c| c.parameters()).for_each(|k| without[k] = 0.0);
     let car = Config::new(&found.vehicle, &without);
     let with_data = found.overlays.iter().zip(traces);
     let shown: Vec<Shown> =
-        with_data.flat_map(|(o, t)| source(campaign, o).map_or_else(Vec::new, |(r, _)| law_shown(&car, l.law, o, t, r.theta_c0))).collect();
-    // The direction is a factor on its curve, which the recordings hardly show by themselves.
-    let apart = |c: &Curve| c.name == "force_direction";
+        with_data.flat_map(|(o, t)| source(campaign, o).map_or_else(Vec::new, |(r, _)| law_shown(&car, law, o, t, r.theta_c0))).collect();
+    // What is a factor on its curve, or a time constant, the recordings hardly show by itself.
+    let apart = |c: &Curve| ["force_direction", "engine_time", "engine_slowing"].contains(&c.name);
     l.learned
         .curves
         .iter()
+        .filter(|c| c.subsystem == law)
         .map(|c| {
             let place = all.iter().position(|other| other.name == c.name).expect("a learned curve is one of its law's");
             let others = |s: &Shown| {
@@ -236,7 +242,7 @@ fn learned(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law>
             let points: Vec<(f64, f64)> = c.breakpoints.iter().copied().zip(values).collect();
             let band = points.iter().zip(l.learned.sigma(c)).map(|((x, y), s)| (*x, y - BAND * s, y + BAND * s)).collect();
             let (first, last) = (c.breakpoints[0], c.breakpoints[c.breakpoints.len() - 1]);
-            let cloud = match l.law {
+            let cloud = match law {
                 Subsystem::Actuator | Subsystem::Sensors => {
                     found.overlays.iter().zip(traces).flat_map(|(o, t)| by_itself(c, &found.effects, &found.vehicle, o, t)).collect()
                 }

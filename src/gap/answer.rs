@@ -394,13 +394,13 @@ pub struct HowFar {
     pub empirical: Option<Empirical>,
 }
 
-/// A law that was learned: no cause, and no part of the verdict.
+/// Laws that were learned together: no cause, and no part of the verdict.
 #[derive(Clone, Debug, Serialize)]
 pub struct Empirical {
-    /// Subsystem in which something is missing.
-    pub place: &'static str,
-    /// Subsystem of the law.
-    pub law: &'static str,
+    /// Subsystems in which something is missing.
+    pub places: Vec<&'static str>,
+    /// Subsystems of the laws, the first one added first.
+    pub laws: Vec<&'static str>,
     /// Whether the retuned plant holds it.
     pub taken: bool,
     /// Why, or why not.

@@ -5,7 +5,7 @@ use super::answer::{
     Answer, Correlation, Domain, Effect, Empirical, EmpiricalCurve, Equation, Figures, HowFar, Interval, LeftOut, NotAssessable,
     PerRecording, Plant, Ranked, Real, Share, TakenBack, Visible, Weighed, Where, Which, plant_parameters,
 };
-use super::empirical::{LEAST_CLOSED, Refusal, Tried};
+use super::empirical::{Refusal, Tried};
 use super::infer::coordinate::Coordinate;
 use super::infer::density::{Problem, size};
 use super::infer::fit::Fit;
@@ -17,7 +17,7 @@ use super::model::track::Channel;
 use super::model::unknown_clutch::HIDDEN;
 use super::plan::Outlook;
 use super::plan::reach::Reach;
-use super::prose::{percent, three_digits};
+use super::prose::{listed, percent, three_digits};
 use super::sentence::sentence;
 use super::verdict::{Conclusion, NAMED_BESIDE, Verdict};
 use crate::campaign::Campaign;
@@ -323,9 +323,8 @@ fn with_law(f: &Findings, l: &Tried) -> Closed {
 
 /// Why a law was taken, or not.
 fn reason(f: &Findings, l: &Tried) -> String {
-    let [held, others] = [&f.held_out_name, &format!("the {} other recordings, each with a law learned from the rest", l.recordings)];
+    let [held, others] = [&f.held_out_name, &format!("the {} other recordings, each with a law learned from the rest", l.left_out.len())];
     let closed = with_law(f, l);
-    let least = format!("{:.0} %", 100.0 * LEAST_CLOSED);
     let (with, without) = (three_digits(closed.after), three_digits(l.without));
     match l.refused {
         None => {
@@ -339,10 +338,10 @@ fn reason(f: &Findings, l: &Tried) -> String {
         Some(Refusal::LeftOut) => {
             let share = l.share_left_out();
             let does = if share > 0.0 { format!("closes {} of what is left", percent(share)) } else { "closes nothing".to_owned() };
-            format!("it {does} on {others}; more than {least} is required, so it does not carry over")
+            format!("it {does} on {others}, which is not more than chance would, so it does not carry over")
         }
         Some(Refusal::HeldOut) => {
-            format!("on {held} a free replay is off by {with} rad/s with it and by {without} without; more than {least} of that has to go")
+            format!("on {held} a free replay is off by {with} rad/s with it and by {without} without")
         }
         Some(Refusal::NothingToJudge) => {
             format!("on {held} nothing is left above the {:.2} rad/s by which a perfect model may be off, so it cannot be judged", f.floor)
@@ -362,8 +361,8 @@ fn empirical(f: &Findings, l: &Tried) -> Empirical {
         sigma: l.learned.sigma(c).into_iter().map(Real).collect(),
     };
     Empirical {
-        place: l.place.id(),
-        law: l.law.id(),
+        places: ids(&l.places),
+        laws: ids(&l.laws),
         taken: l.refused.is_none(),
         reason: reason(f, l),
         without: Real(l.without),
@@ -375,9 +374,13 @@ fn empirical(f: &Findings, l: &Tried) -> Empirical {
     }
 }
 
+fn ids(of: &[Subsystem]) -> Vec<&'static str> {
+    of.iter().map(|s| s.id()).collect()
+}
+
 /// Says beside the verdict what a learned law does.
 fn law_note(f: &Findings, l: &Tried) -> String {
-    let (law, reason) = (l.law.id(), reason(f, l));
+    let (law, reason) = (listed(&ids(&l.laws), " and "), reason(f, l));
     if l.refused.is_none() {
         format!("the retuned plant holds an empirical law of {law}, learned from the recordings and no cause: {reason}")
     } else {

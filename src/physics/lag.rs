@@ -55,7 +55,7 @@ pub fn mean(lag: &Lag, from: LagState, to: LagState, u: f64, h: f64) -> f64 {
 }
 
 /// Below this κ the second pole is faster than 1000 times the first and plays no part.
-const FIRST_ORDER: f64 = 1e-3;
+pub const FIRST_ORDER: f64 = 1e-3;
 
 fn free_response(lag: &Lag, z0: f64, v0: f64, h: f64) -> (f64, f64) {
     let (tau, kappa) = (lag.time_constant, lag.curvature);

@@ -1,6 +1,6 @@
 //! From commands to engine torque and bearing position.
 //!
-//! Command → delay → rate limit → lag → what was learned → play → bearing; report → gain and bias → lag → crankshaft. Inputs are held over
+//! Command → delay → rate limit → lag → what was learned → play → bearing; report → gain and bias → lag, with what was learned of its time → crankshaft. Inputs are held over
 //! a substep, so the chain is solved exactly at its start, middle and end and no lag, however short, is stiff.
 
 use super::clutch::{Branch, Found};
@@ -75,7 +75,8 @@ pub fn way(config: &Config, state: &State, x_cmd: f64, h: f64) -> Way {
 #[inline]
 pub fn immediate(config: &Config) -> bool {
     let c = &config.constants;
-    c.engine_lag.time_constant <= 0.0 && c.actuator_lag.time_constant <= 0.0 && c.inverse_speed <= 0.0 && !config.empirical.slow
+    let engine = c.engine_lag.time_constant <= 0.0 && !config.empirical.engine_time;
+    engine && c.actuator_lag.time_constant <= 0.0 && c.inverse_speed <= 0.0 && !config.empirical.slow
 }
 
 /// Torque on the crankshaft that the report asks for, N·m.
@@ -91,16 +92,40 @@ pub fn advance(config: &Config, state: &State, x_cmd: f64, h: f64) -> Chain {
     Chain { engine: engine(config, state, h), limited, lagged, led, bearing }
 }
 
+/// The engine's lag with what was learned of its time constant, where it is asked for `target` N·m and `short` of them.
+#[inline]
+fn engine_lag(config: &Config, target: f64, short: f64) -> lag::Lag {
+    let known = config.constants.engine_lag;
+    if !config.empirical.engine_time {
+        return known;
+    }
+    let time_constant = empirical::engine_time(&config.parameters, short, target, known.time_constant);
+    lag::Lag { time_constant, ..known }
+}
+
 /// Torque on the crankshaft after `h` seconds.
 #[inline]
 fn engine(config: &Config, state: &State, h: f64) -> LagState {
     let lag = &config.constants.engine_lag;
     let target = engine_target(config, state.inputs.t_e_ref);
-    match lag.time_constant > 0.0 {
+    match lag.time_constant > 0.0 || config.empirical.engine_time {
         true if h == 0.0 => state.engine,
+        true if config.empirical.engine_time => learned_engine(config, state, target, h),
         true => lag::advance(lag, state.engine, target, 0.0, h),
         false => LagState { value: target, rate: 0.0 },
     }
+}
+
+/// The same where something was learned of its time constant: exactly, unless the lag is one of second order, whose time constant is then as it is half-way.
+fn learned_engine(config: &Config, state: &State, target: f64, h: f64) -> LagState {
+    let known = &config.constants.engine_lag;
+    let short = target - state.engine.value;
+    if known.time_constant > 0.0 && known.curvature >= lag::FIRST_ORDER {
+        let middle = lag::advance(&engine_lag(config, target, short), state.engine, target, 0.0, 0.5 * h);
+        return lag::advance(&engine_lag(config, target, target - middle.value), state.engine, target, 0.0, h);
+    }
+    let tau = known.time_constant * (1.0 + known.asymmetry.copysign(known.asymmetry * short));
+    LagState { value: target - empirical::engine_approach(&config.parameters, short, target, tau, h), rate: 0.0 }
 }
 
 /// The chain's part behind the command.
@@ -203,7 +228,13 @@ const ARRIVAL: f64 = 4.0;
 pub fn stages(config: &Config, state: &State, x_cmd: f64, h: f64, way: &Way) -> [Drive; 3] {
     let [mut begin, middle, end] = [way.begin, way.middle, way.end].map(|c| c.drive());
     let c = &config.constants;
-    if over_within(&c.engine_lag, h).is_some() {
+    if config.empirical.engine_time {
+        let known = c.engine_lag.time_constant * (1.0 + c.engine_lag.asymmetry.abs());
+        let longest = empirical::longest_engine_time(&config.parameters, known);
+        if let Some(over) = short(longest, h) {
+            begin.t_e = first_stage([begin.t_e, middle.t_e, end.t_e], |t| engine(config, state, t).value, over, h);
+        }
+    } else if over_within(&c.engine_lag, h).is_some() {
         let target = engine_target(config, state.inputs.t_e_ref);
         let mean = lag::mean(&c.engine_lag, way.begin.engine, way.end.engine, target, h);
         begin.t_e = 6.0 * mean - 4.0 * middle.t_e - end.t_e;
@@ -282,16 +313,18 @@ pub fn smooth_for(config: &Config, state: &State, x_cmd: f64, max_substep: f64) 
         return f64::MAX;
     }
     let c = &config.constants;
-    let mut longest = f64::MAX;
-    let mut under_way = |lag: &lag::Lag, at: LagState, target: f64| {
+    let under_way = |lag: &lag::Lag, at: LagState, target: f64| {
         let tau = lag.time_constant * (1.0 - lag.asymmetry.abs());
         let moves = (target - at.value).abs() > ARRIVED || (at.rate * tau).abs() > ARRIVED;
-        if lag.time_constant > 0.0 && moves {
-            longest = longest.min(PIECE_OF_A_LAG * tau * lag.curvature.clamp(0.05, 1.0).min(0.25).sqrt() * 2.0);
-        }
+        let piece = || PIECE_OF_A_LAG * tau * lag.curvature.clamp(0.05, 1.0).min(0.25).sqrt() * 2.0;
+        if lag.time_constant > 0.0 && moves { piece() } else { f64::MAX }
     };
-    under_way(&c.engine_lag, state.engine, engine_target(config, state.inputs.t_e_ref));
-    under_way(&c.actuator_lag, state.lagged, if c.inverse_speed > 0.0 { state.limited } else { x_cmd });
+    let target = engine_target(config, state.inputs.t_e_ref);
+    let mut longest = under_way(&engine_lag(config, target, target - state.engine.value), state.engine, target);
+    if config.empirical.engine_time {
+        longest = longest.max(SHORTEST_PIECE_OF_A_TABLE);
+    }
+    longest = longest.min(under_way(&c.actuator_lag, state.lagged, if c.inverse_speed > 0.0 { state.limited } else { x_cmd }));
     if config.empirical.slow {
         let leader = if leads(config) { state.lagged.value } else { x_cmd };
         let distance = leader - state.led;

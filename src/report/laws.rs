@@ -4,10 +4,10 @@ use std::fmt::Write as _;
 
 use super::Input;
 use super::chart::{Scale, path, range};
-use super::json::{real, text};
+use super::json::{real, text, texts};
 use super::names;
 use super::residuals::{labelled, plain};
-use super::text::{capitalised, escape, percent};
+use super::text::{capitalised, enumeration, escape, percent};
 
 /// One curve of a law.
 #[derive(Clone, Debug)]
@@ -55,8 +55,8 @@ pub fn section(input: &Input) -> String {
 fn beyond(input: &Input, figures: &str) -> String {
     let far = &input.diagnosis["how_far"];
     let found = &far["empirical"];
-    let (Some(law), Some(reason)) = (text(found, "law"), text(found, "reason")) else { return String::new() };
-    let name = escape(&names::place(law));
+    let Some(reason) = text(found, "reason") else { return String::new() };
+    let name = escape(&enumeration(&texts(found, "laws").into_iter().map(names::place).collect::<Vec<_>>()));
     let what = if input.diagnosis["verdict"] == "explained" { "the named effects leave" } else { "no effect in the library accounts for" };
     if found["taken"] != true {
         return format!(

@@ -59,7 +59,7 @@ pub fn effect(id: &str) -> String {
 }
 
 /// What each curve of a learned law is called.
-pub const CURVES: [(&str, &str); 18] = [
+pub const CURVES: [(&str, &str); 20] = [
     ("friction_slip", "Friction over slip"),
     ("friction_temperature", "Friction over disc temperature"),
     ("friction_pressure", "Friction over pressure"),
@@ -78,6 +78,8 @@ pub const CURVES: [(&str, &str); 18] = [
     ("disc_filter", "Filter of the disc-speed signal"),
     ("flywheel_scale", "Scale error of the flywheel-speed signal"),
     ("flywheel_filter", "Filter of the flywheel-speed signal"),
+    ("engine_time", "Engine’s lag over torque still missing, added"),
+    ("engine_slowing", "Engine’s lag over torque asked for, added"),
 ];
 
 /// The title of a learned curve.

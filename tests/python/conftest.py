@@ -1,5 +1,6 @@
 """Both FMUs as `kisspoint fmu` writes them, and the command itself."""
 
+import fcntl
 import os
 import shutil
 import subprocess
@@ -11,6 +12,7 @@ import pytest
 from lxml import etree
 
 ROOT = Path(__file__).resolve().parents[2]
+EXAMPLE = ROOT / "tests/data/campaigns/example"
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 DRIVER = shutil.which("chromedriver")
 
@@ -59,6 +61,18 @@ def kisspoint():
         return subprocess.run(words, check=check, capture_output=True, text=True, env={**os.environ, **python})
 
     return run
+
+
+@pytest.fixture(scope="session")
+def example_answer(kisspoint, tmp_path_factory):
+    """The folder with the answer to the bundled campaign, its evidence among it. All workers share it, and the first one that asks makes it."""
+    shared = tmp_path_factory.getbasetemp()
+    shared = (shared.parent if "PYTEST_XDIST_WORKER" in os.environ else shared) / "example_answer"
+    with open(f"{shared}.lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (shared / "diagnosis.json").is_file():
+            kisspoint("diagnose", EXAMPLE, "--out", shared, "--evidence")
+    return shared
 
 
 @pytest.fixture(scope="session")

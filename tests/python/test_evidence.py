@@ -19,12 +19,10 @@ SCHEMAS = Path(__file__).resolve().parents[1] / "data" / "schemas"
 
 
 @pytest.fixture(scope="module")
-def evidence(kisspoint, tmp_path_factory):
+def evidence(example_answer, tmp_path_factory):
     out = tmp_path_factory.mktemp("evidence")
-    kisspoint("diagnose", EXAMPLE, "--out", out / "answer", "--evidence")
-    archive = zipfile.ZipFile(out / "answer" / "evidence.ssp")
-    archive.extractall(out / "unpacked")
-    return out / "unpacked"
+    zipfile.ZipFile(example_answer / "evidence.ssp").extractall(out)
+    return out
 
 
 def test_a_reader_with_the_archive_alone_repeats_its_numbers(evidence):

@@ -15,7 +15,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 import pytest
-from conftest import ROOT, find_command
+from conftest import ROOT
 from test_quoted import words
 
 # Contrast of every text and of the curves against what stands behind it, by the formula of WCAG 2.
@@ -48,19 +48,17 @@ return out;
 """
 
 
-def made_up(folder):
+def bundled(request):
+    """The report of the bundled campaign."""
+    return request.getfixturevalue("example_answer") / "report.html"
+
+
+def made_up(request):
     """The report with everything in it."""
-    target = Path(folder) / "report.html"
+    target = request.getfixturevalue("tmp_path_factory").mktemp("report") / "report.html"
     profile = os.environ.get("KISSPOINT_PROFILE", "dev")
     subprocess.run(["cargo", "run", "--quiet", "--profile", profile, "--example", "report", "--", str(target)], cwd=ROOT, check=True)
     return target
-
-
-def bundled(folder):
-    """The report of the bundled campaign."""
-    campaign = ROOT / "tests/data/campaigns/example"
-    subprocess.run([find_command(), "diagnose", campaign, "--out", folder], check=True, capture_output=True)
-    return Path(folder) / "report.html"
 
 
 def unpack(text):
@@ -85,10 +83,10 @@ class Browser:
 
     @pytest.fixture(scope="class", autouse=True)
     @classmethod
-    def opened(cls, browser, tmp_path_factory):
+    def opened(cls, browser, request):
         """The report, and the browser that shows it."""
         named = os.environ.get("KISSPOINT_REPORT")
-        cls.path = Path(named).resolve() if named else cls.make(tmp_path_factory.mktemp("report"))
+        cls.path = Path(named).resolve() if named else cls.make(request)
         cls.url, cls.driver = cls.path.as_uri(), browser
 
     def setUp(self):

@@ -76,12 +76,10 @@ class Page:
 
 
 @pytest.fixture(scope="module")
-def answer(kisspoint, tmp_path_factory):
+def answer(example_answer):
     if module() is None:
         pytest.skip("packaging/sources.sh has not made the plant for browsers")
-    out = tmp_path_factory.mktemp("what-if")
-    kisspoint("diagnose", EXAMPLE, "--out", out)
-    return out
+    return example_answer
 
 
 def by_the_fmu(fmu, name, parameters):

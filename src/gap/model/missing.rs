@@ -334,8 +334,9 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
                 let pace = averaged(&s.pace[side], s.dt);
                 all.push(s.sensed(side, &|k| 0.01 * speed[k]));
                 all.push(s.sensed(side, &|k| -0.008 * pace[k]));
-                for centre in [10.0, 60.0, 130.0, 220.0] {
-                    all.push(s.sensed(side, &|k| bump(speed[k], centre, if centre < 20.0 { 15.0 } else { 45.0 })));
+                // A pickup's signal grows with speed: what it lacks near standstill ends within some rad/s.
+                for (centre, length) in [(0.0, 5.0), (12.0, 8.0), (60.0, 45.0), (130.0, 45.0), (220.0, 45.0)] {
+                    all.push(s.sensed(side, &|k| bump(speed[k], centre, length)));
                 }
             }
         }
