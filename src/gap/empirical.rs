@@ -7,7 +7,7 @@
 
 use super::infer::density::{Point, Problem};
 use super::infer::fit::Fit;
-use super::infer::learned::{Learned, learn};
+use super::infer::learned::{Learned, learn, look};
 use super::measure::{self, Closed, HeldOut};
 use super::verdict::{Conclusion, Verdict};
 use crate::campaign::Recording;
@@ -19,6 +19,9 @@ use rayon::prelude::*;
 /// Share of the gap on what was held out that effects which explain it have to leave for a law to be tried beside them, and share of what is left that each law has to close
 /// on recordings that did not teach it.
 const WORTH_A_LAW: f64 = 0.03;
+
+/// Laws that are tried in turn beside those that are there, the ones with the most evidence.
+const TRIED: usize = 2;
 
 /// Laws that were tried together, and what became of them.
 #[derive(Clone, Debug)]
@@ -172,53 +175,72 @@ pub fn learn_law(problem: &Problem, conclusion: &Conclusion, start: &Point, near
     }
     let without = Closed::of(&judge.gaps(judge.tuned)).after;
     let mut best: Option<Tried> = None;
-    while let Some(mut next) = next(problem, judge, &places, &open, best.as_ref(), &start, near) {
-        let (before, known, held_out): (Vec<f64>, f64, f64) = match &best {
-            None => (next.left_out.iter().map(|g| g[0]).collect(), 0.0, without),
-            Some(best) => (best.gaps().collect(), best.share_left_out(), Closed::of(&best.held_out).after),
-        };
-        let both: Vec<[f64; 2]> = before.into_iter().zip(next.gaps()).map(|(before, after)| [before, after]).collect();
-        let carries_over = fall(&both) && next.share_left_out() - known > WORTH_A_LAW;
-        next.held_out = judge.gaps((&next.vehicle, &next.effects));
-        next.without = without;
-        next.refused = refusal(carries_over, &Closed { before: held_out, noise: judge.floor, ..Closed::of(&next.held_out) });
-        if next.refused.is_some() {
-            return best.or(Some(next));
+    let mut refused: Option<Tried> = None;
+    'more: loop {
+        let (known, held_out) = best.as_ref().map_or((0.0, without), |b| (b.share_left_out(), Closed::of(&b.held_out).after));
+        let beside = Beside::of(best.as_ref(), &start, near);
+        for law in beside.most_evident(problem, &open) {
+            let mut next = beside.with(problem, judge, &places, law);
+            let before = best.as_ref().map_or_else(|| next.left_out.iter().map(|g| g[0]).collect(), |b| b.gaps().collect::<Vec<_>>());
+            let both: Vec<[f64; 2]> = before.into_iter().zip(next.gaps()).map(|(before, after)| [before, after]).collect();
+            let carries_over = fall(&both) && next.share_left_out() - known > WORTH_A_LAW;
+            next.held_out = judge.gaps((&next.vehicle, &next.effects));
+            next.without = without;
+            next.refused = refusal(carries_over, &Closed { before: held_out, noise: judge.floor, ..Closed::of(&next.held_out) });
+            if next.refused.is_none() {
+                open.retain(|other| *other != law);
+                best = Some(next);
+                continue 'more;
+            }
+            refused = refused.or(Some(next));
         }
-        open.retain(|law| !next.laws.contains(law));
-        best = Some(next);
+        return best.or(refused);
     }
-    best
 }
 
-/// The best of these laws beside those that are there, by the gaps of recordings that did not teach it: its first curve alone, for what few numbers say carries further, or all.
-fn next(
-    problem: &Problem,
-    judge: &Judge,
-    places: &[Subsystem],
-    open: &[Subsystem],
-    beside: Option<&Tried>,
-    start: &Point,
-    near: Option<&Fit>,
-) -> Option<Tried> {
-    let mut best: Option<Tried> = None;
-    for &law in open {
-        let there: Vec<&'static Curve> = beside.map_or_else(Vec::new, |b| b.learned.curves.clone());
-        let laws: Vec<Subsystem> = beside.iter().flat_map(|b| &b.laws).copied().chain([law]).collect();
-        let all: Vec<&'static Curve> = curves(law).collect();
-        let mut from = beside.map_or(start, |b| &b.learned.fit.point).clone();
-        for count in if all.len() > 1 { vec![1, all.len()] } else { vec![1] } {
-            let together: Vec<&'static Curve> = there.iter().chain(&all[..count]).copied().collect();
-            let known = best.as_ref().or(beside).map_or(near, |b| Some(&b.learned.fit));
-            let learned = learn(problem, &together, &from, known);
-            from = learned.fit.point.clone();
-            let tried = tried(problem, places, &laws, learned, judge);
-            if best.as_ref().is_none_or(|b| mean(tried.gaps()) < mean(b.gaps())) {
-                best = Some(tried);
+/// What a further law stands beside: the laws that are there, or none.
+struct Beside<'a> {
+    laws: &'a [Subsystem],
+    curves: &'a [&'static Curve],
+    start: &'a Point,
+    near: Option<&'a Fit>,
+}
+
+impl<'a> Beside<'a> {
+    fn of(best: Option<&'a Tried>, start: &'a Point, near: Option<&'a Fit>) -> Self {
+        match best {
+            None => Self { laws: &[], curves: &[], start, near },
+            Some(b) => {
+                let Learned { curves, fit, .. } = &b.learned;
+                Self { laws: &b.laws, curves, start: &fit.point, near: Some(fit) }
             }
         }
     }
-    best
+
+    /// The curves that are there, and the first ones of a law.
+    fn and(&self, law: Subsystem, count: usize) -> Vec<&'static Curve> {
+        self.curves.iter().copied().chain(curves(law).take(count)).collect()
+    }
+
+    /// Those of these laws that have the most evidence at a first look, [`TRIED`] at most.
+    fn most_evident(&self, problem: &Problem, open: &[Subsystem]) -> Vec<Subsystem> {
+        let evidence = |law: Subsystem| look(problem, &self.and(law, usize::MAX), self.start, self.near);
+        let mut all: Vec<(Subsystem, f64)> = open.iter().map(|&law| (law, if open.len() > TRIED { evidence(law) } else { 0.0 })).collect();
+        all.sort_by(|a, b| b.1.total_cmp(&a.1));
+        all.into_iter().take(TRIED).map(|(law, _)| law).collect()
+    }
+
+    /// A law beside them: its first curve alone, for what few numbers say carries further, or all, whichever leaves less of recordings that did not teach it.
+    fn with(&self, problem: &Problem, judge: &Judge, places: &[Subsystem], law: Subsystem) -> Tried {
+        let laws = [self.laws, &[law]].concat();
+        let first = tried(problem, places, &laws, learn(problem, &self.and(law, 1), self.start, self.near), judge);
+        if curves(law).count() == 1 {
+            return first;
+        }
+        let all = learn(problem, &self.and(law, usize::MAX), &first.learned.fit.point, Some(&first.learned.fit));
+        let all = tried(problem, places, &laws, all, judge);
+        if mean(all.gaps()) < mean(first.gaps()) { all } else { first }
+    }
 }
 
 fn tried(problem: &Problem, places: &[Subsystem], laws: &[Subsystem], learned: Learned, judge: &Judge) -> Tried {

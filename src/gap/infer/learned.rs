@@ -5,7 +5,7 @@
 
 use super::coordinate::{Coordinate, coordinates};
 use super::density::{Point, Problem, misfit, prior};
-use super::fit::{Fit, along, mean_covariance, stepped};
+use super::fit::{Fit, LOOK, along, mean_covariance, stepped};
 use super::linear::{Frame, all_products, assemble};
 use crate::effects::empirical::Curve;
 use rayon::prelude::*;
@@ -26,15 +26,25 @@ pub struct Learned {
     frame: Frame,
 }
 
-/// Learns these curves from a point, whose effects stay as they are. `near` is a fit from whose derivatives along nuisances that may begin.
-pub fn learn(problem: &Problem, curves: &[&'static Curve], start: &Point, near: Option<&Fit>) -> Learned {
+/// The coordinates of a fit of these curves, the effects apart.
+fn frame(problem: &Problem, curves: &[&'static Curve]) -> Frame {
     let (mut shared, own) = coordinates(problem, &[], 0);
     let free = |c: &&'static Curve| {
         let c = *c;
         c.parameters().enumerate().filter(|(i, _)| Some(*i) != c.reference).map(|(_, k)| Coordinate::Effect(k))
     };
     shared.extend(curves.iter().flat_map(free));
-    let frame = Frame { shared, own };
+    Frame { shared, own }
+}
+
+/// Logarithm of the evidence of these curves after a first look, nats, up to a constant that all curves share; `start` and `near` are those of [`learn`].
+pub fn look(problem: &Problem, curves: &[&'static Curve], start: &Point, near: Option<&Fit>) -> f64 {
+    along(problem, frame(problem, curves), None, start, LOOK, near.and_then(Fit::known)).log_evidence
+}
+
+/// Learns these curves from a point, whose effects stay as they are. `near` is a fit from whose derivatives along nuisances that may begin.
+pub fn learn(problem: &Problem, curves: &[&'static Curve], start: &Point, near: Option<&Fit>) -> Learned {
+    let frame = frame(problem, curves);
     let start = Point { missing: Vec::new(), ..start.clone() };
     let fit = along(problem, frame.clone(), None, &start, ITERATIONS, near.and_then(Fit::known));
     // A learned law is as inexact as any other.
