@@ -26,6 +26,11 @@ fn everyday(seed: u64, kind: Kind) -> Car {
 
 /// What becomes of a law where a verdict says that something is missing at `place`, and the gap on what was held out: before, with, floor.
 fn learned(car: &Car, place: Subsystem) -> (Tried, Closed) {
+    learned_at(car, place, &[])
+}
+
+/// The same where other places are in question as well.
+fn learned_at(car: &Car, place: Subsystem, or_at: &[Subsystem]) -> (Tried, Closed) {
     let folder = tempfile::tempdir().unwrap();
     car.write(folder.path()).unwrap();
     let campaign = campaign::read(folder.path(), &ReadOptions::default()).unwrap();
@@ -51,7 +56,7 @@ fn learned(car: &Car, place: Subsystem) -> (Tried, Closed) {
         effects: Vec::new(),
         unexplained_at: Some(place),
         shares: vec![(place, 1.0)],
-        or_at: Vec::new(),
+        or_at: or_at.to_vec(),
         taken_back: None,
     };
     let null = effects::null();
@@ -105,6 +110,20 @@ fn a_learned_law_closes_the_gap_of_recordings_that_did_not_teach_it() {
             assert!(sigma[i] <= 1.01 * p.nominal, "{}: wider than its prior", p.variable);
         }
     }
+}
+
+/// Two laws are missing: the second one is learned beside the first, and closes what that leaves.
+#[test]
+fn a_second_law_is_learned_beside_the_first() {
+    let car = everyday(3, Kind::Pair("engine_torque_lag", "friction_level"));
+    let (one, closed_by_one) = learned(&car, Subsystem::Engine);
+    let (both, closed) = learned_at(&car, Subsystem::Engine, &[Subsystem::Friction]);
+    assert_eq!((&one.laws[..], &both.laws[..], both.refused), (&[Subsystem::Engine][..], &[Subsystem::Engine, Subsystem::Friction][..], None));
+    // An engine's lag is nothing that a table of torques could stand for.
+    assert!(one.learned.curves.iter().any(|c| c.name == "engine_time"));
+    assert!(both.share_left_out() > one.share_left_out() + 0.03 && closed.fraction() > closed_by_one.fraction());
+    assert!(closed_by_one.fraction() > 0.7);
+    assert_eq!(both.places, [Subsystem::Engine, Subsystem::Friction]);
 }
 
 /// Gusts come at any time: no curve over a state of the plant carries from one recording to the next.
