@@ -154,15 +154,24 @@ fn effects_that_look_alike_are_left_open() {
     check_structure(&found);
 }
 
+/// A pair, so that the search for a second effect takes part, in few recordings.
+fn pair() -> Car {
+    with_only(everyday(Kind::Pair("kiss_point_offset", "engine_torque_gain")), &[0, 2, 3, 5, 8])
+}
+
+fn answer_on(threads: usize, campaign: &Campaign) -> Diagnosis {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| answer(campaign))
+}
+
+/// Its answer on two threads, for both tests that compare another one with it.
+fn answer_to_pair() -> &'static Diagnosis {
+    static ANSWER: OnceLock<Diagnosis> = OnceLock::new();
+    ANSWER.get_or_init(|| answer_on(2, &Folder::of("pair", &pair()).read()))
+}
+
 #[test]
 fn threads_change_no_byte() {
-    // A pair, so that the search for a second effect takes part.
-    let folder = Folder::of("threads", &with_only(everyday(Kind::Pair("kiss_point_offset", "engine_torque_gain")), &[0, 2, 3, 5, 8]));
-    let campaign = folder.read();
-    let [one, two] = [1, 2].map(|threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        format!("{:#}", pool.install(|| answer(&campaign)).json)
-    });
+    let [one, two] = [&answer_on(1, &Folder::of("threads", &pair()).read()), answer_to_pair()].map(|found| format!("{:#}", found.json));
     assert!(one.contains("\"explained\""), "{one}");
     assert_eq!(one, two);
 }
@@ -178,8 +187,8 @@ fn two_recordings_are_enough_and_one_is_held_out() {
 #[test]
 fn what_is_held_out_takes_no_part() {
     // Two bytes of every row of the recording that judges are changed: all but how far stays as it was.
-    let folder = Folder::of("leak", &with_only(everyday(Kind::Single("friction_level")), &[0, 1, 2, 3, 5]));
-    let before = answer(&folder.read()).json;
+    let folder = Folder::of("leak", &pair());
+    let before = &answer_to_pair().json;
     let held = before["how_far"]["held_out"][0].as_str().unwrap().to_owned();
     edit(&folder.0.join(format!("{held}.csv")), |rows| {
         for (k, row) in rows.iter_mut().enumerate().skip(1) {
