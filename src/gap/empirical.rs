@@ -21,7 +21,7 @@ use rayon::prelude::*;
 const WORTH_A_LAW: f64 = 0.03;
 
 /// Laws that are tried in turn beside those that are there, the ones with the most evidence.
-const TRIED: usize = 2;
+const TRIED: usize = 3;
 
 /// Laws that were tried together, and what became of them.
 #[derive(Clone, Debug)]
