@@ -118,7 +118,10 @@ fn a_second_law_is_learned_beside_the_first() {
     let car = everyday(3, Kind::Pair("engine_torque_lag", "friction_level"));
     let (one, closed_by_one) = learned(&car, Subsystem::Engine);
     let (both, closed) = learned_at(&car, Subsystem::Engine, &[Subsystem::Friction]);
-    assert_eq!((&one.laws[..], &both.laws[..], both.refused), (&[Subsystem::Engine][..], &[Subsystem::Engine, Subsystem::Friction][..], None));
+    assert_eq!(
+        (&one.laws[..], &both.laws[..], both.refused),
+        (&[Subsystem::Engine][..], &[Subsystem::Engine, Subsystem::Friction][..], None)
+    );
     // An engine's lag is nothing that a table of torques could stand for.
     assert!(one.learned.curves.iter().any(|c| c.name == "engine_time"));
     assert!(both.share_left_out() > one.share_left_out() + 0.03 && closed.fraction() > closed_by_one.fraction());
