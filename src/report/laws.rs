@@ -56,7 +56,10 @@ fn beyond(input: &Input, figures: &str) -> String {
     let far = &input.diagnosis["how_far"];
     let found = &far["empirical"];
     let Some(reason) = text(found, "reason") else { return String::new() };
-    let name = escape(&enumeration(&texts(found, "laws").into_iter().map(names::place).collect::<Vec<_>>()));
+    let of: Vec<String> = texts(found, "laws").into_iter().map(names::place).collect();
+    let name = escape(&enumeration(&of));
+    let [heading, law, says] =
+        if of.len() == 1 { ["An empirical law", "a law", "It says"] } else { ["Empirical laws", "laws", "They say"] };
     let what = if input.diagnosis["verdict"] == "explained" { "the named effects leave" } else { "no effect in the library accounts for" };
     if found["taken"] != true {
         return format!(
@@ -68,8 +71,8 @@ fn beyond(input: &Input, figures: &str) -> String {
     let closed = real(found, "closed_fraction")
         .map_or_else(String::new, |c| format!(" Not counting what even a perfect model may be off by, {} of the gap is gone.", percent(c)));
     format!(
-        "<h3>An empirical law of {name}</h3>\n<p>For what {what}, the retuned plant holds a law learned from these recordings. It says how the car \
-         behaves where it was driven, not why. {reason}.{closed} Its curves are added; as tables they are <code>effect.empirical.*</code> of the FMU, held constant outside their breakpoints.</p>\n\
+        "<h3>{heading} of {name}</h3>\n<p>For what {what}, the retuned plant holds {law} learned from these recordings. {says} how the car \
+         behaves where it was driven, not why. {reason}.{closed} The curves of a law are added; as tables they are <code>effect.empirical.*</code> of the FMU, held constant outside their breakpoints.</p>\n\
          <p class=\"keys\"><svg class=\"key\" aria-hidden=\"true\"><path class=\"c-before\" d=\"M0 7h26\"/></svg> no law \
          <svg class=\"key\" aria-hidden=\"true\"><path class=\"c-after\" d=\"M0 7h26\"/></svg> learned, with its 95\u{202f}% band; dots: the recordings, less what the other curves account for</p>\n\
          <div class=\"figures\">{figures}</div>\n"
