@@ -84,8 +84,7 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     sum / count.max(1) as f64
 }
 
-/// Whether gaps fall on average by more than the standard error of that mean; a single one never does. Together with what was held out a law that is worth nothing then
-/// passes once in a dozen times.
+/// Whether gaps fall on average by more than the standard error of that mean; a single one never does.
 fn fall(gaps: &[[f64; 2]]) -> bool {
     let n = gaps.len() as f64;
     let by = || gaps.iter().map(|g| g[0] - g[1]);

@@ -20,6 +20,13 @@ pub struct Lag {
     pub asymmetry: f64,
 }
 
+impl Lag {
+    /// Time constant in s while `short` of its input: upwards where that is not negative.
+    pub fn towards(&self, short: f64) -> f64 {
+        self.time_constant * (1.0 + if short >= 0.0 { self.asymmetry } else { -self.asymmetry })
+    }
+}
+
 /// Output and its rate.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct LagState {
@@ -37,9 +44,8 @@ pub fn advance(lag: &Lag, state: LagState, u: f64, slope: f64, h: f64) -> LagSta
     if lag.time_constant <= SHORTEST {
         return LagState { value: u + slope * h, rate: slope };
     }
-    let longer = if u >= state.value { lag.asymmetry } else { -lag.asymmetry };
-    let lag = &Lag { time_constant: lag.time_constant * (1.0 + longer), ..*lag };
-    let tau = lag.time_constant;
+    let tau = lag.towards(u - state.value);
+    let lag = &Lag { time_constant: tau, ..*lag };
     // Steady response to the ramp: it trails by τ. The rest decays freely.
     let (z0, v0) = (state.value - (u - slope * tau), state.rate - slope);
     let trail = u + slope * (h - tau);
@@ -49,7 +55,7 @@ pub fn advance(lag: &Lag, state: LagState, u: f64, slope: f64, h: f64) -> LagSta
 
 /// Mean output over the `h` > 0 seconds in which the lag came from one state to another with the input held at `u`: the lag's law, integrated over them.
 pub fn mean(lag: &Lag, from: LagState, to: LagState, u: f64, h: f64) -> f64 {
-    let tau = lag.time_constant * (1.0 + lag.asymmetry * (u - from.value).signum());
+    let tau = lag.towards(u - from.value);
     let bent = if lag.curvature < FIRST_ORDER { 0.0 } else { lag.curvature * tau * (to.rate - from.rate) };
     u - tau / h * (to.value - from.value + bent)
 }

@@ -124,8 +124,8 @@ fn learned_engine(config: &Config, state: &State, target: f64, h: f64) -> LagSta
         let middle = lag::advance(&engine_lag(config, target, short), state.engine, target, 0.0, 0.5 * h);
         return lag::advance(&engine_lag(config, target, target - middle.value), state.engine, target, 0.0, h);
     }
-    let tau = known.time_constant * (1.0 + known.asymmetry.copysign(known.asymmetry * short));
-    LagState { value: target - empirical::engine_approach(&config.parameters, short, target, tau, h), rate: 0.0 }
+    let left = empirical::engine_approach(&config.parameters, short, target, known.towards(short), h);
+    LagState { value: target - left, rate: 0.0 }
 }
 
 /// The chain's part behind the command.

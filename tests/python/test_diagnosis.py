@@ -159,9 +159,8 @@ def test_the_parameter_set_holds_the_same_values(diagnosed):
     assert found == diagnosed.answer["plant"]["parameters"]
 
 
+@pytest.mark.parametrize("diagnosed", ["a launch and a locked drive"], indirect=True)
 def test_json_on_standard_output_is_the_file(diagnosed, kisspoint):
-    if diagnosed.campaign == EXAMPLE:
-        pytest.skip("the smaller campaign shows it")
     printed = kisspoint("diagnose", diagnosed.campaign, "--json", "--threads", 1).stdout
     (line,) = printed.splitlines()
     assert json.loads(line) == {"campaign": str(diagnosed.campaign), "diagnosis": json.loads((diagnosed.out / "diagnosis.json").read_text())}
