@@ -127,15 +127,16 @@ fn remains(input: &Input) -> Option<String> {
     let speeds = |c: &str| c.starts_with("omega");
     let worst =
         super::residuals::held_out(input).into_iter().filter(|r| speeds(r.column)).max_by(|a, b| a.longest_s.total_cmp(&b.longest_s))?;
-    (worst.longest_s >= LONG_S).then(|| stays(&worst, super::series::holds_law(input.diagnosis)))
+    (worst.longest_s >= LONG_S)
+        .then(|| stays(&worst, super::series::holds_law(input.diagnosis).then(|| super::series::law_words(&input.diagnosis["how_far"])[1])))
 }
 
-fn stays(r: &Residual, by_law: bool) -> String {
+fn stays(r: &Residual, by_law: Option<&str>) -> String {
     format!(
         "In the free replay of {}{} the {} stays outside ±2σ of its sensor noise for {} s at a stretch, by up to {} {}; {} of its samples lie outside (noise \
          alone: 5\u{202f}%). <a href=\"#residuals\">Tests of the residuals</a>",
         escape(&r.recording),
-        if by_law { " with the empirical law" } else { "" },
+        by_law.map_or_else(String::new, |law| format!(" with the {law}")),
         escape(&channel(r.column).to_lowercase()),
         number(r.longest_s, 2),
         number(r.largest, 2),

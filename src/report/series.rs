@@ -66,6 +66,14 @@ pub fn holds_law(diagnosis: &Value) -> bool {
     diagnosis["how_far"]["empirical"]["taken"] == true
 }
 
+/// One or several laws that were learned, in words: what they are called with and without an article, and that they are no cause.
+pub fn law_words(far: &Value) -> [&'static str; 3] {
+    match far["empirical"]["laws"].as_array() {
+        Some(laws) if laws.len() > 1 => ["empirical laws", "empirical laws", "which name no cause"],
+        _ => ["an empirical law", "empirical law", "which names no cause"],
+    }
+}
+
 /// Points that each channel may have if all share `total`.
 pub fn limit(overlays: &[Overlay], total: usize, most: usize) -> usize {
     let channels: usize = overlays.iter().map(|o| o.channels.len()).sum();

@@ -14,7 +14,7 @@ pub fn section(diagnosis: &Value) -> String {
     let retuned = super::series::retuned(diagnosis) && text(diagnosis, "verdict") != Some("unexplained");
     let untouched = match text(diagnosis, "verdict") {
         _ if !retuned && super::series::holds_law(diagnosis) => {
-            "<p>No effect was added: the model is that of the vehicle file. What the empirical law closes is shown beside it.</p>\n"
+            "<p>No effect was added: the model is that of the vehicle file. What was learned beyond it is shown beside it.</p>\n"
         }
         _ if !retuned => "<p>Nothing was retuned, so there is only one model: that of the vehicle file.</p>\n",
         Some("no_gap") => "<p><b>After</b> is the same vehicle with its numbers moved within their tolerances; no effect was added.</p>\n",
@@ -71,7 +71,7 @@ fn summary(far: &Value, retuned: bool) -> String {
         escape(&capitalised(&metric.replace("real minus simulated", "car minus model"))),
         row(if retuned { "Before" } else { "Model" }, "before", before),
         if retuned { row("After", "after", after) } else { String::new() },
-        law.map_or_else(String::new, |with| row("With the empirical law", "after", with)),
+        law.map_or_else(String::new, |with| row(&format!("With the {}", super::series::law_words(far)[1]), "after", with)),
     )
 }
 

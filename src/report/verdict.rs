@@ -99,7 +99,8 @@ pub fn replayed(diagnosis: &Value) -> Option<String> {
     let with_unit = |v: f64| format!("{} {unit}", number(v, 3)).trim_end().to_owned();
     let (b, a) = (with_unit(before), with_unit(after));
     let law = real(&far["empirical"], "after").filter(|_| super::series::holds_law(diagnosis));
-    let law = law.map_or_else(String::new, |v| format!(" With an empirical law, which names no cause, it is off by {}.", with_unit(v)));
+    let [a_law, _, no_cause] = super::series::law_words(far);
+    let law = law.map_or_else(String::new, |v| format!(" With {a_law}, {no_cause}, it is off by {}.", with_unit(v)));
     let said = match text(diagnosis, "verdict") {
         Some("unexplained") if !law.is_empty() => format!("{on} is off by {b} (rms)."),
         Some("unexplained" | "inputs_do_not_fit") => format!("{on} is off by {b} (rms); nothing was retuned."),
@@ -237,10 +238,8 @@ fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
     let (value, note) = match (real(far, "before"), real(far, "after")) {
         (Some(b), Some(a)) if matches!(text(diagnosis, "verdict"), Some("unexplained" | "inputs_do_not_fit")) => {
             let law = real(&far["empirical"], "after").filter(|_| super::series::holds_law(diagnosis));
-            let note = law.map_or_else(
-                || "nothing retuned".to_owned(),
-                |v| format!("{} {unit} with an empirical law, which names no cause", number(v, 3)),
-            );
+            let [a_law, _, no_cause] = super::series::law_words(far);
+            let note = law.map_or_else(|| "nothing retuned".to_owned(), |v| format!("{} {unit} with {a_law}, {no_cause}", number(v, 3)));
             (format!("{} {unit}", number(b.max(a), 3)), note)
         }
         (Some(b), Some(a)) => {
