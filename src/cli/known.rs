@@ -23,7 +23,7 @@ pub fn known(campaign: &Campaign, found: &Diagnosis) -> Option<Known> {
     let start = replay::start(&track, &car, begin, o.theta, 0.0);
     let mut known = Known { recording: o.recording.clone(), ..Known::default() };
     let mut near = 0;
-    replay::replay(&track, &car, &start, begin..(begin + omega_f.len()).min(track.rows()), None, |row, now, plant, _| {
+    replay::replay(&track, &car, (&start, o.slip_angle), begin..(begin + omega_f.len()).min(track.rows()), None, |row, now, plant, _| {
         let place = Place { slip: plant.slip(), theta: now.theta_c, closing: plant.closing(), torque: now.t_fc };
         known.time.push(track.time[row] - track.time[begin]);
         known.torque.push(now.t_fc);

@@ -69,7 +69,9 @@ fn warmed(found: &Diagnosis, r: &Recording, begin: usize, o: &Overlay) -> Vec<f6
     let start = replay::start(&track, &car, begin, o.theta, 0.0);
     let rows = o.channels.iter().map(|c| c.real.len()).max().unwrap_or(0);
     let mut theta = Vec::with_capacity(rows);
-    replay::replay(&track, &car, &start, begin..(begin + rows).min(track.rows()), None, |_, now, _, _| theta.push(now.theta_c));
+    replay::replay(&track, &car, (&start, o.slip_angle), begin..(begin + rows).min(track.rows()), None, |_, now, _, _| {
+        theta.push(now.theta_c)
+    });
     theta
 }
 

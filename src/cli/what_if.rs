@@ -127,7 +127,7 @@ fn replayed(found: &Diagnosis, o: &Overlay, track: &Track, drive: &Drive, begin:
     let start = Start { omega_f, omega_c, theta_c, theta_b };
     let mut changed = o.clone();
     changed.channels.iter_mut().for_each(|c| c.after.clear());
-    replay::replay(track, &car(found, effects), &start, begin..begin + drive.samples.len(), None, |_, now, _, _| {
+    replay::replay(track, &car(found, effects), (&start, o.slip_angle), begin..begin + drive.samples.len(), None, |_, now, _, _| {
         for (channel, value) in Channel::ALL.iter().zip([now.omega_f, now.omega_c, now.x_to_actual, now.t_fc, now.theta_c]) {
             changed.channels.iter_mut().filter(|c| c.column == channel.column()).for_each(|c| c.after.push(value));
         }

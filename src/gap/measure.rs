@@ -2,7 +2,7 @@
 //!
 //! A free replay starts from measured speeds and is driven by recorded torque and position alone; its errors are what an engineer sees who plays the
 //! recording through the FMU. A bench recording is replayed as a whole. Of a drive single engagements are: from the release of the brake at rest to the next
-//! braking, [`LONGEST_S`] at most; the temperatures there are those of the same car in a corrected replay of all that came before.
+//! braking, [`LONGEST_S`] at most; temperatures and slip angle there are those of the same car in a corrected replay of all that came before.
 
 use super::model::filter::Filter;
 use super::model::prepare;
@@ -66,6 +66,8 @@ pub struct Overlay {
     pub dt: f64,
     /// Temperatures of disc and body at the first sample, as the replay of the retuned model has them, °C.
     pub theta: [f64; 2],
+    /// Slip angle there since the recording began, rad.
+    pub slip_angle: f64,
     /// Channels measured.
     pub channels: Vec<OverlayChannel>,
 }
@@ -117,20 +119,29 @@ pub fn stretches(track: &Track) -> Vec<Range<usize>> {
 #[derive(Clone, Debug, Default)]
 pub struct Free {
     theta: [f64; 2],
+    slip_angle: f64,
     value: [Vec<f64>; 5],
 }
 
-/// Start temperatures of a recording for a replay of it, °C.
-fn temperatures_along(track: &Track, filter: &Filter, car: &tolerance::Car, theta: [f64; 2]) -> Vec<[f64; 2]> {
-    let mut all = vec![theta; track.rows()];
-    replay::corrected(track, filter, car, theta, None, |row, now| all[row] = [now.theta_c, now.theta_b]);
+/// Temperatures of disc and body in °C and slip angle in rad by row of a corrected replay.
+fn states_along(track: &Track, filter: &Filter, car: &tolerance::Car, theta: [f64; 2]) -> Vec<([f64; 2], f64)> {
+    let mut all = vec![(theta, 0.0); track.rows()];
+    let (mut angle, mut last) = (0.0, 0.0);
+    replay::corrected(track, filter, car, theta, None, |row, now| {
+        let slip = now.omega_f - now.omega_c;
+        if row > 0 {
+            angle += 0.5 * (last + slip) * (track.time[row] - track.time[row - 1]);
+        }
+        last = slip;
+        all[row] = ([now.theta_c, now.theta_b], angle);
+    });
     all
 }
 
-fn free(track: &Track, rows: &Range<usize>, car: &tolerance::Car, theta: [f64; 2], noise: f64) -> Free {
+fn free(track: &Track, rows: &Range<usize>, car: &tolerance::Car, (theta, slip_angle): ([f64; 2], f64), noise: f64) -> Free {
     let start = replay::start(track, car, rows.start, theta, noise);
-    let mut found = Free { theta, ..Free::default() };
-    replay::replay(track, car, &start, rows.clone(), None, |_, now, _, _| {
+    let mut found = Free { theta, slip_angle, ..Free::default() };
+    replay::replay(track, car, (&start, slip_angle), rows.clone(), None, |_, now, _, _| {
         for (column, v) in found.value.iter_mut().zip([now.omega_f, now.omega_c, now.x_to_actual, now.t_fc, now.theta_c]) {
             column.push(v);
         }
@@ -165,9 +176,9 @@ impl Prepared {
     fn replays(&self, car: Car, theta: [f64; 2]) -> Vec<Free> {
         let car = tolerance::Car { effects: *car.1, ..tolerance::Car::nominal(car.0) };
         let whole = self.stretches.len() == 1 && self.stretches[0] == (0..self.track.rows());
-        let along = if whole { Vec::new() } else { temperatures_along(&self.track, &self.filter, &car, theta) };
-        let theta_at = |row: usize| if whole { theta } else { along[row] };
-        self.stretches.iter().map(|rows| free(&self.track, rows, &car, theta_at(rows.start), self.noise[0])).collect()
+        let along = if whole { Vec::new() } else { states_along(&self.track, &self.filter, &car, theta) };
+        let state_at = |row: usize| if whole { (theta, 0.0) } else { along[row] };
+        self.stretches.iter().map(|rows| free(&self.track, rows, &car, state_at(rows.start), self.noise[0])).collect()
     }
 
     fn rms(&self, channel: Channel, replays: &[Free]) -> f64 {
@@ -235,6 +246,7 @@ pub fn overlays(recording: &Recording, held_out: impl Fn(usize, usize) -> bool, 
             held_out: held_out(k, count),
             dt: p.track.interval(),
             theta: a[k].theta,
+            slip_angle: a[k].slip_angle,
             channels,
         }
     };
@@ -404,6 +416,16 @@ mod tests {
         assert_eq!(stretches(&driven(1300, brake, rolls)), [100..200, 600..1100]);
         // What a sensor does not show yet is at rest, and a drive may begin without a brake.
         assert_eq!(stretches(&driven(400, |t| t > 2.0 && t < 3.0, |_| f64::NAN)), [0..201, 300..400]);
+    }
+
+    /// Idling at 100 rad/s against a disc at rest, with an open clutch, for two seconds.
+    #[test]
+    fn an_engagement_begins_at_the_slip_angle_to_which_the_drive_has_turned() {
+        let mut r = recording(300, |_| [100.0, 0.0], 0.0);
+        r.brake = Some(r.time.iter().map(|t| *t < 2.0).collect());
+        let (vehicle, null) = (Vehicle::paper(), crate::effects::null());
+        let all = overlays(&r, |_, _| false, (&vehicle, &null), (&vehicle, &null), [25.0; 2]);
+        assert!(all.len() == 1 && (all[0].slip_angle - 200.0).abs() < 0.5, "{:?}", all.iter().map(|o| o.slip_angle).collect::<Vec<_>>());
     }
 
     /// The flywheel falls from 150 at 40 rad/s² and the disc rises to meet it at 60: the slip of 100 is gone after a second, with a balance that is known.

@@ -178,6 +178,11 @@ impl Plant {
         self.start_delay_lines(inputs.x_to);
     }
 
+    /// Turns the flywheel against the disc to this slip angle in rad, which is 0 at a start: a torque that pulsates with it goes on from there.
+    pub fn turn_to(&mut self, slip_angle: f64) {
+        self.state.y[index::ANGLE] = slip_angle;
+    }
+
     /// Greatest substep in s; the default serves 1e-6, a fit may take a longer one.
     pub fn max_substep(&self) -> f64 {
         self.max_substep

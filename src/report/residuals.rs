@@ -280,7 +280,15 @@ mod tests {
         let n = gap.len();
         let d = json!({"how_far": {"per_recording": [{"recording": "r", "channel": "omega_f_rad_s", "noise": 0.58}]}});
         let c = OverlayChannel { column: "omega_f_rad_s", unit: "rad/s", real: gap, before: vec![0.0; n], after: vec![0.0; n] };
-        let o = Overlay { recording: "r".into(), manoeuvre: String::new(), held_out: true, dt: 0.01, theta: [25.0; 2], channels: vec![c] };
+        let o = Overlay {
+            recording: "r".into(),
+            manoeuvre: String::new(),
+            held_out: true,
+            dt: 0.01,
+            theta: [25.0; 2],
+            slip_angle: 0.0,
+            channels: vec![c],
+        };
         let input = Input { overlays: &[o], ..Input::empty(&d) };
         held_out(&input).pop().expect("one channel")
     }
@@ -303,7 +311,15 @@ mod tests {
             before: vec![0.0; 200],
             after: vec![0.0; 200],
         };
-        let o = Overlay { recording: "r".into(), manoeuvre: String::new(), held_out: true, dt: 0.01, theta: [25.0; 2], channels: vec![c] };
+        let o = Overlay {
+            recording: "r".into(),
+            manoeuvre: String::new(),
+            held_out: true,
+            dt: 0.01,
+            theta: [25.0; 2],
+            slip_angle: 0.0,
+            channels: vec![c],
+        };
         let torque = unexplained_torque(&o, |c| &c.after, 0.2, 0.0);
         assert!(torque.iter().all(|t| (t - 4.0).abs() < 1e-9), "0.2 kg·m² at 20 rad/s²");
     }

@@ -256,6 +256,7 @@ mod tests {
             held_out: true,
             dt: 1e-3,
             theta: [25.0; 2],
+            slip_angle: 0.0,
             channels: vec![channel_of(vec![1.5; 100_000])],
         };
         let d = json!({});

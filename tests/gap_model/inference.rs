@@ -384,7 +384,7 @@ fn replayed(names: &[&str], every: usize, held: bool, mut sensors: impl FnMut(f6
         let begin = start(&track, &car, 0, track.theta_0, 0.1);
         let mut speeds = [r.omega_f.clone(), r.omega_c.clone()];
         let interval = 1.0 / r.sample_rate_hz;
-        replay(&track, &car, &begin, 0..track.rows(), None, |row, now, _, _| {
+        replay(&track, &car, (&begin, 0.0), 0..track.rows(), None, |row, now, _, _| {
             let added = sensors(interval);
             (speeds[0][row], speeds[1][row]) = (now.omega_f + added[0], now.omega_c + added[1]);
         });

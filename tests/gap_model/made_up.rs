@@ -44,7 +44,7 @@ pub fn made_up_under(change: impl Fn(&mut effects::Parameters), torque: impl Fn(
         let mut speeds = [vec![0.0; track.rows()], vec![0.0; track.rows()]];
         let begin = start(&track, &Car::nominal(&vehicle), 0, track.theta_0, 0.1);
         let missing = Missing { torque: [Vec::new(), track.time.iter().map(|t| torque(*t)).collect()], ..Missing::default() };
-        replay(&track, &car, &begin, 0..track.rows(), Some(&missing), |row, now, _, _| {
+        replay(&track, &car, (&begin, 0.0), 0..track.rows(), Some(&missing), |row, now, _, _| {
             (speeds[0][row], speeds[1][row]) = (now.omega_f + 0.1 * normal(), now.omega_c + 0.1 * normal());
         });
         [r.omega_f, r.omega_c] = speeds;
@@ -83,7 +83,7 @@ pub fn answered(
     let mut normal = normals(17);
     let begin = start(&track, car, 0, track.theta_0, 0.1);
     let mut found = [vec![0.0; n], vec![0.0; n]];
-    replay(&track, car, &begin, 0..n, None, |row, now, _, _| {
+    replay(&track, car, (&begin, 0.0), 0..n, None, |row, now, _, _| {
         let truth = speeds(row, [now.omega_f, now.omega_c]);
         (found[0][row], found[1][row]) = (truth[0] + noise * normal(), truth[1] + noise * normal());
     });

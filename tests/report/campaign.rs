@@ -70,6 +70,7 @@ pub fn campaign() -> Campaign {
             held_out,
             dt: DT,
             theta: [25.0; 2],
+            slip_angle: 0.0,
             channels,
         });
     }

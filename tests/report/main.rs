@@ -95,6 +95,7 @@ fn a_usual_campaign_stays_below_two_and_a_half_megabytes() {
         held_out: false,
         dt: 0.01,
         theta: [25.0; 2],
+        slip_angle: 0.0,
         channels: (0..5).map(|j| channel(j, n)).collect(),
     };
     let usual: Vec<Overlay> = (0..10).map(|r| overlay(r, 450)).collect();
@@ -209,6 +210,7 @@ fn curves_may_be_empty_constant_or_broken() {
             held_out: true,
             dt: 0.01,
             theta: [25.0; 2],
+            slip_angle: 0.0,
             channels: vec![channel(real)],
         })
         .chain([Overlay {
@@ -217,6 +219,7 @@ fn curves_may_be_empty_constant_or_broken() {
             held_out: true,
             dt: 0.01,
             theta: [25.0; 2],
+            slip_angle: 0.0,
             channels: vec![],
         }])
         .collect();

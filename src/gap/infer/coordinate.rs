@@ -3,8 +3,8 @@
 use super::density::{Point, Problem, TEMPERATURES, size};
 use crate::effects::{self, PARAMETERS, REGISTRY};
 
-/// Step of a finite difference along a ripple's order: after the longest slip its phase is a tenth of a radian off.
-const ORDER_STEP: f64 = 2e-4;
+/// Step of a finite difference along a ripple's order: after the longest slip its phase is a hundredth of a radian off, or a tenth after a drive of minutes.
+const ORDER_STEP: f64 = 2e-5;
 
 /// One free coordinate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

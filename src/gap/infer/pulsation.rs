@@ -2,7 +2,8 @@
 //!
 //! A ripple of order k adds δT = T (a cos kφ + b sin kφ) to the clutch torque, φ the slip angle. It moves the flywheel's innovations through the same filter
 //! that corrects the replay. For every order the two amplitudes follow from a linear least-squares fit to these innovations; the best orders, and those that
-//! turn once more or less on the way, are starts.
+//! turn once more or less on the way, are starts. Over the whole of a drive the slip angle grows too far to try every order that would tell it apart: there orders are
+//! first tried as if each engagement had a phase of its own, then, near the best, with one phase for all.
 
 use super::coordinate::Coordinate;
 use super::density::{Point, Problem};
@@ -19,14 +20,22 @@ const ORDERS: std::ops::Range<f64> = 0.15..12.0;
 const TRIED: usize = 5;
 const STARTS: usize = 2;
 const POLISH: usize = 2;
-/// Slip angle, rad, that one track spans at most: a drive's engagements have angles of their own.
+/// Observations after an engagement for which it still counts: a filter has forgotten it then.
+const REMEMBERED: usize = 20;
+/// Slip angle, rad, that a stretch spans at most.
 const LONGEST_ANGLE: f64 = 600.0;
+/// Finest step of the first scan, per radian of slip; that of the second is at most so many times as fine: that bounds the work for hours of drives, whose phase is lost on the way.
+const FINEST: f64 = 0.002;
+const FINER: f64 = 100.0;
+/// Steps of the first scan within which only the best order counts: side lobes are no orders of their own.
+const LOBES: f64 = 20.0;
 /// Neighbouring orders that one task scans.
 const NEIGHBOURS: usize = 64;
 /// Share of the flywheel's squared innovations that a ripple has to take to be tried: chance alone takes a few thousandths.
 const LEAST_SHARE: f64 = 0.01;
 
 /// Torque, slip angle and weighted innovation of one engagement.
+#[derive(Default)]
 struct Stretch {
     torque: Vec<f64>,
     angle: Vec<f64>,
@@ -43,25 +52,9 @@ pub fn starts(problem: &Problem, point: &Point) -> Vec<(usize, Point)> {
         return Vec::new();
     };
     let stretches: Vec<Stretch> = (0..problem.tracks.len()).into_par_iter().flat_map_iter(|k| stretches(problem, point, k)).collect();
-    let Some(longest) = stretches.iter().filter_map(|s| s.angle.last()).copied().reduce(f64::max) else { return Vec::new() };
-    let whole: f64 = stretches.iter().flat_map(|s| &s.innovation).map(|r| r * r).sum();
-    let step = (0.5 * PI / longest).clamp(0.002, 0.05);
-    let count = ((ORDERS.end - ORDERS.start) / step) as usize;
-    let mut found: Vec<(f64, f64, [f64; 2])> = Vec::new();
-    for (k, (gain, amplitudes)) in scan(&stretches, ORDERS.start, step, count).into_iter().enumerate() {
-        let order = ORDERS.start + k as f64 * step;
-        match found.last_mut() {
-            Some(last) if order - last.1 < 20.0 * step => {
-                if gain > last.0 {
-                    *last = (gain, order, amplitudes);
-                }
-            }
-            _ => found.push((gain, order, amplitudes)),
-        }
-    }
-    found.retain(|f| f.0 > LEAST_SHARE * whole);
-    found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let set = |(_, order, amplitudes): &(f64, f64, [f64; 2])| {
+    let Some(longest) = stretches.iter().flat_map(|s| &s.angle).map(|a| a.abs()).reduce(f64::max) else { return Vec::new() };
+    let found = orders(&stretches, longest);
+    let set = |(_, order, amplitudes): &Ripple| {
         let mut start = point.clone();
         let k = entry.parameters.start;
         (start.effects[k], start.effects[k + 1]) = (amplitudes[0].clamp(-0.9, 0.9), amplitudes[1].clamp(-0.9, 0.9));
@@ -89,6 +82,47 @@ pub fn starts(problem: &Problem, point: &Point) -> Vec<(usize, Point)> {
     fits.into_iter().map(|f| (effect, f.point)).collect()
 }
 
+/// What the squared innovations lose by a ripple, its order, and its amplitudes (cosine, sine).
+type Ripple = (f64, f64, [f64; 2]);
+
+/// Orders that explain something, the best first; `longest` is the greatest slip angle of all.
+fn orders(stretches: &[Stretch], longest: f64) -> Vec<Ripple> {
+    let step = |angle: f64| (0.5 * PI / angle).min(0.05);
+    let fine = step(longest);
+    // One phase for all, or one for each stretch.
+    let together = fine >= FINEST;
+    let span = |s: &Stretch| (s.angle[s.angle.len() - 1] - s.angle[0]).abs();
+    let coarse = if together { fine } else { step(stretches.iter().map(span).fold(0.0, f64::max)).max(FINEST) };
+    let whole: f64 = stretches.iter().flat_map(|s| &s.innovation).map(|r| r * r).sum();
+    let all = scan(stretches, ORDERS.start, coarse, ((ORDERS.end - ORDERS.start) / coarse) as usize, together);
+    let mut found: Vec<Ripple> = Vec::new();
+    for ripple in all {
+        match found.last_mut() {
+            Some(last) if ripple.1 - last.1 < LOBES * coarse => {
+                if ripple.0 > last.0 {
+                    *last = ripple;
+                }
+            }
+            _ => found.push(ripple),
+        }
+    }
+    found.retain(|f| f.0 > LEAST_SHARE * whole);
+    let best_first = |found: &mut Vec<Ripple>| found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    best_first(&mut found);
+    if !together {
+        found.truncate(TRIED);
+        let fine = fine.max(coarse / FINER);
+        let near = |order: f64| {
+            let reach = LOBES * coarse;
+            let nearby = scan(stretches, order - reach, fine, (2.0 * reach / fine) as usize + 1, true);
+            nearby.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).expect("at least the order itself")
+        };
+        found = found.into_iter().map(|f| near(f.1)).collect();
+        best_first(&mut found);
+    }
+    found
+}
+
 fn stretches(problem: &Problem, point: &Point, k: usize) -> Vec<Stretch> {
     let (track, filter) = (&problem.tracks[k], &problem.filters[k]);
     let car = problem.car(point, Some(k));
@@ -97,42 +131,54 @@ fn stretches(problem: &Problem, point: &Point, k: usize) -> Vec<Stretch> {
     let innovations = replay::corrected(track, filter, &car, problem.temperatures(point, k), None, |row, now| {
         let j = track.observation_of(row);
         torque[j] = if now.phase == crate::plant::Phase::Slipping { now.t_fc } else { 0.0 };
-        slip[j] = (now.omega_f - now.omega_c).max(0.0);
+        slip[j] = now.omega_f - now.omega_c;
     });
-    let mut all = Vec::new();
-    let (mut angle, mut j) = (0.0, 0);
-    while j < n {
-        let mut s = Stretch { torque: vec![], angle: vec![], innovation: vec![], gain: vec![], forget: vec![], weight: vec![] };
-        let begin = angle;
-        while j < n && angle - begin < LONGEST_ANGLE {
-            let gain = &filter.gains[j];
+    let mut all: Vec<Stretch> = Vec::new();
+    let (mut angle, mut begin, mut quiet) = (0.0_f64, 0.0, usize::MAX);
+    for j in 0..n {
+        let gain = &filter.gains[j];
+        let on = angle + slip[j] * gain.interval;
+        if torque[j] != 0.0 {
+            if quiet > REMEMBERED || (angle - begin).abs() > LONGEST_ANGLE {
+                all.push(Stretch::default());
+                begin = angle;
+            }
+            quiet = 0;
+        } else {
+            quiet = quiet.saturating_add(1);
+        }
+        if let Some(s) = all.last_mut().filter(|_| quiet <= REMEMBERED) {
             s.torque.push(torque[j]);
             // What acts from one observation to the next acts at the angle in the middle.
-            s.angle.push(angle + 0.5 * slip[j] * gain.interval);
+            s.angle.push(0.5 * (angle + on));
             s.innovation.push(innovations[2 * j]);
             s.gain.push(gain.interval / car.vehicle.driveline.J_f);
             s.forget.push(1.0 - gain.of[0][0]);
             s.weight.push(gain.weight[0]);
-            angle += slip[j] * gain.interval;
-            j += 1;
         }
-        if s.torque.iter().filter(|t| **t > 0.0).count() > 10 {
-            all.push(s);
-        }
+        angle = on;
     }
+    all.retain(|s| s.torque.iter().filter(|t| **t != 0.0).count() > 10);
     all
 }
 
-/// For `count` orders from `first` on: the sum of squares that a pulsation of this order explains, and its amplitudes (cosine, sine).
-fn scan(stretches: &[Stretch], first: f64, step: f64, count: usize) -> Vec<(f64, [f64; 2])> {
+/// What a pulsation explains for `count` orders from `first` on, with one phase for all stretches `together`, or with one for each and no amplitudes in common.
+fn scan(stretches: &[Stretch], first: f64, step: f64, count: usize, together: bool) -> Vec<Ripple> {
     let chunk = |from: usize| {
         let turned = |order: f64| -> Vec<Vec<(f64, f64)>> {
             stretches.iter().map(|t| t.angle.iter().map(|angle| (order * angle).sin_cos()).collect()).collect()
         };
         let (mut phasors, rotations) = (turned(first + from as f64 * step), turned(step));
         (from..count.min(from + NEIGHBOURS))
-            .map(|_| {
-                let found = explained(stretches, &phasors);
+            .map(|k| {
+                let order = first + k as f64 * step;
+                let found = if together {
+                    let (gain, amplitudes) = explained(stretches, &phasors);
+                    (gain, order, amplitudes)
+                } else {
+                    let one = |s: usize| explained(&stretches[s..=s], &phasors[s..=s]).0;
+                    ((0..stretches.len()).map(one).sum(), order, [0.0; 2])
+                };
                 for ((sin, cos), (rs, rc)) in phasors.iter_mut().flatten().zip(rotations.iter().flatten()) {
                     (*sin, *cos) = (*sin * rc + *cos * rs, *cos * rc - *sin * rs);
                 }
@@ -169,4 +215,57 @@ fn explained(stretches: &[Stretch], phasors: &[Vec<(f64, f64)>]) -> (f64, [f64; 
     let a = (ss * cr - cs * sr) / determinant;
     let b = (cc * sr - cs * cr) / determinant;
     (a * cr + b * sr, [a, b])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Engagements of one drive, each a second of slip at 100 Hz, under a ripple of this order and phase of the slip angle that has grown since the drive began: with an open clutch, and
+    /// backwards while the car pushes its engine.
+    fn drive(order: f64, phase: f64) -> Vec<Stretch> {
+        let mut angle = 0.0_f64;
+        let engagement = |k: usize| {
+            let mut s = Stretch::default();
+            let (mut speed, mut unknown) = (0.0, Road(k as u64 + 1));
+            for j in 0..100 {
+                let slip = if k % 3 == 2 { -60.0 } else { 90.0 } * (1.0 - j as f64 / 100.0);
+                let (gain, forget, torque) = (0.05, 0.7, 100.0);
+                s.innovation.push(speed + 0.3 * unknown.next());
+                s.angle.push(angle + 0.005 * slip);
+                (s.torque.push(torque), s.gain.push(gain), s.forget.push(forget), s.weight.push(1.0));
+                speed = forget * speed - gain * torque * 0.2 * (order * (angle + 0.005 * slip) + phase).cos();
+                angle += 0.01 * slip;
+            }
+            // Idling with an open clutch, longer each time.
+            angle += 400.0 + 37.0 * k as f64;
+            s
+        };
+        (0..9).map(engagement).collect()
+    }
+
+    /// Numbers between -1 and 1 that repeat.
+    struct Road(u64);
+    impl Road {
+        fn next(&mut self) -> f64 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+        }
+    }
+
+    /// After thousands of radians a ripple is told from one that is a phase of a tenth of a turn off at the end.
+    #[test]
+    fn the_order_of_a_ripple_is_found_in_a_drive() {
+        for (order, phase) in [(0.5_f64, 0.4_f64), (2.137, 2.0), (0.931, -1.0)] {
+            let stretches = drive(order, phase);
+            let longest = stretches.iter().flat_map(|s| &s.angle).fold(0.0, |m: f64, a| m.max(a.abs()));
+            assert!(longest > 3000.0, "{longest}");
+            let (_, found, [cosine, sine]) = orders(&stretches, longest)[0];
+            // Half a step of the finer scan is an eighth of a turn at the end.
+            assert!((found - order).abs() * longest < 0.26 * PI, "{found} for {order} after {longest} rad");
+            assert!((cosine.hypot(sine) - 0.2).abs() < 0.02, "{cosine} {sine}");
+            let off = (-sine).atan2(cosine) - phase;
+            assert!(off.sin().abs() < 0.8 && off.cos() > 0.0, "phase {} for {phase}", off + phase);
+        }
+    }
 }

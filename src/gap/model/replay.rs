@@ -118,11 +118,12 @@ pub fn start(track: &Track, car: &Car, row: usize, theta: [f64; 2], noise: f64) 
     Start { omega_f, omega_c, theta_c: theta[0], theta_b: theta[1] }
 }
 
-/// Runs the plant over `rows`, calling `at` in each row with what the sensors would show there; what it leaves in the torques added holds from then on.
+/// Runs the plant over `rows` from a start and a slip angle in rad, calling `at` in each row with what the sensors would show there; what it leaves in the torques added
+/// holds from then on.
 pub fn replay(
     track: &Track,
     car: &Car,
-    start: &Start,
+    start: (&Start, f64),
     rows: Range<usize>,
     missing: Option<&Missing>,
     at: impl FnMut(usize, &Outputs, &mut Plant, &mut Added),
@@ -136,7 +137,7 @@ pub fn replay(
 fn stepped(
     track: &Track,
     car: &Car,
-    start: &Start,
+    (start, slip_angle): (&Start, f64),
     first: usize,
     groups: impl Iterator<Item = Range<usize>>,
     missing: Option<&Missing>,
@@ -154,6 +155,7 @@ fn stepped(
     let tick = track.tick_of_row[first];
     let mut plant = Plant::new(&car.vehicle, &car.effects, start, &inputs(tick..tick + 1));
     plant.set_max_substep(SUBSTEP_S);
+    plant.turn_to(slip_angle);
     let gain = car.effects[param::engine_torque_gain::gain];
     let speed_gain = car.effects[param::clutch_speed_gain::gain];
     let age = unknown_clutch::age_of_flywheel(car);
@@ -306,7 +308,7 @@ fn corrected_in(
         let (count, length) = if steps == Steps::Observations { (1, rows.len()) } else { (rows.len(), 1) };
         (0..count).map(move |i| rows.start + i * length..rows.start + (i + 1) * length)
     });
-    stepped(track, car, &begin, 0, groups, missing, |row, now, plant, added| {
+    stepped(track, car, (&begin, 0.0), 0, groups, missing, |row, now, plant, added| {
         each(row, now);
         for (c, predicted) in [now.omega_f, now.omega_c, now.x_to_actual, now.t_fc, now.theta_c].into_iter().enumerate() {
             let error = track.measured[c].get(row).map_or(f64::NAN, |y| y - predicted);
