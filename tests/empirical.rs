@@ -13,6 +13,7 @@ use kisspoint::gap::infer::fit::{Free, fit};
 use kisspoint::gap::infer::posterior::Explanation;
 use kisspoint::gap::measure::{self, Closed};
 use kisspoint::gap::model::prepare;
+use kisspoint::gap::retune::Followed;
 use kisspoint::gap::verdict::{Conclusion, Verdict};
 use kisspoint::vehicle::Vehicle;
 use realcar::catalogue::{NEW, OUTSIDE};
@@ -63,8 +64,10 @@ fn learned_at(car: &Car, place: Subsystem, or_at: &[Subsystem]) -> (Tried, Close
     let held_out = &campaign.recordings[split.judge];
     let declared: Vec<_> = tolerances.own.iter().filter(|n| n.declared).cloned().collect();
     let floor = measure::floor(held_out, (&vehicle, &null), &declared, tolerances.declared_report, split.last_engagement);
+    let floors: Vec<f64> =
+        taught.iter().map(|r| measure::floor(r, (&vehicle, &null), &declared, tolerances.declared_report, false)).collect();
     let judge = Judge {
-        taught: &split.taught,
+        taught: Followed { recordings: &split.taught, floors: &floors },
         held_out,
         last_engagement: split.last_engagement,
         floor,
@@ -115,18 +118,17 @@ fn a_learned_law_closes_the_gap_of_recordings_that_did_not_teach_it() {
 /// Two laws are missing: the second one is learned beside the first, and closes what that leaves.
 #[test]
 fn a_second_law_is_learned_beside_the_first() {
-    let car = everyday(3, Kind::Pair("engine_torque_lag", "friction_level"));
+    let car = everyday(3, Kind::Pair("engine_torque_lag", "road_load"));
     let (one, closed_by_one) = learned(&car, Subsystem::Engine);
-    let (both, closed) = learned_at(&car, Subsystem::Engine, &[Subsystem::Friction]);
+    let (both, closed) = learned_at(&car, Subsystem::Engine, &[Subsystem::Driveline]);
     assert_eq!(
         (&one.laws[..], &both.laws[..], both.refused),
-        (&[Subsystem::Engine][..], &[Subsystem::Engine, Subsystem::Friction][..], None)
+        (&[Subsystem::Engine][..], &[Subsystem::Engine, Subsystem::Driveline][..], None)
     );
     // An engine's lag is nothing that a table of torques could stand for.
-    assert!(one.learned.curves.iter().any(|c| c.name == "engine_time"));
-    assert!(both.share_left_out() > one.share_left_out() + 0.03 && closed.fraction() > closed_by_one.fraction());
-    assert!(closed_by_one.fraction() > 0.7);
-    assert_eq!(both.places, [Subsystem::Engine, Subsystem::Friction]);
+    assert!(both.learned.curves.iter().any(|c| c.name == "engine_time"));
+    assert!(both.share_left_out() > one.share_left_out() + 0.03 && closed.fraction() > closed_by_one.fraction().max(0.9));
+    assert_eq!(both.places, [Subsystem::Engine, Subsystem::Driveline]);
 }
 
 /// Gusts come at any time: no curve over a state of the plant carries from one recording to the next.

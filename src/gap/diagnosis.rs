@@ -22,6 +22,7 @@ use super::model::unknown_clutch;
 use super::plan::manoeuvre::{Manoeuvre, built_in};
 use super::plan::{Outlook, Planner, outlook};
 use super::progress::{Watch, Work, watched};
+use super::retune::{self, Followed};
 use super::verdict::{Conclusion, MISLED, Verdict, conclude};
 use crate::campaign::{Campaign, NO_POSITION, Note, Recording};
 use crate::effects::{self, PARAMETERS, Parameters, REGISTRY, Subsystem};
@@ -166,17 +167,25 @@ fn diagnosed(
     // Tolerances beside a law that nobody has a formula for retune nothing: the car is handed back as it came.
     let retuned = !matches!(conclusion.verdict, Verdict::Unexplained | Verdict::InputsDoNotFit);
     let near = fitted_alone(&found, &conclusion).or(conclusion.explanation.fit.as_ref());
-    let alone = &tuned_by(&found, &conclusion, point);
+    let declared: Vec<_> = tolerances.own.iter().filter(|n| n.declared).cloned().collect();
+    let mode = tuned_by(&found, &conclusion, point);
+    let by_mode = problem.car(&mode, None);
+    let floor_of = |r: &Recording| measure::floor(r, (&by_mode.vehicle, &by_mode.effects), &declared, tolerances.declared_report, false);
+    let asked = !matches!(conclusion.verdict, Verdict::NoGap | Verdict::InputsDoNotFit);
+    let floors: Vec<f64> = if asked { split.taught.par_iter().map(floor_of).collect() } else { Vec::new() };
+    let followed = Followed { recordings: &split.taught, floors: &floors };
+    let with_position = problem.tracks.iter().all(|t| !t.position_free);
+    let names = retuned && mode.effects != effects::null();
+    let alone = &near.filter(|_| names && with_position).map_or(mode.clone(), |fit| retune::retuned(&problem, fit, &mode, followed));
     let tuned = if retuned { problem.car(alone, None) } else { super::model::tolerance::Car::nominal(&vehicle) };
     let null = effects::null();
     let (before, after) = ((&vehicle, &null), (&tuned.vehicle, &tuned.effects));
     let judge = &campaign.recordings[split.judge];
     let held_out = measure::evaluate_part(judge, before, after, split.last_engagement);
-    let declared: Vec<_> = tolerances.own.iter().filter(|n| n.declared).cloned().collect();
     let floor = measure::floor(judge, after, &declared, tolerances.declared_report, split.last_engagement);
     watch.begin("a law beyond the library");
     let judge = empirical::Judge {
-        taught: &split.taught,
+        taught: followed,
         held_out: judge,
         last_engagement: split.last_engagement,
         floor,
@@ -460,6 +469,57 @@ mod tests {
         assert_eq!([with(1.0), with(1.001)], [None; 2]);
         let [before, after] = with(0.5).unwrap();
         assert!(before > 1.0 && after > MISLED * before, "{before} {after}");
+    }
+
+    /// A slope that is three standard deviations off comes back where the recordings are followed exactly, and stays where the true car would be far off as well.
+    #[test]
+    fn a_plant_has_those_of_the_numbers_allowed_that_follow_the_recordings() {
+        use crate::effects::param::kiss_point_thermal::slope;
+        use crate::gap::infer::coordinate::Coordinate;
+        use crate::gap::infer::search::Hypothesis;
+        let campaign = crate::campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
+        let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
+        let Ready { problem, split, .. } = Ready::new(&campaign, &vehicle, &Work::default()).unwrap();
+        let effect = effects::find("kiss_point_thermal").unwrap();
+        let fit = Hypothesis::fitted(&problem, vec![effect], &problem.nominal(), 12, None).fit;
+        let place = fit.shared.iter().position(|c| *c == Coordinate::Effect(slope)).unwrap();
+        let covariance = fit.mean_covariance.clone().unwrap();
+        let sigma = covariance[(place, place)].sqrt();
+        let mut off = fit.point.clone();
+        for (k, c) in fit.shared.iter().filter(|c| !matches!(c, Coordinate::Missing(_))).enumerate() {
+            c.move_by(&problem, &mut off, 0, -3.0 * covariance[(k, place)] / sigma);
+        }
+        let gap = |point: &Point| {
+            let (car, null) = (problem.car(point, None), effects::null());
+            let one = |r: &Recording| Closed::of(&measure::evaluate(r, (&vehicle, &null), (&car.vehicle, &car.effects))).after;
+            split.taught.iter().map(one).sum::<f64>() / split.taught.len() as f64
+        };
+        let retuned = |fit: &Fit, floor: f64| {
+            let floors = vec![floor; split.taught.len()];
+            retune::retuned(&problem, fit, &off, Followed { recordings: &split.taught, floors: &floors })
+        };
+        let with = |floor: f64| retuned(&fit, floor);
+        let near = with(0.2);
+        let [far, close, least] = [&off, &near, &fit.point].map(gap);
+        assert!(far > 10.0 * least && close < 0.1 * far, "{far} {close} {least}");
+        let stays = with(1e4);
+        assert!((stays.effects[slope] - off.effects[slope]).abs() < 1e-3 * sigma && gap(&stays) > 0.99 * gap(&off));
+        // Nothing bounds the numbers where there is no covariance.
+        let unknown = Fit { mean_covariance: None, ..fit.clone() };
+        assert_eq!(retuned(&unknown, 0.2).effects, off.effects);
+        // Where one recording alone can be followed, nothing is learned without it.
+        let mut floors = vec![1e4; split.taught.len()];
+        floors[0] = 0.2;
+        let modes = vec![off.clone(); floors.len()];
+        let at_off = Fit { point: off.clone(), ..fit.clone() };
+        let (_, without_each) =
+            retune::and_without_each(&problem, &at_off, &modes, Followed { recordings: &split.taught, floors: &floors });
+        let moved = |p: &Point| (p.effects[slope] - off.effects[slope]).abs() / sigma;
+        assert!(
+            moved(&without_each[0]) < 1e-3 && moved(&without_each[1]) > 0.5,
+            "{:?}",
+            without_each.iter().map(moved).collect::<Vec<_>>()
+        );
     }
 
     /// Four standard deviations, which are 1 K or more, in either direction; how far off in K, and in which recordings.

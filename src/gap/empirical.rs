@@ -9,6 +9,7 @@ use super::infer::density::{Point, Problem};
 use super::infer::fit::Fit;
 use super::infer::learned::{Learned, learn, look};
 use super::measure::{self, Closed, HeldOut};
+use super::retune::{Followed, and_without_each};
 use super::verdict::{Conclusion, Verdict};
 use crate::campaign::Recording;
 use crate::effects::empirical::{Curve, curves};
@@ -108,8 +109,8 @@ pub fn laws_for(place: Subsystem) -> &'static [Subsystem] {
 
 /// What a law is judged on, and by.
 pub struct Judge<'a> {
-    /// Recordings that taught, in the order of the problem's.
-    pub taught: &'a [Recording],
+    /// Recordings that taught, in the order of the problem's, and what the true car would leave there.
+    pub taught: Followed<'a>,
     /// What was held out.
     pub held_out: &'a Recording,
     /// Whether only its last engagement was.
@@ -242,9 +243,12 @@ impl<'a> Beside<'a> {
     }
 }
 
-fn tried(problem: &Problem, places: &[Subsystem], laws: &[Subsystem], learned: Learned, judge: &Judge) -> Tried {
+fn tried(problem: &Problem, places: &[Subsystem], laws: &[Subsystem], mut learned: Learned, judge: &Judge) -> Tried {
+    let mut points = learned.without_each(problem);
+    if problem.tracks.iter().all(|t| !t.position_free) {
+        (learned.fit.point, points) = and_without_each(problem, &learned.fit, &points, judge.taught);
+    }
     let car = problem.car(&learned.fit.point, None);
-    let points = learned.without_each(problem);
     let one = |(recording, point): (&Recording, &Point)| {
         let other = problem.car(point, None);
         gap(recording, judge.tuned, (&other.vehicle, &other.effects))
@@ -252,7 +256,7 @@ fn tried(problem: &Problem, places: &[Subsystem], laws: &[Subsystem], learned: L
     Tried {
         places: places.to_vec(),
         laws: laws.to_vec(),
-        left_out: judge.taught.par_iter().zip(&points).map(one).collect(),
+        left_out: judge.taught.recordings.par_iter().zip(&points).map(one).collect(),
         learned,
         vehicle: car.vehicle,
         effects: car.effects,

@@ -173,12 +173,26 @@ fn prepare(recording: &Recording, vehicle: &Vehicle) -> Prepared {
 }
 
 impl Prepared {
+    fn car(car: Car) -> tolerance::Car {
+        tolerance::Car { effects: *car.1, ..tolerance::Car::nominal(car.0) }
+    }
+
     fn replays(&self, car: Car, theta: [f64; 2]) -> Vec<Free> {
-        let car = tolerance::Car { effects: *car.1, ..tolerance::Car::nominal(car.0) };
-        let whole = self.stretches.len() == 1 && self.stretches[0] == (0..self.track.rows());
-        let along = if whole { Vec::new() } else { states_along(&self.track, &self.filter, &car, theta) };
-        let state_at = |row: usize| if whole { (theta, 0.0) } else { along[row] };
-        self.stretches.iter().map(|rows| free(&self.track, rows, &car, state_at(rows.start), self.noise[0])).collect()
+        let car = Self::car(car);
+        self.replays_from(&car, &self.begin(&car, theta))
+    }
+
+    fn replays_from(&self, car: &tolerance::Car, begin: &[([f64; 2], f64)]) -> Vec<Free> {
+        self.stretches.iter().zip(begin).map(|(rows, begin)| free(&self.track, rows, car, *begin, self.noise[0])).collect()
+    }
+
+    /// Temperatures in °C and slip angle in rad at which each stretch begins.
+    fn begin(&self, car: &tolerance::Car, theta: [f64; 2]) -> Vec<([f64; 2], f64)> {
+        if self.stretches.len() == 1 && self.stretches[0] == (0..self.track.rows()) {
+            return vec![(theta, 0.0)];
+        }
+        let along = states_along(&self.track, &self.filter, car, theta);
+        self.stretches.iter().map(|rows| along[rows.start]).collect()
     }
 
     fn rms(&self, channel: Channel, replays: &[Free]) -> f64 {
@@ -186,6 +200,32 @@ impl Prepared {
         let errors = self.stretches.iter().zip(replays).flat_map(|(rows, f)| measured[rows.clone()].iter().zip(&f.value[channel as usize]));
         let (sum, count) = errors.filter(|(y, _)| y.is_finite()).fold((0.0, 0), |(s, n), (y, p)| (s + (y - p).powi(2), n + 1));
         (sum / f64::from(count.max(1))).sqrt()
+    }
+}
+
+/// A recording to be replayed freely with one car after the other; a drive's engagements begin at the temperatures and slip angles that the first one has there.
+pub struct Freely {
+    prepared: Prepared,
+    begin: Vec<([f64; 2], f64)>,
+}
+
+impl Freely {
+    /// Prepares a recording of `vehicle` with a first car.
+    pub fn new(recording: &Recording, vehicle: &Vehicle, car: Car) -> Self {
+        let prepared = prepare(recording, vehicle);
+        let begin = prepared.begin(&Prepared::car(car), [recording.theta_c0, recording.theta_b0]);
+        Self { prepared, begin }
+    }
+
+    /// Errors of both speeds, rad/s, where there is a sample.
+    pub fn errors(&self, car: Car) -> Vec<f64> {
+        let p = &self.prepared;
+        let replays = p.replays_from(&Prepared::car(car), &self.begin);
+        let of = |c: usize| {
+            let stretches = p.stretches.iter().zip(&replays);
+            stretches.flat_map(move |(rows, f)| p.track.measured[c][rows.clone()].iter().zip(f.value[c].iter()).map(|(y, v)| y - v))
+        };
+        [Channel::OmegaF, Channel::OmegaC].into_iter().flat_map(|c| of(c as usize)).filter(|e| !e.is_nan()).collect()
     }
 }
 

@@ -10,9 +10,10 @@
 //! 4. [`verdict`]: what the posterior says; [`map`]: where the balances do not close; [`measure`]: how far off free replays are, before and after;
 //!    [`drive`]: what happened when on a drive
 //! 5. [`plan`]: what to measure to settle what is open, and how small an effect would still show; [`advice`]: the same in words
-//! 6. [`empirical`]: a law learned from the recordings where the library ends; [`domain`]: where the retuned plant was validated, and how well its clutch torque
+//! 6. [`retune`]: the numbers of the car that is handed back
+//! 7. [`empirical`]: a law learned from the recordings where the library ends; [`domain`]: where the retuned plant was validated, and how well its clutch torque
 //!    is known
-//! 7. [`compose`]: the [`answer`]; [`sentence`] and [`prose`]: its words; [`joint`]: the posterior itself, for pooling many cars
+//! 8. [`compose`]: the [`answer`]; [`sentence`] and [`prose`]: its words; [`joint`]: the posterior itself, for pooling many cars
 //!
 //! [`diagnosis`] runs all of it, and [`progress`] tells how far it is.
 
@@ -32,5 +33,6 @@ pub mod model;
 pub mod plan;
 pub mod progress;
 pub mod prose;
+pub mod retune;
 pub mod sentence;
 pub mod verdict;

@@ -39,8 +39,13 @@ fn retuned(diagnosis: &Value) -> String {
         let head = format!("<tr><th scope=\"rowgroup\" colspan=\"3\">{title}</th></tr>");
         if names.is_empty() { String::new() } else { format!("<tbody>{head}{rows}</tbody>") }
     };
+    let estimates = if effects.is_empty() {
+        ""
+    } else {
+        " Numbers of effects may differ from the estimates above: among those that the data allow, they are the ones with which free replays of the recordings used in the fit come nearest to the car."
+    };
     format!(
-        "<h3>What to set in <code>DrivelinePlant.fmu</code></h3>\n<p>Every other parameter keeps the number of the vehicle file. The FMU beside this report has them set; all digits are in plant.ssv and diagnosis.json.</p>\n\
+        "<h3>What to set in <code>DrivelinePlant.fmu</code></h3>\n<p>Every other parameter keeps the number of the vehicle file. The FMU beside this report has them set; all digits are in plant.ssv and diagnosis.json.{estimates}</p>\n\
          <table class=\"plain settings\"><thead><tr><th scope=\"col\">Variable</th><th scope=\"col\" class=\"num\">Nominal</th><th scope=\"col\" class=\"num\">Retuned</th></tr></thead>{}{}</table>\n",
         body("The effects", &effects),
         body("Numbers of the vehicle file, as the fit moved them", &numbers)

@@ -1,0 +1,181 @@
+//! The numbers of the car that is handed back.
+//!
+//! What the innovations say of an effect is what its real law does from one sample to the next, and its form takes up what the library's formula leaves. The retuned plant
+//! has the formula alone, and is asked for whole recordings. Among the numbers that the posterior allows it therefore gets those with which free replays of the
+//! recordings of the fit come nearest: the least
+//!
+//! ```text
+//! Σ A_r²/F_r² + (p − p̂)ᵀ C⁻¹ (p − p̂)
+//! ```
+//!
+//! with the gap A_r of recording r in a free replay, the gap F_r that the true car would leave there, and mode p̂ and covariance C of the posterior. A free replay counts once,
+//! whatever its number of samples: its errors are one long swing.
+
+use super::infer::coordinate::Coordinate;
+use super::infer::density::{Point, Problem};
+use super::infer::fit::Fit;
+use super::measure::Freely;
+use crate::campaign::Recording;
+use crate::effects::{self, PARAMETERS};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Iterations, and the factor on the damping of a step that led too far, with the most of them.
+const ITERATIONS: usize = 8;
+const SHRINK: f64 = 10.0;
+const TRIES: usize = 4;
+/// Step of a difference, in standard deviations of the posterior.
+const STEP: f64 = 0.1;
+/// Fall of the sum below which it ends.
+const LEAST: f64 = 0.1;
+
+/// What a free replay of each recording has to come near to.
+#[derive(Clone, Copy)]
+pub struct Followed<'a> {
+    /// The recordings.
+    pub recordings: &'a [Recording],
+    /// Gap that the true car would leave in each, rad/s.
+    pub floors: &'a [f64],
+}
+
+/// A point near the `mode` at which the recordings are followed best; `fit` is that of the mode.
+pub fn retuned(problem: &Problem, fit: &Fit, mode: &Point, followed: Followed) -> Point {
+    Nearby::of(problem, fit, mode, followed).map_or_else(|| mode.clone(), |near| near.at(&near.best().z))
+}
+
+/// The same, and what it would be without each of the recordings, whose mode is the one given for it: a step from there.
+pub fn and_without_each(problem: &Problem, fit: &Fit, modes: &[Point], followed: Followed) -> (Point, Vec<Point>) {
+    let Some(near) = Nearby::of(problem, fit, &fit.point, followed) else { return (fit.point.clone(), modes.to_vec()) };
+    let best = near.best();
+    (near.at(&best.z), modes.iter().enumerate().map(|(k, mode)| near.without(k, &best, mode)).collect())
+}
+
+/// The surroundings of a mode, in coordinates in which the posterior is a standard normal one.
+struct Nearby<'a> {
+    problem: &'a Problem,
+    mode: &'a Point,
+    free: Vec<Coordinate>,
+    root: DMatrix<f64>,
+    recordings: Vec<Freely>,
+    floors: &'a [f64],
+}
+
+/// A place there with the errors of each recording, and its derivatives.
+struct Place {
+    z: DVector<f64>,
+    errors: Vec<DVector<f64>>,
+    normal: Vec<DMatrix<f64>>,
+    gradient: Vec<DVector<f64>>,
+}
+
+impl<'a> Nearby<'a> {
+    fn of(problem: &'a Problem, fit: &Fit, mode: &'a Point, followed: Followed<'a>) -> Option<Self> {
+        let shared: Vec<Coordinate> = fit.shared.iter().copied().filter(|c| !matches!(c, Coordinate::Missing(_))).collect();
+        let covariance = fit.mean_covariance.as_ref().filter(|c| c.nrows() == shared.len())?;
+        let is_there = |e: &effects::Entry| e.parameters.clone().any(|p| mode.effects[p] != PARAMETERS[p].null);
+        let is_free = |c: Coordinate| if let Coordinate::Effect(k) = c { effects::owner(k).is_none_or(is_there) } else { true };
+        let kept: Vec<usize> = (0..shared.len()).filter(|&k| is_free(shared[k])).collect();
+        // The mean that a form may have where these recordings do not show it is as uncertain here as in an interval.
+        let of_form = |c: Coordinate| match c {
+            Coordinate::Effect(k) if effects::owner(k).is_some() => fit.mean_of_form(k).powi(2),
+            _ => 0.0,
+        };
+        let of = |i: usize, j: usize| covariance[(kept[i], kept[j])] + if i == j { of_form(shared[kept[i]]) } else { 0.0 };
+        let root = DMatrix::from_fn(kept.len(), kept.len(), of).cholesky()?.l();
+        let car = problem.car(mode, None);
+        let prepared = |r: &Recording| Freely::new(r, &problem.vehicle, (&car.vehicle, &car.effects));
+        let recordings = followed.recordings.par_iter().map(prepared).collect();
+        Some(Self { problem, mode, free: kept.iter().map(|&k| shared[k]).collect(), root, recordings, floors: followed.floors })
+    }
+
+    fn at(&self, z: &DVector<f64>) -> Point {
+        let mut point = self.mode.clone();
+        for (c, by) in self.free.iter().zip((&self.root * z).iter()) {
+            c.move_by(self.problem, &mut point, 0, *by);
+        }
+        point
+    }
+
+    /// Errors of each recording, scaled so that their squares add up to A²/F².
+    fn errors(&self, point: &Point) -> Vec<DVector<f64>> {
+        let car = self.problem.car(point, None);
+        let one = |(freely, floor): (&Freely, &f64)| {
+            let errors = DVector::from_vec(freely.errors((&car.vehicle, &car.effects)));
+            let scale = floor * (errors.len().max(1) as f64).sqrt();
+            errors / scale
+        };
+        self.recordings.par_iter().zip(self.floors).map(one).collect()
+    }
+
+    fn place(&self, z: DVector<f64>, errors: Vec<DVector<f64>>) -> Place {
+        let moved = |k: usize| {
+            let mut to = z.clone();
+            to[k] += STEP;
+            self.errors(&self.at(&to))
+        };
+        let all: Vec<Vec<DVector<f64>>> = (0..z.len()).into_par_iter().map(moved).collect();
+        let of = |(r, here): (usize, &DVector<f64>)| {
+            let columns: Vec<DVector<f64>> = all.iter().map(|moved| (&moved[r] - here) / STEP).collect();
+            let normal = DMatrix::from_fn(z.len(), z.len(), |i, j| columns[i].dot(&columns[j]));
+            (normal, DVector::from_fn(z.len(), |i, _| columns[i].dot(here)))
+        };
+        let (normal, gradient) = errors.iter().enumerate().map(of).unzip();
+        Place { z, errors, normal, gradient }
+    }
+
+    fn best(&self) -> Place {
+        let start = DVector::zeros(self.free.len());
+        let mut now = self.place(start.clone(), self.errors(&self.at(&start)));
+        for _ in 0..ITERATIONS {
+            let before = squares(&now.errors) + now.z.norm_squared();
+            let normal: DMatrix<f64> = now.normal.iter().sum();
+            let gradient: DVector<f64> = now.gradient.iter().sum::<DVector<f64>>() + &now.z;
+            let (mut damping, mut next) = (0.0, None);
+            for _ in 0..TRIES {
+                let scale = DVector::from_fn(start.len(), |i, _| 1.0 + damping * (1.0 + normal[(i, i)]));
+                let Some(root) = (&normal + DMatrix::from_diagonal(&scale)).cholesky() else { break };
+                let to = &now.z - root.solve(&gradient);
+                let point = self.at(&to);
+                if self.problem.can_follow(&point) {
+                    let errors = self.errors(&point);
+                    let cost = squares(&errors) + to.norm_squared();
+                    if cost < before {
+                        next = Some((to, errors, before - cost));
+                        break;
+                    }
+                }
+                damping = if damping == 0.0 { 0.1 } else { damping * SHRINK };
+            }
+            let Some((to, errors, fallen)) = next else { break };
+            now = self.place(to, errors);
+            if fallen < LEAST {
+                break;
+            }
+        }
+        now
+    }
+
+    /// Where one recording took no part: a step from the best place by what the others say, around their own mode; or that, if they are followed worse there.
+    fn without(&self, k: usize, best: &Place, mode: &Point) -> Point {
+        let off = DVector::from_iterator(self.free.len(), self.free.iter().map(|c| c.get(mode, 0) - c.get(self.mode, 0)));
+        let Some(centre) = self.root.solve_lower_triangular(&off) else { return mode.clone() };
+        let mut normal = DMatrix::identity(self.free.len(), self.free.len());
+        let mut right = centre.clone();
+        for r in (0..self.recordings.len()).filter(|r| *r != k) {
+            normal += &best.normal[r];
+            right += &best.normal[r] * &best.z - &best.gradient[r];
+        }
+        let Some(z) = normal.cholesky().map(|c| c.solve(&right)) else { return mode.clone() };
+        let point = self.at(&z);
+        let cost = |point: &Point, z: &DVector<f64>| {
+            let mut errors = self.errors(point);
+            errors.remove(k);
+            squares(&errors) + (z - &centre).norm_squared()
+        };
+        if self.problem.can_follow(&point) && cost(&point, &z) < cost(mode, &centre) { point } else { mode.clone() }
+    }
+}
+
+fn squares(errors: &[DVector<f64>]) -> f64 {
+    errors.iter().map(DVector::norm_squared).sum()
+}
