@@ -498,18 +498,3 @@ fn a_filtered_speed_has_the_gain_and_the_phase_of_a_first_order_filter() {
 }
 
 const TAU_OF_A_TURN: f64 = std::f64::consts::TAU;
-
-/// At a quarter of the pulsation's period on, cosine counts for nothing; half a period on, it counts the other way.
-#[test]
-fn a_plant_goes_on_from_the_slip_angle_to_which_it_is_turned() {
-    let mut p = effects::null();
-    (p[param::judder::cosine], p[param::judder::order]) = (0.3, 2.0);
-    let start = Start { omega_f: 150.0, omega_c: 20.0, theta_c: 60.0, theta_b: 40.0 };
-    let mut plant = Plant::new(&Vehicle::paper(), &p, &start, &Inputs { x_to: 6.3, ..Inputs::default() });
-    let mut at = |angle: f64| {
-        plant.turn_to(angle);
-        plant.outputs().t_fc
-    };
-    let [none, quarter, half] = [0.0, std::f64::consts::FRAC_PI_4, std::f64::consts::FRAC_PI_2].map(&mut at);
-    assert!(quarter > 1.0 && (none / quarter - 1.3).abs() < 1e-12 && (half / quarter - 0.7).abs() < 1e-12, "{none} {quarter} {half}");
-}

@@ -5,6 +5,7 @@ use super::compose::{self, Findings};
 use super::domain::{self, Handed};
 use super::drive::{self, Drive};
 use super::empirical::{self, Tried};
+use super::free::Car;
 use super::held_out::{Split, split};
 use super::infer::density::{Point, Problem};
 use super::infer::fit::Fit;
@@ -252,15 +253,15 @@ fn weighed(problem: &Problem, found: &mut Search, watch: &Watch) -> Posterior {
 }
 
 /// A campaign, ready to be fitted.
-struct Ready {
-    split: Split,
-    problem: Problem,
+pub(super) struct Ready {
+    pub(super) split: Split,
+    pub(super) problem: Problem,
     tolerances: Tolerances,
     with: Disturbances,
 }
 
 impl Ready {
-    fn new(campaign: &Campaign, vehicle: &Vehicle, work: &Work) -> Result<Self, DiagnosisError> {
+    pub(super) fn new(campaign: &Campaign, vehicle: &Vehicle, work: &Work) -> Result<Self, DiagnosisError> {
         let split = split(&campaign.recordings);
         if split.taught.is_empty() {
             return Err(DiagnosisError::TooFew(campaign.recordings.len()));
@@ -392,14 +393,7 @@ fn cells(problem: &Problem, conclusion: &Conclusion) -> [Vec<map::Cell>; 2] {
     [map::cells(problem, &without, &strip(last)), map::cells(problem, &strip(last), &strip(last))]
 }
 
-fn overlays(
-    campaign: &Campaign,
-    split: &Split,
-    problem: &Problem,
-    point: &Point,
-    before: measure::Car,
-    after: measure::Car,
-) -> Vec<Overlay> {
+fn overlays(campaign: &Campaign, split: &Split, problem: &Problem, point: &Point, before: Car, after: Car) -> Vec<Overlay> {
     let of = |k: usize, r: &Recording| {
         let held_out = |engagement: usize, count: usize| is_held_out(split, k, engagement, count);
         let place = problem.tracks.iter().position(|t| t.name == r.name);
@@ -469,57 +463,6 @@ mod tests {
         assert_eq!([with(1.0), with(1.001)], [None; 2]);
         let [before, after] = with(0.5).unwrap();
         assert!(before > 1.0 && after > MISLED * before, "{before} {after}");
-    }
-
-    /// A slope that is three standard deviations off comes back where the recordings are followed exactly, and stays where the true car would be far off as well.
-    #[test]
-    fn a_plant_has_those_of_the_numbers_allowed_that_follow_the_recordings() {
-        use crate::effects::param::kiss_point_thermal::slope;
-        use crate::gap::infer::coordinate::Coordinate;
-        use crate::gap::infer::search::Hypothesis;
-        let campaign = crate::campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
-        let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
-        let Ready { problem, split, .. } = Ready::new(&campaign, &vehicle, &Work::default()).unwrap();
-        let effect = effects::find("kiss_point_thermal").unwrap();
-        let fit = Hypothesis::fitted(&problem, vec![effect], &problem.nominal(), 12, None).fit;
-        let place = fit.shared.iter().position(|c| *c == Coordinate::Effect(slope)).unwrap();
-        let covariance = fit.mean_covariance.clone().unwrap();
-        let sigma = covariance[(place, place)].sqrt();
-        let mut off = fit.point.clone();
-        for (k, c) in fit.shared.iter().filter(|c| !matches!(c, Coordinate::Missing(_))).enumerate() {
-            c.move_by(&problem, &mut off, 0, -3.0 * covariance[(k, place)] / sigma);
-        }
-        let gap = |point: &Point| {
-            let (car, null) = (problem.car(point, None), effects::null());
-            let one = |r: &Recording| Closed::of(&measure::evaluate(r, (&vehicle, &null), (&car.vehicle, &car.effects))).after;
-            split.taught.iter().map(one).sum::<f64>() / split.taught.len() as f64
-        };
-        let retuned = |fit: &Fit, floor: f64| {
-            let floors = vec![floor; split.taught.len()];
-            retune::retuned(&problem, fit, &off, Followed { recordings: &split.taught, floors: &floors })
-        };
-        let with = |floor: f64| retuned(&fit, floor);
-        let near = with(0.2);
-        let [far, close, least] = [&off, &near, &fit.point].map(gap);
-        assert!(far > 10.0 * least && close < 0.1 * far, "{far} {close} {least}");
-        let stays = with(1e4);
-        assert!((stays.effects[slope] - off.effects[slope]).abs() < 1e-3 * sigma && gap(&stays) > 0.99 * gap(&off));
-        // Nothing bounds the numbers where there is no covariance.
-        let unknown = Fit { mean_covariance: None, ..fit.clone() };
-        assert_eq!(retuned(&unknown, 0.2).effects, off.effects);
-        // Where one recording alone can be followed, nothing is learned without it.
-        let mut floors = vec![1e4; split.taught.len()];
-        floors[0] = 0.2;
-        let modes = vec![off.clone(); floors.len()];
-        let at_off = Fit { point: off.clone(), ..fit.clone() };
-        let (_, without_each) =
-            retune::and_without_each(&problem, &at_off, &modes, Followed { recordings: &split.taught, floors: &floors });
-        let moved = |p: &Point| (p.effects[slope] - off.effects[slope]).abs() / sigma;
-        assert!(
-            moved(&without_each[0]) < 1e-3 && moved(&without_each[1]) > 0.5,
-            "{:?}",
-            without_each.iter().map(moved).collect::<Vec<_>>()
-        );
     }
 
     /// Four standard deviations, which are 1 K or more, in either direction; how far off in K, and in which recordings.

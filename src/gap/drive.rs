@@ -1,6 +1,6 @@
 //! Drives as they were recorded, from beginning to end: what happened when.
 
-use super::measure::stretches;
+use super::free::stretches;
 use super::model::track::{Channel, Track};
 use crate::campaign::Recording;
 use crate::plant::Phase;

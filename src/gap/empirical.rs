@@ -5,6 +5,7 @@
 //! law is taken only if free replays say so of recordings that did not teach it: of each recording in turn with a law that was learned from the others, and of what
 //! was held out from everything. Laws are added one at a time, as long as the next one carries over, too. They are never a cause, and change no verdict.
 
+use super::free::Car;
 use super::infer::density::{Point, Problem};
 use super::infer::fit::Fit;
 use super::infer::learned::{Learned, learn, look};
@@ -120,24 +121,24 @@ pub struct Judge<'a> {
     /// The car as its file gives it.
     pub nominal: &'a Vehicle,
     /// The car as it would be handed out without a law.
-    pub tuned: measure::Car<'a>,
+    pub tuned: Car<'a>,
 }
 
 impl Judge<'_> {
     /// Gaps of a car on what was held out.
-    fn gaps(&self, car: measure::Car) -> Vec<HeldOut> {
+    fn gaps(&self, car: Car) -> Vec<HeldOut> {
         measure::evaluate_part(self.held_out, (self.nominal, &effects::null()), car, self.last_engagement)
     }
 
     /// Share of the gap above what the true car would leave that a car leaves on what was held out; none of it where it leaves less than that car.
-    fn leaves(&self, car: measure::Car) -> f64 {
+    fn leaves(&self, car: Car) -> f64 {
         let closed = Closed { noise: self.floor, ..Closed::of(&self.gaps(car)) };
         if closed.after <= self.floor { 0.0 } else { 1.0 - closed.fraction() }
     }
 }
 
 /// Gap of both speeds in free replays of one recording, rad/s: of the first car and of the second.
-fn gap(recording: &Recording, before: measure::Car, after: measure::Car) -> [f64; 2] {
+fn gap(recording: &Recording, before: Car, after: Car) -> [f64; 2] {
     let c = Closed::of(&measure::evaluate(recording, before, after));
     [c.before, c.after]
 }

@@ -1,6 +1,6 @@
 //! What takes no part in choosing or fitting, and judges in the open: of a bench campaign one recording, of drives the last engagement of the longest.
 
-use super::measure::stretches;
+use super::free::stretches;
 use super::model::track::Track;
 use crate::campaign::Recording;
 

@@ -11,10 +11,10 @@
 //! with the gap A_r of recording r in a free replay, the gap F_r that the true car would leave there, and mode p̂ and covariance C of the posterior. A free replay counts once,
 //! whatever its number of samples: its errors are one long swing.
 
+use super::free::Freely;
 use super::infer::coordinate::Coordinate;
 use super::infer::density::{Point, Problem};
 use super::infer::fit::Fit;
-use super::measure::Freely;
 use crate::campaign::Recording;
 use crate::effects::{self, PARAMETERS};
 use nalgebra::{DMatrix, DVector};
@@ -178,4 +178,62 @@ impl<'a> Nearby<'a> {
 
 fn squares(errors: &[DVector<f64>]) -> f64 {
     errors.iter().map(DVector::norm_squared).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::param::kiss_point_thermal::slope;
+    use crate::gap::diagnosis::Ready;
+    use crate::gap::infer::search::Hypothesis;
+    use crate::gap::measure::{self, Closed};
+    use crate::gap::progress::Work;
+    use crate::vehicle::Vehicle;
+
+    /// A slope that is three standard deviations off comes back where the recordings are followed exactly, and stays where the true car would be far off as well.
+    #[test]
+    fn a_plant_has_those_of_the_numbers_allowed_that_follow_the_recordings() {
+        let campaign = crate::campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
+        let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
+        let Ready { problem, split, .. } = Ready::new(&campaign, &vehicle, &Work::default()).unwrap();
+        let effect = effects::find("kiss_point_thermal").unwrap();
+        let fit = Hypothesis::fitted(&problem, vec![effect], &problem.nominal(), 12, None).fit;
+        let place = fit.shared.iter().position(|c| *c == Coordinate::Effect(slope)).unwrap();
+        let covariance = fit.mean_covariance.clone().unwrap();
+        let sigma = covariance[(place, place)].sqrt();
+        let mut off = fit.point.clone();
+        for (k, c) in fit.shared.iter().filter(|c| !matches!(c, Coordinate::Missing(_))).enumerate() {
+            c.move_by(&problem, &mut off, 0, -3.0 * covariance[(k, place)] / sigma);
+        }
+        let gap = |point: &Point| {
+            let (car, null) = (problem.car(point, None), effects::null());
+            let one = |r: &Recording| Closed::of(&measure::evaluate(r, (&vehicle, &null), (&car.vehicle, &car.effects))).after;
+            split.taught.iter().map(one).sum::<f64>() / split.taught.len() as f64
+        };
+        let found = |fit: &Fit, floor: f64| {
+            let floors = vec![floor; split.taught.len()];
+            retuned(&problem, fit, &off, Followed { recordings: &split.taught, floors: &floors })
+        };
+        let with = |floor: f64| found(&fit, floor);
+        let near = with(0.2);
+        let [far, close, least] = [&off, &near, &fit.point].map(gap);
+        assert!(far > 10.0 * least && close < 0.1 * far, "{far} {close} {least}");
+        let stays = with(1e4);
+        assert!((stays.effects[slope] - off.effects[slope]).abs() < 1e-3 * sigma && gap(&stays) > 0.99 * gap(&off));
+        // Nothing bounds the numbers where there is no covariance.
+        let unknown = Fit { mean_covariance: None, ..fit.clone() };
+        assert_eq!(found(&unknown, 0.2).effects, off.effects);
+        // Where one recording alone can be followed, nothing is learned without it.
+        let mut floors = vec![1e4; split.taught.len()];
+        floors[0] = 0.2;
+        let modes = vec![off.clone(); floors.len()];
+        let at_off = Fit { point: off.clone(), ..fit.clone() };
+        let (_, without_each) = and_without_each(&problem, &at_off, &modes, Followed { recordings: &split.taught, floors: &floors });
+        let moved = |p: &Point| (p.effects[slope] - off.effects[slope]).abs() / sigma;
+        assert!(
+            moved(&without_each[0]) < 1e-3 && moved(&without_each[1]) > 0.5,
+            "{:?}",
+            without_each.iter().map(moved).collect::<Vec<_>>()
+        );
+    }
 }

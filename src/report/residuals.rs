@@ -276,19 +276,23 @@ mod tests {
             .collect()
     }
 
-    fn tested(gap: Vec<f64>) -> Residual {
-        let n = gap.len();
-        let d = json!({"how_far": {"per_recording": [{"recording": "r", "channel": "omega_f_rad_s", "noise": 0.58}]}});
-        let c = OverlayChannel { column: "omega_f_rad_s", unit: "rad/s", real: gap, before: vec![0.0; n], after: vec![0.0; n] };
-        let o = Overlay {
+    fn overlay(channel: OverlayChannel) -> Overlay {
+        Overlay {
             recording: "r".into(),
             manoeuvre: String::new(),
             held_out: true,
             dt: 0.01,
             theta: [25.0; 2],
             slip_angle: 0.0,
-            channels: vec![c],
-        };
+            channels: vec![channel],
+        }
+    }
+
+    fn tested(gap: Vec<f64>) -> Residual {
+        let n = gap.len();
+        let d = json!({"how_far": {"per_recording": [{"recording": "r", "channel": "omega_f_rad_s", "noise": 0.58}]}});
+        let c = OverlayChannel { column: "omega_f_rad_s", unit: "rad/s", real: gap, before: vec![0.0; n], after: vec![0.0; n] };
+        let o = overlay(c);
         let input = Input { overlays: &[o], ..Input::empty(&d) };
         held_out(&input).pop().expect("one channel")
     }
@@ -311,15 +315,7 @@ mod tests {
             before: vec![0.0; 200],
             after: vec![0.0; 200],
         };
-        let o = Overlay {
-            recording: "r".into(),
-            manoeuvre: String::new(),
-            held_out: true,
-            dt: 0.01,
-            theta: [25.0; 2],
-            slip_angle: 0.0,
-            channels: vec![c],
-        };
+        let o = overlay(c);
         let torque = unexplained_torque(&o, |c| &c.after, 0.2, 0.0);
         assert!(torque.iter().all(|t| (t - 4.0).abs() < 1e-9), "0.2 kg·m² at 20 rad/s²");
     }

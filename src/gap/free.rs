@@ -1,0 +1,226 @@
+//! Free replays: a car driven by recorded torque and position alone, from measured speeds.
+//!
+//! Their errors are what an engineer sees who plays the recording through the FMU. A bench recording is replayed as a whole. Of a drive single engagements are: from the
+//! release of the brake at rest to the next braking, [`LONGEST_S`] at most; temperatures and slip angle there are those of the same car in a corrected replay of
+//! all that came before.
+
+use super::model::filter::Filter;
+use super::model::prepare;
+use super::model::replay;
+use super::model::tolerance;
+use super::model::track::{Channel, Track};
+use super::model::unknown_clutch;
+use crate::campaign::Recording;
+use crate::effects::Parameters;
+use crate::vehicle::Vehicle;
+use std::ops::Range;
+
+/// Longest free replay of an engagement, s.
+pub const LONGEST_S: f64 = 5.0;
+/// Disc speed, rad/s, below which a car counts as at rest.
+const AT_REST: f64 = 2.0;
+
+/// A car: its numbers and its effects.
+pub type Car<'a> = (&'a Vehicle, &'a Parameters);
+
+/// Rows of a recording that are replayed freely.
+pub fn stretches(track: &Track) -> Vec<Range<usize>> {
+    if track.brake.iter().all(|b| !b) {
+        return vec![0..track.rows()];
+    }
+    let rests = |row: usize| {
+        let v = track.measured[Channel::OmegaC as usize][row];
+        !v.is_finite() || v.abs() < AT_REST
+    };
+    let mut all: Vec<Range<usize>> = Vec::new();
+    let mut row = 0;
+    while row < track.rows() {
+        let released = !track.brake[row] && (row == 0 || track.brake[row - 1]) && rests(row);
+        if !released {
+            row += 1;
+            continue;
+        }
+        let begin = row;
+        while row < track.rows() && !track.brake[row] && track.time[row] - track.time[begin] < LONGEST_S {
+            row += 1;
+        }
+        if track.time[row - 1] - track.time[begin] > 0.5 {
+            all.push(begin..row);
+        }
+    }
+    all
+}
+
+/// What a free replay shows, by [`Channel`] and row of the stretch.
+#[derive(Clone, Debug, Default)]
+pub struct Free {
+    /// Temperatures of disc and body where it begins, °C.
+    pub theta: [f64; 2],
+    /// Slip angle there since the recording began, rad.
+    pub slip_angle: f64,
+    /// What the sensors would show.
+    pub value: [Vec<f64>; 5],
+}
+
+/// Temperatures of disc and body in °C and slip angle in rad by row of a corrected replay.
+fn states_along(track: &Track, filter: &Filter, car: &tolerance::Car, theta: [f64; 2]) -> Vec<([f64; 2], f64)> {
+    let mut all = vec![(theta, 0.0); track.rows()];
+    let (mut angle, mut last) = (0.0, 0.0);
+    replay::corrected(track, filter, car, theta, None, |row, now| {
+        let slip = now.omega_f - now.omega_c;
+        if row > 0 {
+            angle += 0.5 * (last + slip) * (track.time[row] - track.time[row - 1]);
+        }
+        last = slip;
+        all[row] = ([now.theta_c, now.theta_b], angle);
+    });
+    all
+}
+
+fn free(track: &Track, rows: &Range<usize>, car: &tolerance::Car, (theta, slip_angle): ([f64; 2], f64), noise: f64) -> Free {
+    let start = replay::start(track, car, rows.start, theta, noise);
+    let mut found = Free { theta, slip_angle, ..Free::default() };
+    replay::replay(track, car, (&start, slip_angle), rows.clone(), None, |_, now, _, _| {
+        for (column, v) in found.value.iter_mut().zip([now.omega_f, now.omega_c, now.x_to_actual, now.t_fc, now.theta_c]) {
+            column.push(v);
+        }
+    });
+    found
+}
+
+/// A recording with what its replays need.
+pub struct Prepared {
+    /// Its samples.
+    pub track: Track,
+    filter: Filter,
+    /// Standard deviation of white noise, by [`Channel`].
+    pub noise: [f64; 5],
+    /// Rows that are replayed.
+    pub stretches: Vec<Range<usize>>,
+}
+
+/// Prepares a recording of a vehicle.
+pub fn prepare(recording: &Recording, vehicle: &Vehicle) -> Prepared {
+    let mut track = Track::new(recording);
+    let none = tolerance::Tolerances {
+        shared: Vec::new(),
+        own: Vec::new(),
+        report: tolerance::defaults::REPORT,
+        declared_report: tolerance::defaults::REPORT,
+    };
+    let with = prepare::disturbances(std::slice::from_ref(&track), &none);
+    unknown_clutch::find(std::slice::from_mut(&mut track), &with.noise);
+    let filter = prepare::filter_of(&track, vehicle, &with);
+    let stretches = stretches(&track);
+    Prepared { noise: with.noise.map(|n| n.white), track, filter, stretches }
+}
+
+impl Prepared {
+    fn car(car: Car) -> tolerance::Car {
+        tolerance::Car { effects: *car.1, ..tolerance::Car::nominal(car.0) }
+    }
+
+    /// Free replays of all stretches with a car, in a recording that begins at these temperatures in °C.
+    pub fn replays(&self, car: Car, theta: [f64; 2]) -> Vec<Free> {
+        let car = Self::car(car);
+        self.replays_from(&car, &self.begin(&car, theta))
+    }
+
+    fn replays_from(&self, car: &tolerance::Car, begin: &[([f64; 2], f64)]) -> Vec<Free> {
+        self.stretches.iter().zip(begin).map(|(rows, begin)| free(&self.track, rows, car, *begin, self.noise[0])).collect()
+    }
+
+    /// Temperatures in °C and slip angle in rad at which each stretch begins.
+    fn begin(&self, car: &tolerance::Car, theta: [f64; 2]) -> Vec<([f64; 2], f64)> {
+        if self.stretches.len() == 1 && self.stretches[0] == (0..self.track.rows()) {
+            return vec![(theta, 0.0)];
+        }
+        let along = states_along(&self.track, &self.filter, car, theta);
+        self.stretches.iter().map(|rows| along[rows.start]).collect()
+    }
+
+    /// Root mean square of what was measured less what these replays show.
+    pub fn rms(&self, channel: Channel, replays: &[Free]) -> f64 {
+        let measured = &self.track.measured[channel as usize];
+        let errors = self.stretches.iter().zip(replays).flat_map(|(rows, f)| measured[rows.clone()].iter().zip(&f.value[channel as usize]));
+        let (sum, count) = errors.filter(|(y, _)| y.is_finite()).fold((0.0, 0), |(s, n), (y, p)| (s + (y - p).powi(2), n + 1));
+        (sum / f64::from(count.max(1))).sqrt()
+    }
+}
+
+/// A recording to be replayed freely with one car after the other; a drive's engagements begin at the temperatures and slip angles that the first one has there.
+pub struct Freely {
+    prepared: Prepared,
+    begin: Vec<([f64; 2], f64)>,
+}
+
+impl Freely {
+    /// Prepares a recording of `vehicle` with a first car.
+    pub fn new(recording: &Recording, vehicle: &Vehicle, car: Car) -> Self {
+        let prepared = prepare(recording, vehicle);
+        let begin = prepared.begin(&Prepared::car(car), [recording.theta_c0, recording.theta_b0]);
+        Self { prepared, begin }
+    }
+
+    /// Errors of both speeds, rad/s, where there is a sample.
+    pub fn errors(&self, car: Car) -> Vec<f64> {
+        let p = &self.prepared;
+        let replays = p.replays_from(&Prepared::car(car), &self.begin);
+        let of = |c: usize| {
+            let stretches = p.stretches.iter().zip(&replays);
+            stretches.flat_map(move |(rows, f)| {
+                p.track.measured[c][rows.clone()].iter().zip(f.value[c].iter()).filter(|(y, _)| y.is_finite()).map(|(y, v)| y - v)
+            })
+        };
+        [Channel::OmegaF, Channel::OmegaC].into_iter().flat_map(|c| of(c as usize)).collect()
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// A recording at 100 Hz with these speeds by time in s, under a constant torque with an open clutch.
+    pub fn recording(rows: usize, speeds: impl Fn(f64) -> [f64; 2], torque: f64) -> Recording {
+        let time: Vec<f64> = (0..rows).map(|k| 0.01 * k as f64).collect();
+        let speed = |side: usize| time.iter().map(|t| speeds(*t)[side]).collect();
+        Recording {
+            sample_rate_hz: 100.0,
+            omega_f: speed(0),
+            omega_c: speed(1),
+            t_e: vec![torque; rows],
+            x_to_cmd: vec![3.0; rows],
+            theta_h: vec![25.0; rows],
+            time,
+            ..Recording::default()
+        }
+    }
+
+    /// Rows are braked where this says so, by time in s.
+    fn driven(rows: usize, brake: impl Fn(f64) -> bool, omega_c: impl Fn(f64) -> f64) -> Track {
+        let r = recording(rows, |t| [100.0, omega_c(t)], 10.0);
+        Track::new(&Recording { brake: Some(r.time.iter().map(|t| brake(*t)).collect()), ..r })
+    }
+
+    #[test]
+    fn engagements_of_a_drive_go_from_the_release_at_rest_to_the_next_braking() {
+        let bench = Track::new(&recording(100, |_| [100.0, 0.0], 10.0));
+        assert_eq!(stretches(&bench).first(), Some(&(0..100)));
+        // Released at rest, on the move, for too short a time, and for longer than a free replay goes.
+        let brake = |t: f64| t < 1.0 || (2.0..3.0).contains(&t) || (4.0..5.0).contains(&t) || (5.3..6.0).contains(&t);
+        let rolls = |t: f64| if (2.5..4.5).contains(&t) { 2.1 } else { 1.9 };
+        assert_eq!(stretches(&driven(1300, brake, rolls)), [100..200, 600..1100]);
+        // What a sensor does not show yet is at rest, and a drive may begin without a brake.
+        assert_eq!(stretches(&driven(400, |t| t > 2.0 && t < 3.0, |_| f64::NAN)), [0..201, 300..400]);
+    }
+
+    /// Idling at 100 rad/s against a disc at rest, with an open clutch, for two seconds.
+    #[test]
+    fn an_engagement_begins_at_the_slip_angle_to_which_the_drive_has_turned() {
+        let mut r = recording(300, |_| [100.0, 0.0], 0.0);
+        r.brake = Some(r.time.iter().map(|t| *t < 2.0).collect());
+        let (vehicle, null) = (Vehicle::paper(), crate::effects::null());
+        let all = prepare(&r, &vehicle).replays((&vehicle, &null), [25.0; 2]);
+        assert!(all.len() == 1 && (all[0].slip_angle - 200.0).abs() < 0.5, "{:?}", all.iter().map(|f| f.slip_angle).collect::<Vec<_>>());
+    }
+}
