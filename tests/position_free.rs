@@ -102,7 +102,7 @@ fn both_balances_close_with_one_torque() {
     let (mut squares, mut count) = (0.0, 0.0);
     for (k, (track, filter)) in problem.tracks.iter().zip(&problem.filters).enumerate() {
         let mut most = 0.0_f64;
-        let e = replay::corrected(track, filter, &problem.car(&nominal, Some(k)), track.theta_0, None, |_, now| {
+        let e = replay::corrected(track, filter, &problem.car(&nominal, Some(k)), track.theta_0, None, |_, now, _| {
             most = most.max(now.t_fc.abs())
         });
         assert!(most < 200.0, "{}: {most} N·m", track.name);

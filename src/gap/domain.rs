@@ -24,7 +24,6 @@ use crate::plant::Phase;
 use crate::plant::clutch::{self, Branch, Found};
 use crate::plant::config::Config;
 use crate::plant::motion::{Motion, index};
-use crate::plant::sensed;
 use crate::validated::{CLOSING, Place, SLIPS, THETA, Validated};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -95,13 +94,11 @@ fn visited(problem: &Problem, point: &Point, config: &Config, k: usize) -> Visit
     let n = track.observations();
     let mut places: Vec<Place> = Vec::with_capacity(n);
     let mut slips = vec![false; n];
-    let meant = |k: usize, seen: f64| sensed::meant(&config.parameters, k, seen);
-    let innovations = replay::corrected(track, filter, &car, problem.temperatures(point, k), None, |row, now| {
+    let innovations = replay::corrected(track, filter, &car, problem.temperatures(point, k), None, |row, now, plant| {
         if places.len() < n && row == track.rows_of(places.len()).start {
             slips[places.len()] = now.phase == Phase::Slipping;
-            let slip = if now.phase == Phase::Locked { 0.0 } else { meant(0, now.omega_f) - meant(1, now.omega_c) };
             let closing = clutch::closing(config, now.x_to_actual, now.theta_c);
-            places.push(Place { slip, theta: now.theta_c, closing, torque: now.t_fc });
+            places.push(Place { slip: plant.slip(), theta: now.theta_c, closing, torque: now.t_fc });
         }
     });
     let transducer = &filter.bench[1];

@@ -65,15 +65,7 @@ pub struct Free {
 /// Temperatures of disc and body in °C and slip angle in rad by row of a corrected replay.
 fn states_along(track: &Track, filter: &Filter, car: &tolerance::Car, theta: [f64; 2]) -> Vec<([f64; 2], f64)> {
     let mut all = vec![(theta, 0.0); track.rows()];
-    let (mut angle, mut last) = (0.0, 0.0);
-    replay::corrected(track, filter, car, theta, None, |row, now| {
-        let slip = now.omega_f - now.omega_c;
-        if row > 0 {
-            angle += 0.5 * (last + slip) * (track.time[row] - track.time[row - 1]);
-        }
-        last = slip;
-        all[row] = ([now.theta_c, now.theta_b], angle);
-    });
+    replay::corrected(track, filter, car, theta, None, |row, now, plant| all[row] = ([now.theta_c, now.theta_b], plant.slip_angle()));
     all
 }
 

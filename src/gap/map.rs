@@ -106,7 +106,7 @@ fn gather(problem: &Problem, point: &Point) -> Cells {
         let car = problem.car(point, Some(k));
         let n = track.observations();
         let (mut phase, mut region) = (vec![0; n], vec![0; n]);
-        let innovations = replay::corrected(track, filter, &car, problem.temperatures(point, k), None, |row, now| {
+        let innovations = replay::corrected(track, filter, &car, problem.temperatures(point, k), None, |row, now, _| {
             let j = track.observation_of(row);
             phase[j] = now.phase as usize - 1;
             region[j] = 2 * usize::from(now.theta_c > HOT_DEGC) + usize::from(now.t_fc.abs() > HIGH_TORQUE_NM);

@@ -183,6 +183,11 @@ impl Plant {
         self.state.y[index::ANGLE] = slip_angle;
     }
 
+    /// Slip angle of flywheel against disc since the start, rad.
+    pub fn slip_angle(&self) -> f64 {
+        self.state.y[index::ANGLE]
+    }
+
     /// Greatest substep in s; the default serves 1e-6, a fit may take a longer one.
     pub fn max_substep(&self) -> f64 {
         self.max_substep

@@ -58,6 +58,20 @@ fn a_ripple_is_believed_whatever_its_order() {
     }
 }
 
+/// A gain of the disc speed moves the slip angle by tens of radians: what looks like a ripple before it is known has another order than the ripple.
+#[test]
+fn a_ripple_is_found_beside_what_moves_the_slip_angle() {
+    let [judder, gain] = ["judder", "clutch_speed_gain"].map(|id| effects::find(id).unwrap());
+    let order = 2.3;
+    let problem = made_up(|e| {
+        (e[param::judder::sine], e[param::judder::order], e[param::clutch_speed_gain::gain]) = (0.1, order, 0.94);
+    });
+    let found = search(&problem, &|_, _| {});
+    let best = found.best();
+    let fitted = best.fit.point.effects[param::judder::order];
+    assert!(best.effects == [judder, gain] && (fitted - order).abs() < 0.01, "{:?} {fitted}", best.effects);
+}
+
 #[test]
 fn the_forms_of_an_effect_change_an_eighth_of_it_and_add_up_in_the_innovations() {
     let problem = made_up(|_| {});

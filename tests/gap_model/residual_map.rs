@@ -16,7 +16,7 @@ fn gathered(problem: &Problem, point: &Point, speed: usize) -> Gathered {
     for (k, (track, filter)) in problem.tracks.iter().zip(&problem.filters).enumerate() {
         assert!(!track.averages());
         let mut places = Vec::new();
-        let e = replay::corrected(track, filter, &problem.car(point, Some(k)), problem.temperatures(point, k), None, |_, now| {
+        let e = replay::corrected(track, filter, &problem.car(point, Some(k)), problem.temperatures(point, k), None, |_, now, _| {
             let region = if now.theta_c > 70.0 { 2 } else { 0 } + if now.t_fc.abs() > 25.0 { 1 } else { 0 };
             places.push((now.phase as usize - 1, region));
         });

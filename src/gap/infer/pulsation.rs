@@ -127,21 +127,20 @@ fn stretches(problem: &Problem, point: &Point, k: usize) -> Vec<Stretch> {
     let (track, filter) = (&problem.tracks[k], &problem.filters[k]);
     let car = problem.car(point, Some(k));
     let n = track.observations();
-    let (mut torque, mut slip) = (vec![0.0; n], vec![0.0; n]);
-    let innovations = replay::corrected(track, filter, &car, problem.temperatures(point, k), None, |row, now| {
+    let (mut torque, mut angle) = (vec![0.0; n], vec![0.0; n + 1]);
+    let innovations = replay::corrected(track, filter, &car, problem.temperatures(point, k), None, |row, now, plant| {
         let j = track.observation_of(row);
         torque[j] = if now.phase == crate::plant::Phase::Slipping { now.t_fc } else { 0.0 };
-        slip[j] = now.omega_f - now.omega_c;
+        angle[j..=j + 1].fill(plant.slip_angle());
     });
     let mut all: Vec<Stretch> = Vec::new();
-    let (mut angle, mut begin, mut quiet) = (0.0_f64, 0.0, usize::MAX);
+    let (mut begin, mut quiet) = (0.0, usize::MAX);
     for j in 0..n {
         let gain = &filter.gains[j];
-        let on = angle + slip[j] * gain.interval;
         if torque[j] != 0.0 {
-            if quiet > REMEMBERED || (angle - begin).abs() > LONGEST_ANGLE {
+            if quiet > REMEMBERED || (angle[j] - begin).abs() > LONGEST_ANGLE {
                 all.push(Stretch::default());
-                begin = angle;
+                begin = angle[j];
             }
             quiet = 0;
         } else {
@@ -150,13 +149,12 @@ fn stretches(problem: &Problem, point: &Point, k: usize) -> Vec<Stretch> {
         if let Some(s) = all.last_mut().filter(|_| quiet <= REMEMBERED) {
             s.torque.push(torque[j]);
             // What acts from one observation to the next acts at the angle in the middle.
-            s.angle.push(0.5 * (angle + on));
+            s.angle.push(0.5 * (angle[j] + angle[j + 1]));
             s.innovation.push(innovations[2 * j]);
             s.gain.push(gain.interval / car.vehicle.driveline.J_f);
             s.forget.push(1.0 - gain.of[0][0]);
             s.weight.push(gain.weight[0]);
         }
-        angle = on;
     }
     all.retain(|s| s.torque.iter().filter(|t| **t != 0.0).count() > 10);
     all

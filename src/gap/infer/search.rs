@@ -11,8 +11,8 @@ use super::fit::{Fit, Free, LOOK, fit, least_gain, mean_covariance};
 use super::form::{self, forms};
 use super::linear::{Columns, Known};
 use super::pulsation;
-use super::screen::{Anchor, Promise, Screening, screen};
-use crate::effects::{Act, PARAMETERS, Parameters, REGISTRY};
+use super::screen::{Anchor, Promise, screen};
+use crate::effects::{Act, PARAMETERS, REGISTRY};
 use rayon::prelude::*;
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -125,8 +125,6 @@ pub struct Search {
     pub hypotheses: Vec<Hypothesis>,
     /// Cost that the linear model promises for each effect alone.
     pub promised: Vec<Option<f64>>,
-    /// Torque ripples that a scan found.
-    ripples: Vec<(usize, Parameters)>,
     /// Sets beside which all effects were screened, each with its cost then.
     screened: Vec<(Vec<usize>, f64)>,
 }
@@ -207,7 +205,7 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
     progress("tolerances", 0.0);
     let nominal = problem.nominal();
     let base = Hypothesis::fitted(problem, Vec::new(), &nominal, STAY, None);
-    let mut found = Search { hypotheses: Vec::new(), promised: vec![None; REGISTRY.len()], ripples: Vec::new(), screened: Vec::new() };
+    let mut found = Search { hypotheses: Vec::new(), promised: vec![None; REGISTRY.len()], screened: Vec::new() };
     found.add(base);
     let mut frontier: Vec<Vec<usize>> = vec![Vec::new()];
     for size in 1..=MOST_EFFECTS {
@@ -235,23 +233,73 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
         return;
     }
     found.screened.push((set.to_vec(), from.fit.cost));
-    let formed = &from.formed;
+    let (starts, columns) = starts(problem, found, &from);
+    let mut looked: Vec<(Hypothesis, f64)> = Vec::new();
+    for some in starts.chunks(LOOKS_AT_ONCE.max(rayon::current_num_threads())) {
+        looked.par_extend(some.par_iter().map(|start| (start.look(problem, &columns), start.promise)));
+        looked.sort_by(|a, b| b.0.fit.log_evidence.total_cmp(&a.0.fit.log_evidence));
+        let_go(looked.iter_mut().map(|l| &mut l.0));
+    }
+    // More effects can only explain more, but for a ripple out of phase. A look that does not bear that out was led astray by derivatives of elsewhere: the most promising get their own.
+    looked.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let most = from.fit.cost + least_gain(problem);
+    let astray: Vec<&mut (Hypothesis, f64)> =
+        looked.iter_mut().filter(|l| l.1.is_finite() && !pulsates(&l.0.effects) && l.0.fit.cost > most).take(FITTED).collect();
+    astray.into_par_iter().for_each(|(h, _)| {
+        *h = Hypothesis::fitted(problem, h.effects.clone(), &h.formed.point, LOOK + 1, None);
+    });
+    finish(problem, found, looked.into_iter().map(|(h, _)| h).collect());
+}
+
+/// Where a look begins.
+struct Start {
+    /// Effects, ascending.
+    effects: Vec<usize>,
+    point: Point,
+    /// Cost that it is expected to come to; −∞ where that is not known.
+    promise: f64,
+    /// Anchor whose derivatives it lives on.
+    anchor: usize,
+}
+
+impl Start {
+    fn new(set: &[usize], beside: impl IntoIterator<Item = usize>, point: Point, promise: f64, anchor: usize) -> Self {
+        let mut effects: Vec<usize> = set.iter().copied().chain(beside).collect();
+        effects.sort_unstable();
+        Self { effects, point, promise, anchor }
+    }
+
+    /// Orders of its ripples: those of different orders are different starts.
+    fn orders(&self) -> f64 {
+        let order = |e: &usize| self.point.effects[REGISTRY[*e].parameters.start + 2];
+        self.effects.iter().filter(|e| pulsates(&[**e])).map(order).sum()
+    }
+
+    fn look(&self, problem: &Problem, columns: &[Arc<Vec<Columns>>]) -> Hypothesis {
+        let known = columns.get(self.anchor).map(|c| Known::Nuisances(c));
+        // From the nominal car it is further.
+        let iterations = if self.anchor == 0 { LOOK } else { 2 * LOOK };
+        Hypothesis::fitted(problem, self.effects.clone(), &self.point, iterations, known)
+    }
+}
+
+/// What is worth a look beside a set that was fitted, and the derivatives of each anchor.
+fn starts(problem: &Problem, found: &mut Search, from: &Hypothesis) -> (Vec<Start>, Vec<Arc<Vec<Columns>>>) {
+    let (set, formed) = (from.effects.as_slice(), &from.formed);
     let mut places: Vec<(Point, Option<&Fit>)> = vec![(formed.point.clone(), Some(formed))];
     if from.fit.pull() > DRAGGED {
         let (effects, missing) = (formed.point.effects, formed.point.missing.clone());
         places.push((Point { effects, missing, ..problem.nominal() }, None));
     }
-    // A ripple's order is looked for once, from the car within its tolerances: it does not depend on what else is wrong.
-    if set.is_empty() {
-        found.ripples = pulsation::starts(problem, &from.fit.point).into_iter().map(|(e, p)| (e, p.effects)).collect();
-    }
-    let ripple = |(e, p): &(usize, Parameters)| {
+    // What moves the slip angle moves the order at which a ripple suits it: it is looked for beside each set anew.
+    let ripples = if pulsates(set) { Vec::new() } else { pulsation::starts(problem, &from.fit.point) };
+    let ripple = |(e, p): (usize, Point)| {
         let mut point = formed.point.clone();
-        REGISTRY[*e].parameters.clone().for_each(|k| point.effects[k] = p[k]);
-        (*e, point)
+        REGISTRY[e].parameters.clone().for_each(|k| point.effects[k] = p.effects[k]);
+        (e, point)
     };
-    let further: Vec<(usize, Point)> = found.ripples.iter().map(ripple).collect();
-    let mut starts: Vec<(Vec<usize>, Point, f64, usize)> = Vec::new();
+    let further: Vec<(usize, Point)> = ripples.into_iter().map(ripple).collect();
+    let mut starts: Vec<Start> = Vec::new();
     let mut columns: Vec<Arc<Vec<Columns>>> = Vec::new();
     for (point, known) in &places {
         let Some(anchor) = Anchor::new(problem, point, set, Some(&from.basis), *known) else { continue };
@@ -269,48 +317,23 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
         let most = if columns.is_empty() { LOOKED_AT } else { LOOKED_AT_AGAIN };
         let worthwhile = singles.iter().filter(|p| p.cost < least).take(most);
         let together = pairs.iter().filter(|p| singles.first().is_some_and(|s| p.cost < s.cost - 2.0 * least_promise(problem))).take(2);
-        let begun = worthwhile.chain(together).map(|p| started(&anchor, &screening, set, p, columns.len()));
-        starts.extend(begun.filter(|s| problem.can_follow(&s.1)));
+        let started = |p: &Promise| {
+            let members = p.members.iter().map(|&m| screening.candidates[m].effect);
+            Start::new(set, members, screening.start(&anchor, p), p.cost, columns.len())
+        };
+        starts.extend(worthwhile.chain(together).map(started).filter(|s| problem.can_follow(&s.point)));
         columns.push(anchor.columns);
     }
     starts.extend(taken_over(problem, &formed.point, set).into_iter().map(|(effects, point)| {
         let there = cost(&point, &problem.all_residuals(&point, Some(&from.basis)));
-        (effects, point, there, 0)
+        Start::new(&effects, None, point, there, 0)
     }));
     // A ripple starts as its scan found it: what a linear model makes of a phase that is nearly right says little.
-    if set.is_empty() {
-        starts.extend(further.into_iter().map(|(e, point)| (vec![e], point, f64::NEG_INFINITY, 0)));
-    }
+    starts.extend(further.into_iter().map(|(e, point)| Start::new(set, [e], point, f64::NEG_INFINITY, 0)));
     // Of two starts of one set from one anchor the more promising.
-    starts.iter_mut().for_each(|s| s.0.sort_unstable());
-    starts.sort_by(|a, b| a.0.cmp(&b.0).then(a.3.cmp(&b.3)).then(a.2.total_cmp(&b.2)));
-    // Ripples of different orders are different starts.
-    let orders = |p: &Point, set: &[usize]| {
-        let ripples = set.iter().filter(|&&e| matches!(REGISTRY[e].effect.act, Act::Pulsation(_)));
-        ripples.map(|&e| p.effects[REGISTRY[e].parameters.start + 2]).sum::<f64>()
-    };
-    starts.dedup_by(|later, kept| later.0 == kept.0 && later.3 == kept.3 && orders(&later.1, &later.0) == orders(&kept.1, &kept.0));
-    let look = |(effects, start, promise, anchor): &(Vec<usize>, Point, f64, usize)| {
-        let known = columns.get(*anchor).map(|c| Known::Nuisances(c));
-        // From the nominal car it is further.
-        let iterations = if *anchor == 0 { LOOK } else { 2 * LOOK };
-        (Hypothesis::fitted(problem, effects.clone(), start, iterations, known), *promise)
-    };
-    let mut looked: Vec<(Hypothesis, f64)> = Vec::new();
-    for some in starts.chunks(LOOKS_AT_ONCE.max(rayon::current_num_threads())) {
-        looked.par_extend(some.par_iter().map(look));
-        looked.sort_by(|a, b| b.0.fit.log_evidence.total_cmp(&a.0.fit.log_evidence));
-        let_go(looked.iter_mut().map(|l| &mut l.0));
-    }
-    // More effects can only explain more, but for a ripple out of phase. A look that does not bear that out was led astray by derivatives of elsewhere: the most promising get their own.
-    looked.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let most = from.fit.cost + least_gain(problem);
-    let astray: Vec<&mut (Hypothesis, f64)> =
-        looked.iter_mut().filter(|l| l.1.is_finite() && !pulsates(&l.0.effects) && l.0.fit.cost > most).take(FITTED).collect();
-    astray.into_par_iter().for_each(|(h, _)| {
-        *h = Hypothesis::fitted(problem, h.effects.clone(), &h.formed.point, LOOK + 1, None);
-    });
-    finish(problem, found, looked.into_iter().map(|(h, _)| h).collect());
+    starts.sort_by(|a, b| a.effects.cmp(&b.effects).then(a.anchor.cmp(&b.anchor)).then(a.promise.total_cmp(&b.promise)));
+    starts.dedup_by(|later, kept| later.effects == kept.effects && later.anchor == kept.anchor && later.orders() == kept.orders());
+    (starts, columns)
 }
 
 /// [`LEAST_PROMISE`] in units of the whole cost.
@@ -320,12 +343,6 @@ fn least_promise(problem: &Problem) -> f64 {
 
 fn pulsates(effects: &[usize]) -> bool {
     effects.iter().any(|&e| matches!(REGISTRY[e].effect.act, Act::Pulsation(_)))
-}
-
-fn started(anchor: &Anchor, screening: &Screening, set: &[usize], promise: &Promise, k: usize) -> (Vec<usize>, Point, f64, usize) {
-    let effects = set.iter().copied().chain(promise.members.iter().map(|&m| screening.candidates[m].effect)).collect();
-    let start = screening.start(anchor, promise);
-    (effects, start, promise.cost, k)
 }
 
 /// The same car with an effect in the place of each tolerance that does the same and was pulled; the sets with it beside `set`.

@@ -22,9 +22,12 @@ pub struct Tick {
     pub theta_h: f64,
 }
 
+/// Control intervals up to which an interval is one, and above which it is two or more.
+pub const LONGEST_TICK: f64 = 1.5;
+
 /// Whether a logger of this interval in s is slower than the control unit, and may miss its commands.
 pub fn misses(interval: f64) -> bool {
-    interval > 1.5 * CONTROL_INTERVAL_S
+    interval > LONGEST_TICK * CONTROL_INTERVAL_S
 }
 
 /// Typical interval of these stamps, s.

@@ -63,10 +63,11 @@ fn signals(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Signal
         travel: [car.vehicle.actuator.x_cnt_0, car.vehicle.actuator.x_cls_0],
     };
     // Predicted, not measured: a measured speed would bring its own noise into the prediction of itself.
-    replay::corrected(track, filter, car, theta, None, |row, now| {
+    replay::corrected(track, filter, car, theta, None, |row, now, plant| {
         s.speed[0][row] = now.omega_f;
         s.speed[1][row] = now.omega_c;
-        s.slip[row] = s.speed[0][row] - s.speed[1][row];
+        // Of the clutch, not of its sensors, one of which may be late or off by a factor.
+        s.slip[row] = plant.slip();
         s.position[row] = now.x_to_actual;
         s.theta[row] = now.theta_c;
         s.slipping[row] = now.phase == crate::plant::Phase::Slipping;

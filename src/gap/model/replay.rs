@@ -1,5 +1,6 @@
 //! Replays: the plant driven by a recording's inputs, free or corrected by the filter.
 
+use super::clock::{CONTROL_INTERVAL_S, LONGEST_TICK};
 use super::column::Column;
 use super::filter::{Filter, STATES, state};
 use super::tolerance::{Car, Signal};
@@ -9,8 +10,8 @@ use crate::effects::param;
 use crate::plant::{Inputs, Outputs, Plant, Start, sensed};
 use std::ops::Range;
 
-/// Substep of the plant in a replay, s; the error it adds is far below any sensor's noise.
-pub const SUBSTEP_S: f64 = 1e-2;
+/// Longest substep of the plant in a replay, s; the error it adds is far below any sensor's noise. One step of a control unit is one substep, however its stamps jitter.
+pub const SUBSTEP_S: f64 = LONGEST_TICK * CONTROL_INTERVAL_S;
 
 /// Torques that the filter adds to the inputs, N·m.
 #[derive(Clone, Copy, Debug, Default)]
@@ -250,13 +251,13 @@ pub fn innovations(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2], m
 
 /// The same in steps of one's choice.
 pub fn innovations_in(steps: Steps, track: &Track, filter: &Filter, car: &Car, theta: [f64; 2], missing: Option<&Missing>) -> Vec<f64> {
-    corrected_in(steps, track, filter, car, theta, missing, |_, _| {})
+    corrected_in(steps, track, filter, car, theta, missing, |_, _, _| {})
 }
 
 /// Clutch torque in N·m by observation in a corrected replay.
 pub fn torques(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Vec<f64> {
     let mut all = vec![0.0; track.observations()];
-    corrected(track, filter, car, theta, None, |row, now| {
+    corrected(track, filter, car, theta, None, |row, now, _| {
         all[track.observation_of(row)] = now.t_fc;
     });
     all
@@ -271,14 +272,14 @@ fn shares(of: [f64; 2], plant: &Plant, pinned: bool) -> [f64; 2] {
     if plant.state().stuck { [(d.J_f + d.J_c) / (of[0] + of[1]); 2] } else { [d.J_f / of[0], d.J_c / of[1]] }
 }
 
-/// A corrected replay: its whitened innovations; `each` sees what the sensors would show in every row.
+/// A corrected replay: its whitened innovations; `each` sees in every row what the sensors would show, and the plant.
 pub fn corrected(
     track: &Track,
     filter: &Filter,
     car: &Car,
     theta: [f64; 2],
     missing: Option<&Missing>,
-    each: impl FnMut(usize, &Outputs),
+    each: impl FnMut(usize, &Outputs, &Plant),
 ) -> Vec<f64> {
     corrected_in(Steps::Rows, track, filter, car, theta, missing, each)
 }
@@ -290,7 +291,7 @@ fn corrected_in(
     car: &Car,
     theta: [f64; 2],
     missing: Option<&Missing>,
-    mut each: impl FnMut(usize, &Outputs),
+    mut each: impl FnMut(usize, &Outputs, &Plant),
 ) -> Vec<f64> {
     let n = track.observations();
     let mut speeds = Vec::with_capacity(2 * n + filter.bench.iter().map(Vec::len).sum::<usize>());
@@ -309,7 +310,7 @@ fn corrected_in(
         (0..count).map(move |i| rows.start + i * length..rows.start + (i + 1) * length)
     });
     stepped(track, car, (&begin, 0.0), 0, groups, missing, |row, now, plant, added| {
-        each(row, now);
+        each(row, now, plant);
         for (c, predicted) in [now.omega_f, now.omega_c, now.x_to_actual, now.t_fc, now.theta_c].into_iter().enumerate() {
             let error = track.measured[c].get(row).map_or(f64::NAN, |y| y - predicted);
             if error.is_finite() {
