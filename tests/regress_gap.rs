@@ -281,7 +281,7 @@ fn screening_fits_and_evidence() {
     }
     let limits = s.limits(&s.information);
     found.push(("limits".to_owned(), mark(limits.iter().flat_map(|l| [l.in_sizes().min(99.0), l.power(l.size.min(9.0)), l.start]))));
-    let ripples = pulsation::starts(&p, &nominal);
+    let ripples = pulsation::starts(&p, &nominal, 0.0);
     found.push((
         "ripples".to_owned(),
         mark(ripples.iter().flat_map(|(e, p)| REGISTRY[*e].parameters.clone().map(|k| p.effects[k]).collect::<Vec<_>>())),

@@ -41,7 +41,7 @@ fn the_order_of_a_ripple_is_found() {
     let judder = effects::find("judder").unwrap();
     for order in [0.6, 1.7, 3.1] {
         let problem = made_up(|e| (e[param::judder::sine], e[param::judder::order]) = (0.2, order));
-        let starts = pulsation::starts(&problem, &problem.nominal());
+        let starts = pulsation::starts(&problem, &problem.nominal(), 0.0);
         let found: Vec<f64> = starts.iter().map(|(_, p)| p.effects[param::judder::order]).collect();
         assert!(starts.iter().all(|(e, _)| *e == judder) && found.iter().any(|f| (f - order).abs() < 0.01), "order {order}: {found:?}");
     }

@@ -46,14 +46,14 @@ struct Stretch {
     weight: Vec<f64>,
 }
 
-/// Points at which a ripple is set as the scan finds it.
-pub fn starts(problem: &Problem, point: &Point) -> Vec<(usize, Point)> {
+/// Points at which a ripple is set as the scan finds it, if it takes at least so much of the cost.
+pub fn starts(problem: &Problem, point: &Point, least: f64) -> Vec<(usize, Point)> {
     let Some((effect, entry)) = REGISTRY.iter().enumerate().find(|(_, e)| matches!(e.effect.act, Act::Pulsation(_))) else {
         return Vec::new();
     };
     let stretches: Vec<Stretch> = (0..problem.tracks.len()).into_par_iter().flat_map_iter(|k| stretches(problem, point, k)).collect();
     let Some(longest) = stretches.iter().flat_map(|s| &s.angle).map(|a| a.abs()).reduce(f64::max) else { return Vec::new() };
-    let found = orders(&stretches, longest);
+    let found = orders(&stretches, longest, least);
     let set = |(_, order, amplitudes): &Ripple| {
         let mut start = point.clone();
         let k = entry.parameters.start;
@@ -85,8 +85,8 @@ pub fn starts(problem: &Problem, point: &Point) -> Vec<(usize, Point)> {
 /// What the squared innovations lose by a ripple, its order, and its amplitudes (cosine, sine).
 type Ripple = (f64, f64, [f64; 2]);
 
-/// Orders that explain something, the best first; `longest` is the greatest slip angle of all.
-fn orders(stretches: &[Stretch], longest: f64) -> Vec<Ripple> {
+/// Orders that explain something, and at least so much of the cost, the best first; `longest` is the greatest slip angle of all.
+fn orders(stretches: &[Stretch], longest: f64, least: f64) -> Vec<Ripple> {
     let step = |angle: f64| (0.5 * PI / angle).min(0.05);
     let fine = step(longest);
     // One phase for all, or one for each stretch.
@@ -106,7 +106,7 @@ fn orders(stretches: &[Stretch], longest: f64) -> Vec<Ripple> {
             _ => found.push(ripple),
         }
     }
-    found.retain(|f| f.0 > LEAST_SHARE * whole);
+    found.retain(|f| f.0 > least.max(LEAST_SHARE * whole));
     let best_first = |found: &mut Vec<Ripple>| found.sort_by(|a, b| b.0.total_cmp(&a.0));
     best_first(&mut found);
     if !together {
@@ -258,7 +258,7 @@ mod tests {
             let stretches = drive(order, phase);
             let longest = stretches.iter().flat_map(|s| &s.angle).fold(0.0, |m: f64, a| m.max(a.abs()));
             assert!(longest > 3000.0, "{longest}");
-            let (_, found, [cosine, sine]) = orders(&stretches, longest)[0];
+            let (_, found, [cosine, sine]) = orders(&stretches, longest, 0.0)[0];
             // Half a step of the finer scan is an eighth of a turn at the end.
             assert!((found - order).abs() * longest < 0.26 * PI, "{found} for {order} after {longest} rad");
             assert!((cosine.hypot(sine) - 0.2).abs() < 0.02, "{cosine} {sine}");

@@ -292,7 +292,7 @@ fn starts(problem: &Problem, found: &mut Search, from: &Hypothesis) -> (Vec<Star
         places.push((Point { effects, missing, ..problem.nominal() }, None));
     }
     // What moves the slip angle moves the order at which a ripple suits it: it is looked for beside each set anew.
-    let ripples = if pulsates(set) { Vec::new() } else { pulsation::starts(problem, &from.fit.point) };
+    let ripples = if pulsates(set) { Vec::new() } else { pulsation::starts(problem, &from.fit.point, least_promise(problem)) };
     let ripple = |(e, p): (usize, Point)| {
         let mut point = formed.point.clone();
         REGISTRY[e].parameters.clone().for_each(|k| point.effects[k] = p.effects[k]);
