@@ -20,7 +20,7 @@ pub fn sentence(f: &Findings, closed: f64) -> String {
     };
     let effects = named(f);
     let names = each_with_rivals(&effects.iter().map(|&e| with_rivals(e)).collect::<Vec<_>>());
-    let (helps, closes) = if effects.len() == 1 { ("helps", "closes") } else { ("help", "close") };
+    let [helps, explains, closes] = if effects.len() == 1 { ["helps", "explains", "closes"] } else { ["help", "explain", "close"] };
     let c = f.conclusion;
     let places: Vec<&str> = c.unexplained_at.iter().chain(&c.or_at).map(|s| s.id()).collect();
     let at = listed(&places, " or ");
@@ -32,6 +32,7 @@ pub fn sentence(f: &Findings, closed: f64) -> String {
             unknown_clutch::hidden()
         ),
         Verdict::NoGap => "No effect is needed: the model follows the car within the tolerances of its vehicle file.".to_owned(),
+        Verdict::Explained if closed <= 0.0 => format!("{names} {explains} the gap in the recordings of the fit but {closes} {share}."),
         Verdict::Explained => format!("The gap is explained by {names}, which {closes} {share}."),
         Verdict::PartlyExplained if closed <= 0.0 => {
             format!(

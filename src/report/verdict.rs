@@ -36,12 +36,21 @@ fn marked(diagnosis: &Value) -> String {
             )
         }
         Some("no_gap") => "No effect is needed: the model follows the car within the tolerances of its vehicle file.".to_owned(),
-        Some("explained") => format!("{} {} the gap.", named(effects), if alone { "explains" } else { "explain" }),
-        Some("partly_explained") => format!(
-            "{} {} part of the gap; the rest lies in {place}, and no effect in the library explains it.",
-            named(effects),
-            if alone { "explains" } else { "explain" }
-        ),
+        Some(verdict @ ("explained" | "partly_explained")) => {
+            let part = if verdict == "explained" { "the gap" } else { "part of the gap" };
+            let [explains, closes] = if alone { ["explains", "closes"] } else { ["explain", "close"] };
+            let only = if closes_none(&diagnosis["how_far"]) {
+                format!(" in the recordings used in the fit, but {closes} none of it on held-out data")
+            } else {
+                String::new()
+            };
+            let rest = if verdict == "explained" {
+                String::new()
+            } else {
+                format!("; the rest lies in {place}, and no effect in the library explains it")
+            };
+            format!("{} {explains} {part}{only}{rest}.", named(effects))
+        }
         Some("unexplained") => format!("No effect in the library explains the gap; it lies in {place}."),
         Some("inputs_do_not_fit") if !texts(diagnosis, "hidden_without_position").is_empty() => {
             "The recordings do not fit this vehicle: such a car cannot have this torque and these speeds at once, whatever its clutch \
@@ -55,6 +64,11 @@ fn marked(diagnosis: &Value) -> String {
         }
         _ => "The diagnosis holds no verdict.".to_owned(),
     }
+}
+
+/// Whether what was held out is no nearer after retuning.
+fn closes_none(far: &Value) -> bool {
+    !list(far, "held_out").is_empty() && real(far, "closed_fraction").is_some_and(|c| c <= 0.0)
 }
 
 /// Effects with their rivals: "A or B, and C".

@@ -295,6 +295,25 @@ fn effects_that_were_taken_back_stand_with_the_verdict() {
     assert!(page.contains("Not settled.") && !page.contains("Next best") && !page.contains("by 19 standard deviations"));
 }
 
+/// An effect that carries over to nothing is not said to explain the gap without that.
+#[test]
+fn a_headline_tells_effects_that_close_nothing_of_what_was_held_out() {
+    let mut made = campaign::campaign();
+    let headline = |d: &serde_json::Value| kisspoint::report::verdict::headline(d);
+    let only = "in the recordings used in the fit, but closes none of it on held-out data";
+    made.diagnosis["which"]["effects"] = json!([{"id": "judder", "parameters": {}, "ambiguous_with": []}]);
+    for (closed, said) in [(0.4, false), (0.0, true), (-0.6, true)] {
+        made.diagnosis["how_far"]["closed_fraction"] = json!(closed);
+        for (verdict, rest) in [("explained", "the gap"), ("partly_explained", "; the rest lies in")] {
+            made.diagnosis["verdict"] = json!(verdict);
+            let found = headline(&made.diagnosis);
+            assert!(found.contains(only) == said && found.contains(" explains ") && found.contains(rest), "{closed}: {found}");
+        }
+    }
+    made.diagnosis["how_far"]["held_out"] = json!([]);
+    assert!(!headline(&made.diagnosis).contains(only), "nothing was held out");
+}
+
 /// Numbers that the fit moved farther than the drawing reaches are told from those at its edge.
 #[test]
 fn a_number_beyond_the_scale_is_drawn_as_an_arrow() {
