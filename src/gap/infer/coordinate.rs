@@ -115,3 +115,47 @@ pub fn coordinates(problem: &Problem, effects: &[usize], missing: usize) -> (Vec
     let common = shared.chain(of_effects).chain((0..missing).map(Coordinate::Missing)).collect();
     (common, (0..TEMPERATURES + problem.own.len()).map(Coordinate::Own).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::campaign;
+    use crate::gap::model::prepare;
+    use crate::vehicle::Vehicle;
+
+    /// A move that its bounds cut short ends where the room that they leave ends, on either side and of every parameter; one that they let through is all of it.
+    #[test]
+    fn the_room_that_is_left_leads_to_the_bound() {
+        let campaign = campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
+        let (tracks, tolerances) = prepare::read(&[&campaign.recordings[0]], &campaign.vehicle_json).unwrap();
+        let with = prepare::disturbances(&tracks, &tolerances);
+        let problem = prepare::problem(tracks, &Vehicle::from_value(&campaign.vehicle_json).unwrap(), &tolerances, &with);
+        let nominal = problem.nominal();
+        let moved = |c: Coordinate, by: f64| {
+            let mut point = nominal.clone();
+            c.move_by(&problem, &mut point, 0, by);
+            c.get(&point, 0)
+        };
+        let mut bounded = [0; 2];
+        for (k, p) in PARAMETERS.iter().enumerate() {
+            let c = Coordinate::Effect(k);
+            for (side, bound) in [p.min, p.max].into_iter().enumerate().filter(|(_, bound)| bound.is_finite() && *bound != p.null) {
+                // Of a factor that may come down to nothing nothing is at the end of any move.
+                let factor = c.is_factor() && bound > 0.0;
+                let by = 3.0 * (bound - p.null) * if factor { (bound / p.null).ln().abs().max(1.0) } else { 1.0 };
+                let room = c.room(&problem, &nominal, 0, by);
+                if moved(c, by) == bound && (factor || !c.is_factor()) {
+                    assert!(
+                        room.abs() < by.abs() && (moved(c, room) - bound).abs() < 1e-9 * bound.abs().max(1.0),
+                        "{}: {room}",
+                        p.variable
+                    );
+                    bounded[usize::from(factor)] += 1;
+                }
+                let within = 1e-3 * (bound - p.null);
+                assert_eq!(c.room(&problem, &nominal, 0, within), within, "{}, side {side}", p.variable);
+            }
+        }
+        assert!(bounded.iter().all(|n| *n > 3), "{bounded:?}");
+    }
+}
