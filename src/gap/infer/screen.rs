@@ -437,3 +437,25 @@ impl Limit {
 fn off(c: &Candidate, p: usize) -> f64 {
     (c.point.effects[p] - PARAMETERS[p].null).abs() / size(p)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects;
+
+    /// A start that moves one of an effect's amplitudes is a departure of that one alone, whatever its value is where there is no effect.
+    #[test]
+    fn a_departure_is_counted_from_where_there_is_no_effect() {
+        for (effect, entry) in REGISTRY.iter().enumerate() {
+            for start in entry.effect.starts {
+                let mut point = Point { shared: Vec::new(), own: Vec::new(), effects: effects::null(), missing: Vec::new() };
+                start.iter().for_each(|&(k, value)| point.effects[k] = value);
+                let c = Candidate { effect, point, cost: 0.0, start: 0, twin: None, share: 1.0 };
+                for &k in entry.effect.amplitudes {
+                    let moved = start.iter().any(|(moved, _)| *moved == k);
+                    assert_eq!(off(&c, k) > 0.0, moved, "{}", PARAMETERS[k].variable);
+                }
+            }
+        }
+    }
+}
