@@ -420,6 +420,13 @@ fn drives(campaign: &Campaign, split: &Split, problem: &Problem) -> Vec<Drive> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gap::infer::search::Hypothesis;
+
+    fn example() -> Problem {
+        let campaign = crate::campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
+        let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
+        Ready::new(&campaign, &vehicle, &Work::default()).unwrap().problem
+    }
 
     #[test]
     fn a_sensor_is_late_for_the_lock_by_three_hundredths_of_a_second_or_one_and_a_half_samples() {
@@ -431,14 +438,21 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_delay_and_a_smoothing_both_make_a_sensor_late() {
+        use crate::effects::param;
+        let problem = example();
+        let mut point = problem.nominal();
+        (point.effects[param::engine_speed_delay::delay], point.effects[param::engine_speed_delay::smoothing]) = (0.01, 0.03);
+        (point.effects[param::clutch_speed_delay::delay], point.effects[param::clutch_speed_delay::smoothing]) = (0.02, 0.05);
+        let found = Search::made_up(vec![Hypothesis::made_up(&[], Fit { point, ..Fit::made_up(Vec::new()) })]);
+        assert_eq!(late(&problem, &found), [0.01 + 0.03, 0.02 + 0.05]);
+    }
+
     /// The bundled campaign has a contact point that moves with temperature; a mass that was named beside it goes, before anything is weighed.
     #[test]
     fn members_of_the_best_set_are_exchanged_before_it_is_weighed() {
-        use crate::gap::infer::search::Hypothesis;
-        let campaign = crate::campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
-        let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
-        let work = Work::default();
-        let Ready { problem, .. } = Ready::new(&campaign, &vehicle, &work).unwrap();
+        let (problem, work) = (example(), Work::default());
         let mut pair = ["kiss_point_thermal", "vehicle_mass"].map(|id| effects::find(id).unwrap()).to_vec();
         pair.sort_unstable();
         let fitted = |set: Vec<usize>| Hypothesis::fitted(&problem, set, &problem.nominal(), 12, None);
@@ -468,10 +482,7 @@ mod tests {
     /// Four standard deviations, which are 1 K or more, in either direction; how far off in K, and in which recordings.
     #[test]
     fn a_start_temperature_that_is_pulled_far_is_said() {
-        let folder = std::path::Path::new("tests/data/campaigns/example");
-        let campaign = crate::campaign::read(folder, &Default::default()).unwrap();
-        let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
-        let mut problem = Ready::new(&campaign, &vehicle, &Work::default()).unwrap().problem;
+        let mut problem = example();
         problem.tracks.iter_mut().for_each(|track| track.theta_0_sigma = [2.0, 5.0]);
         let mut point = problem.nominal();
         (point.own[0][0], point.own[1][1]) = (3.9, -3.9);

@@ -302,10 +302,11 @@ mod tests {
 
     #[test]
     fn an_effect_stands_in_for_something_irregular_of_its_subsystem_only_if_that_is_the_larger_part() {
-        for (share, named) in [(0.4, 2), (0.6, 1)] {
+        for (share, named) in [(0.4, &["engine_torque_gain", "vehicle_mass"][..]), (0.6, &["vehicle_mass"])] {
             let mut c = concluded(&["engine_torque_gain", "vehicle_mass"]);
             c.leave(&left(&[Subsystem::Engine], share));
-            assert_eq!((c.verdict, c.unexplained_at, c.effects.len()), (Verdict::PartlyExplained, Some(Subsystem::Engine), named));
+            assert_eq!((c.verdict, c.unexplained_at), (Verdict::PartlyExplained, Some(Subsystem::Engine)));
+            assert_eq!(c.effects.iter().map(|e| REGISTRY[*e].id).collect::<Vec<_>>(), named);
             assert!((c.shares.iter().map(|s| s.1).sum::<f64>() - 1.0).abs() < 1e-12);
         }
     }
@@ -373,5 +374,26 @@ mod tests {
         ];
         assert_eq!(doubted(&all, &[Subsystem::Driveline]), [Subsystem::Friction, Subsystem::Sensors]);
         assert_eq!(doubted(&all, &[Subsystem::Friction, Subsystem::Sensors]), [Subsystem::Driveline]);
+    }
+    /// A car that is off by 90, and by 10 with all three effects: without the first by 30, without the second by 20, without the third, of another subsystem, by 60.
+    #[test]
+    fn effects_of_one_subsystem_share_what_each_of_them_takes() {
+        use crate::gap::infer::fit::Fit;
+        use crate::gap::infer::search::{Hypothesis, Search};
+        let [level, fade, mass] = ["friction_level", "friction_fade", "vehicle_mass"].map(|id| find(id).unwrap());
+        let fit = |cost: usize| Fit { cost: cost as f64, residuals: vec![vec![1.0; cost]].into(), ..Fit::made_up(Vec::new()) };
+        let of =
+            |effects: &[usize], cost: usize| Explanation { effects: effects.to_vec(), fit: Some(fit(cost)), ..concluded(&[]).explanation };
+        let ordered = |mut effects: Vec<usize>| {
+            effects.sort_unstable();
+            effects
+        };
+        let best = of(&ordered(vec![level, fade, mass]), 10);
+        let without = [(vec![fade, mass], 30), (vec![level, mass], 20), (vec![level, fade], 60)];
+        let mut explanations: Vec<Explanation> = without.into_iter().map(|(rest, cost)| of(&ordered(rest), cost)).collect();
+        explanations.push(best.clone());
+        let search = Search::made_up(vec![Hypothesis::made_up(&[], fit(90))]);
+        let found = shares(&search, &Posterior { explanations, base_misfit: 90.0 }, &best);
+        assert_eq!(found, [(Subsystem::Driveline, 50.0 / 80.0), (Subsystem::Friction, 30.0 / 80.0)]);
     }
 }

@@ -156,7 +156,7 @@ impl Search {
         self.let_go();
     }
     fn let_go(&mut self) {
-        let_go(&mut self.hypotheses);
+        let_go(&mut self.hypotheses, MOST_BYTES);
     }
     /// Lets go of all derivatives and functions: what is fitted anew from here works them out again.
     pub fn let_go_of_all(&mut self) {
@@ -164,13 +164,13 @@ impl Search {
     }
 }
 
-/// Lets go of the derivatives and functions of the last sets when all of them together take too much memory.
-fn let_go<'a>(all: impl IntoIterator<Item = &'a mut Hypothesis>) {
+/// Lets go of the derivatives and functions of the last sets when all of them together take more than so many bytes.
+fn let_go<'a>(all: impl IntoIterator<Item = &'a mut Hypothesis>, most: usize) {
     let (mut held, mut seen) = (0, HashSet::new());
     for h in all {
         held += h.formed.columns.iter().flatten().map(|c| c.bytes(&mut seen)).sum::<usize>();
         held += h.basis.iter().flatten().map(|f| f.innovations.bytes(&mut seen)).sum::<usize>();
-        if held > MOST_BYTES && !h.effects.is_empty() {
+        if held > most && !h.effects.is_empty() {
             h.let_go();
         }
     }
@@ -199,6 +199,23 @@ const BEHIND_SHARE: f64 = 0.3;
 const LEAST_PROMISE: f64 = 10.0;
 /// Mean square of the nuisances above which a fit was dragged along by a gap, and the nominal car is a second anchor.
 pub const DRAGGED: f64 = 3.0;
+
+#[cfg(test)]
+impl Hypothesis {
+    /// A set with this fit, which nothing weighed.
+    pub fn made_up(effects: &[usize], fit: Fit) -> Self {
+        let (formed, none) = (fit.clone(), Default::default());
+        Self { effects: effects.to_vec(), fit, formed, basis: Basis::new(), lead: 0.0, log_posterior: 0.0, by_accuracy: none }
+    }
+}
+
+#[cfg(test)]
+impl Search {
+    /// A search that found these sets, the car within its tolerances among them.
+    pub fn made_up(hypotheses: Vec<Hypothesis>) -> Self {
+        Self { hypotheses, promised: Vec::new(), screened: Vec::new() }
+    }
+}
 
 /// Searches, without [`exchange`]. `progress` is told how far it is.
 pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Search {
@@ -238,7 +255,7 @@ fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
     for some in starts.chunks(LOOKS_AT_ONCE.max(rayon::current_num_threads())) {
         looked.par_extend(some.par_iter().map(|start| (start.look(problem, &columns), start.promise)));
         looked.sort_by(|a, b| b.0.fit.log_evidence.total_cmp(&a.0.fit.log_evidence));
-        let_go(looked.iter_mut().map(|l| &mut l.0));
+        let_go(looked.iter_mut().map(|l| &mut l.0), MOST_BYTES);
     }
     // More effects can only explain more, but for a ripple out of phase. A look that does not bear that out was led astray by derivatives of elsewhere: the most promising get their own.
     looked.sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -461,5 +478,21 @@ mod tests {
         for (share, pays) in [(1.0_f64, 0.01), (0.1, 1.0), (0.02, 25.0)] {
             assert!((moment(share * share) - 2.0 * share.ln() + pays).abs() < 1e-9, "{share}: {}", moment(share * share));
         }
+    }
+    /// Sets of 400 bytes each, two of which have the same derivatives: what is further down than 1000 bytes is let go, but never the car within its tolerances.
+    #[test]
+    fn memory_is_bounded_and_counts_what_is_shared_once() {
+        use crate::gap::model::column::Column;
+        let of = |effects: &[usize], column: &Column| {
+            let fit = Fit { columns: Arc::new(vec![vec![column.clone()]]), ..Fit::made_up(Vec::new()) };
+            Hypothesis::made_up(effects, fit)
+        };
+        let [a, b, c] = [1.0, 2.0, 3.0].map(|x| Column::new(&[x; 100]));
+        let mut all = [of(&[1], &a), of(&[2], &a), of(&[3], &b), of(&[4], &c), of(&[], &c)];
+        let kept = |all: &[Hypothesis]| all.iter().map(|h| !h.formed.columns.is_empty()).collect::<Vec<_>>();
+        let_go(&mut all, 1000);
+        assert_eq!(kept(&all), [true, true, true, false, true]);
+        let_go(&mut all, 0);
+        assert_eq!(kept(&all), [false, false, false, false, true]);
     }
 }
