@@ -292,4 +292,25 @@ mod tests {
         average_of(&mut all, |e| e.effects == [2]);
         assert!(all[0].probability < 1.0 / 3.0 + 1e-12, "{}", all[0].probability);
     }
+    /// A pair leads the search, and one of the two alone is believed more: missing laws are weighed beside the pair, beside that one, and beside none.
+    #[test]
+    fn laws_are_weighed_beside_the_set_that_is_believed() {
+        use crate::gap::model::prepare;
+        let campaign = crate::campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
+        let (tracks, tolerances) = prepare::read(&[&campaign.recordings[0]], &campaign.vehicle_json).unwrap();
+        let with = prepare::disturbances(&tracks, &tolerances);
+        let vehicle = crate::vehicle::Vehicle::from_value(&campaign.vehicle_json).unwrap();
+        let problem = prepare::problem(tracks, &vehicle, &tolerances, &with);
+        let mut pair = ["friction_level", "vehicle_mass"].map(|id| crate::effects::find(id).unwrap()).to_vec();
+        pair.sort_unstable();
+        let of = |set: &[usize], lead: f64, log_posterior: f64| {
+            let fitted = Hypothesis::fitted(&problem, set.to_vec(), &problem.nominal(), 1, None);
+            Hypothesis { lead, log_posterior, ..fitted }
+        };
+        // So far ahead that no law is fitted, only promised.
+        let sets = vec![of(&pair, 3e9, 1.0), of(&pair[..1], 2e9, 2.0), of(&[], 1e9, 0.0)];
+        let found = posterior(&problem, &Search::made_up(sets), &[]);
+        let beside = |set: &[usize]| found.explanations.iter().filter(|e| e.place.is_some() && e.effects == set).count();
+        assert!([beside(&pair), beside(&pair[..1]), beside(&[])].iter().all(|laws| *laws > 0) && beside(&pair[1..]) == 0);
+    }
 }
