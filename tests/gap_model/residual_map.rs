@@ -1,10 +1,10 @@
 //! The residual map is what its definition says, worked out here from the innovations alone.
 
-use crate::made_up::made_up_under;
+use crate::made_up::{example, made_up_under, prepared};
 use kisspoint::effects::param;
 use kisspoint::gap::infer::density::{Point, Problem};
 use kisspoint::gap::map::cells;
-use kisspoint::gap::model::replay;
+use kisspoint::gap::model::{prepare, replay};
 use std::collections::BTreeMap;
 
 /// Innovations of a speed by phase (open, slipping, locked) and region (cold or hot, low or high torque): in standard deviations cut at six, summed over half a
@@ -79,4 +79,27 @@ fn a_cell_is_as_far_out_as_its_mean_its_scatter_or_its_half_seconds() {
         }
     }
     assert!(seen > 6 && map.len() == seen && map.iter().any(|c| c.significant), "{seen} of {}", map.len());
+}
+
+/// A bench whose thermometer reads 20 K more than the car has, beside a sensor of the bearing that reads what it should: the map says so of the thermometer alone.
+#[test]
+fn each_sensor_of_a_bench_has_cells_of_its_own() {
+    let (mut recordings, vehicle_json) = example();
+    let r = &mut recordings[0];
+    (r.x_to, r.t_fc, r.theta_c) = (None, None, None);
+    let bare = prepared(r);
+    let (car, theta) = (bare.car(&bare.nominal(), Some(0)), bare.temperatures(&bare.nominal(), 0));
+    let [mut position, mut temperature] = [vec![0.0; r.time.len()], vec![0.0; r.time.len()]];
+    replay::corrected(&bare.tracks[0], &bare.filters[0], &car, theta, None, |row, now, _| {
+        (position[row], temperature[row]) = (now.x_to_actual, now.theta_c + 20.0);
+    });
+    (r.x_to, r.theta_c) = (Some(position), Some(temperature));
+    let (tracks, tolerances) = prepare::read(&[&*r], &vehicle_json).unwrap();
+    let with = prepare::disturbances(&tracks, &tolerances);
+    let problem = prepare::problem(tracks, &bare.vehicle, &tolerances, &with);
+    let map = cells(&problem, &problem.nominal(), &problem.nominal());
+    let rms = |equation: &str| map.iter().filter(|c| c.equation == equation).map(|c| c.rms).collect::<Vec<f64>>();
+    let (thermometer, bearing) = (rms("disc temperature"), rms("bearing position"));
+    assert!(!thermometer.is_empty() && thermometer.iter().all(|x| (x - 20.0).abs() < 0.1), "{thermometer:?} K");
+    assert!(!bearing.is_empty() && bearing.iter().all(|x| *x < 0.05), "{bearing:?} mm");
 }
