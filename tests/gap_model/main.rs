@@ -7,3 +7,4 @@ mod made_up;
 mod residual_map;
 #[path = "../thinned/mod.rs"]
 mod thinned;
+mod uncertainty;
