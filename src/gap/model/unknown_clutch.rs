@@ -298,6 +298,19 @@ mod tests {
         }
     }
 
+    /// Locked for 3 s, then with a slip in proportion to the speed, as if a sensor had a gain: that is believed if it lasts longer by a tenth and half a second.
+    #[test]
+    fn a_slip_in_proportion_is_no_gain_unless_it_outlasts_the_lock() {
+        for (lasts, gain) in [(3.3, 1.0), (4.5, 1.0 / 1.04)] {
+            let count = 300 + (100.0 * lasts) as usize;
+            let time: Vec<f64> = (0..count).map(|k| 0.01 * k as f64).collect();
+            let omega_c: Vec<f64> = time.iter().map(|t| 100.0 + 20.0 * (3.0 * t).sin()).collect();
+            let omega_f = omega_c.iter().enumerate().map(|(k, c)| if k < 300 { *c } else { 1.04 * c }).collect();
+            let found = Sensors::of(&[Speeds { time, value: [omega_f, omega_c], noise: [0.1, 0.1] }]);
+            assert!((found.gain - gain).abs() < 2e-3 && found.lag.abs() < 2e-3, "{lasts} s: {found:?}");
+        }
+    }
+
     #[test]
     fn speeds_that_cross_are_not_locked() {
         let mut speeds = launch(1.0, 0.0);
