@@ -75,6 +75,16 @@ pub fn measure_next(outlook: &Outlook) -> Option<MeasureNext> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gap::plan::manoeuvre::built_in;
+    use crate::vehicle::Vehicle;
+
+    #[test]
+    fn a_manoeuvre_with_a_hot_clutch_is_said_to_be_hot() {
+        let all = built_in(&Vehicle::paper());
+        let words = |name: &str| said(all.iter().find(|m| m.name == name).unwrap());
+        let [cold, hot] = ["launch", "launch_hot"].map(words);
+        assert!(cold.ends_with(" (launch, 4 s)") && hot.ends_with(" (launch_hot, hot, 4 s)"), "{cold}, {hot}");
+    }
 
     #[test]
     fn nats_are_said_as_one_reads_them() {

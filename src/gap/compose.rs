@@ -68,12 +68,13 @@ const LISTED: usize = 12;
 /// The whole answer.
 pub fn answer(f: &Findings) -> Answer {
     let closed = Closed { noise: f.floor, ..Closed::of(f.held_out) };
+    let of_law = f.learned.map(|l| law_note(&l.laws, l.refused.is_none(), &reason(f, l)));
     Answer {
         schema: "kisspoint-diagnosis/1",
         verdict: f.conclusion.verdict,
         confidence: Real(f.conclusion.probability),
         sentence: sentence(f, closed.fraction()),
-        notes: f.notes.iter().cloned().chain(below_floor(f, &closed)).chain(f.learned.map(|l| law_note(f, l))).collect(),
+        notes: f.notes.iter().cloned().chain(below_floor(f, &closed)).chain(of_law).collect(),
         left_out: f.campaign.left_out.iter().map(|l| LeftOut { recording: l.recording.clone(), reason: l.reason.clone() }).collect(),
         place: place(f),
         which: which(f),
@@ -379,9 +380,9 @@ fn ids(of: &[Subsystem]) -> Vec<&'static str> {
 }
 
 /// Says beside the verdict what a learned law does.
-fn law_note(f: &Findings, l: &Tried) -> String {
-    let (law, reason) = (listed(&ids(&l.laws), " and "), reason(f, l));
-    if l.refused.is_none() {
+fn law_note(laws: &[Subsystem], taken: bool, reason: &str) -> String {
+    let law = listed(&ids(laws), " and ");
+    if taken {
         format!("the retuned plant holds an empirical law of {law}, learned from the recordings and no cause: {reason}")
     } else {
         format!("an empirical law of {law} was learned and not taken: {reason}")
@@ -458,6 +459,15 @@ mod tests {
             let open = interval(&fitted(&along, variances, 1.0), mass);
             assert_eq!((open.low.0, open.high.0), (PARAMETERS[mass].min, PARAMETERS[mass].max));
         }
+    }
+
+    #[test]
+    fn a_law_is_said_to_be_held_or_not_taken() {
+        let said = |taken| law_note(&[Subsystem::Friction, Subsystem::Engine], taken, "it closes half");
+        for (note, does) in [(said(true), "holds an empirical law"), (said(false), "not taken")] {
+            assert!([does, "friction and engine", "it closes half"].iter().all(|part| note.contains(part)), "{note}");
+        }
+        assert!(!said(true).contains("not taken"));
     }
 
     fn believed(effects: &[usize], probability: f64) -> Explanation {

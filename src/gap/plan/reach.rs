@@ -186,8 +186,9 @@ mod tests {
         };
         let mut manoeuvres: Vec<Manoeuvre> = built_in(&Vehicle::paper()).into_iter().take(3).collect();
         manoeuvres.iter_mut().zip([60.0, 120.0, 60.0]).for_each(|(m, seconds)| (m.seconds, m.prepare_s) = (seconds, 0.0));
-        let best =
-            |with: [Vec<Limit>; 3]| Reach { now: limit(9.0, 4.0), with: with.to_vec(), with_all: Vec::new() }.best_for(7, &manoeuvres);
+        let after =
+            |now: Vec<Limit>, with: [Vec<Limit>; 3]| Reach { now, with: with.to_vec(), with_all: Vec::new() }.best_for(7, &manoeuvres);
+        let best = |with: [Vec<Limit>; 3]| after(limit(9.0, 4.0), with);
         // 16 more in one minute against 24 more in two; then as much as 40 more in two.
         assert_eq!(best([limit(2.0, 20.0), limit(2.0, 28.0), limit(2.0, 4.0)]), Some(0));
         assert_eq!(best([limit(2.0, 20.0), limit(2.0, 44.0), limit(2.0, 4.0)]), Some(1));
@@ -195,5 +196,9 @@ mod tests {
         assert_eq!(best([limit(4.0, 90.0), limit(4.0, 99.0), limit(2.9, 5.0)]), Some(2));
         assert_eq!(best([limit(4.0, 90.0), limit(4.0, 99.0), limit(3.1, 5.0)]), Some(0));
         assert_eq!(best([limit(9.0, 4.0), limit(9.0, 4.0), limit(9.0, 4.0)]), None);
+        // Before anything was measured, what no manoeuvre says anything of has none either.
+        let nothing = || limit(f64::INFINITY, 0.0);
+        assert_eq!(after(nothing(), [nothing(), nothing(), nothing()]), None);
+        assert_eq!(after(nothing(), [nothing(), limit(9.0, 0.1), nothing()]), Some(1));
     }
 }
