@@ -142,7 +142,10 @@ fn an_engine_stalls_and_does_not_run_backwards() {
         }
         assert_eq!((least, plant.state().y[index::OMEGA_F]), (0.0, 0.0), "compliance {compliance}");
         assert!((plant.outputs().t_fc - grade_torque(0.1)).abs() < 1e-3, "{} N·m", plant.outputs().t_fc);
-        // With more torque than the grade it runs again.
+        // With half the torque of the grade it stands, with more than that it runs again.
+        inputs.t_e_ref = 0.5 * grade_torque(0.1);
+        (0..500).for_each(|_| plant.step(&inputs, 1e-3));
+        assert!(plant.state().rest.engine && plant.state().y[index::OMEGA_F] == 0.0, "compliance {compliance}");
         inputs.t_e_ref = grade_torque(0.1) + 20.0;
         (0..500).for_each(|_| plant.step(&inputs, 1e-3));
         assert!(plant.state().y[index::OMEGA_F] > 1.0, "compliance {compliance}");

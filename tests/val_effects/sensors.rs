@@ -57,6 +57,8 @@ pub fn laws() -> Vec<Law> {
         law("engine speed late and filtered", &[(late_f::delay, 0.03), (late_f::smoothing, 0.01)], decaying(), 0.4, omega_f, {
             200.0 * smoothed(4.0, 0.37, 0.01)
         }),
+        law("both speeds late", &[(late_f::delay, 0.05), (late_c::delay, 0.03)], decaying(), 0.4, omega_c, decay(100.0, 5.0, 0.37))
+            .within(1e-6),
         law("the engine's delay is not the disc's", &[(late_f::delay, 0.05)], decaying(), 0.4, omega_c, decay(100.0, 5.0, 0.4)).limit(),
     ]
 }
