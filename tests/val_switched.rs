@@ -48,6 +48,20 @@ fn a_delay_that_is_switched_on_begins_with_what_is_there() {
 }
 
 #[test]
+fn faces_stay_hot_when_another_effect_is_set_and_are_as_the_disc_once_theirs_is_switched_off() {
+    let bench = Bench::held(100.0, 50.0, 25.0, 6.0);
+    let faces = [(param::surface_temperature::resistance, 0.02), (param::surface_temperature::time_constant, 0.08)];
+    let mut plant = bench.run(&with(&faces), 0.05);
+    let hotter = plant.state().y[index::SURFACE];
+    assert!(hotter > 1.0, "{hotter} K");
+    let another = [&faces[..], &[(param::vehicle_mass::factor, 1.1)]].concat();
+    plant.set_effects(&bench.vehicle, &with(&another)).unwrap();
+    assert_eq!(plant.state().y[index::SURFACE], hotter);
+    plant.set_effects(&bench.vehicle, &effects::null()).unwrap();
+    assert_eq!(plant.state().y[index::SURFACE], 0.0);
+}
+
+#[test]
 fn a_filter_that_is_switched_on_begins_with_the_speed_and_set_anew_goes_on() {
     use param::{clutch_speed_delay, engine_speed_delay};
     let mut bench = Bench::held(200.0, 100.0, 25.0, 0.0);
