@@ -429,4 +429,24 @@ mod tests {
             assert_eq!(over_within(&lag(0.004, asymmetry), 0.01), Some(0.008));
         }
     }
+    /// What was learned of the engine's time constant, if it is 20 ms everywhere, is a lag that is 20 ms longer, of first order as of second.
+    #[test]
+    fn an_engine_that_was_learned_to_be_slower_throughout_has_a_longer_lag() {
+        use crate::effects::{Subsystem, null, param::engine_torque_lag};
+        use crate::plant::{Inputs, Plant, Start};
+        let curve = empirical::curves(Subsystem::Engine).find(|c| c.name == "engine_time").unwrap();
+        for curvature in [0.0, 0.25] {
+            let torque = |time_constant: f64, learned: f64| {
+                let mut p = null();
+                (p[engine_torque_lag::time_constant], p[engine_torque_lag::curvature]) = (time_constant, curvature);
+                curve.parameters().for_each(|k| p[k] = learned);
+                let start = Start { omega_f: 200.0, omega_c: 0.0, theta_c: 25.0, theta_b: 25.0 };
+                let mut plant = Plant::new(&crate::vehicle::Vehicle::paper(), &p, &start, &Inputs::default());
+                (0..100).for_each(|_| plant.step(&Inputs { t_e_ref: 50.0, ..Inputs::default() }, 1e-3));
+                plant.state().engine.value
+            };
+            let (learned, longer) = (torque(0.1, 0.02), torque(0.12, 0.0));
+            assert!((learned - longer).abs() < 1e-6 && longer < 49.0, "curvature {curvature}: {learned} {longer}");
+        }
+    }
 }

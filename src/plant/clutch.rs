@@ -267,6 +267,19 @@ mod tests {
         }
     }
 
+    /// Eq. (2): from 0 at the contact to 1 at the closed point, in proportion, and no further.
+    #[test]
+    fn a_normalised_position_counts_from_the_contact_to_the_closed_point() {
+        let config = Config::new(&Vehicle::paper(), &effects::null());
+        for theta in [25.0, 180.0] {
+            let map::Contact { x_cnt, x_cls } = map::contact(&config.vehicle.actuator, theta);
+            for part in [-0.2, 0.0, 0.4, 1.0, 1.2_f64] {
+                let found = normalised_position(&config, x_cnt + part * (x_cls - x_cnt), theta);
+                assert!((found - part.clamp(0.0, 1.0)).abs() < 1e-12, "{part} at {theta}: {found}");
+            }
+        }
+    }
+
     #[test]
     fn a_plant_knows_its_slip_and_its_closing() {
         let start = Start { omega_f: 100.0, omega_c: 30.0, theta_c: 90.0, theta_b: 40.0 };
