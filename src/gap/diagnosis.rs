@@ -8,10 +8,11 @@ use super::empirical::{self, Tried};
 use super::free::Car;
 use super::held_out::{Split, split};
 use super::infer::density::{Point, Problem};
+use super::infer::exchange::exchange;
 use super::infer::fit::Fit;
 use super::infer::irregular::irregular;
 use super::infer::posterior::{Posterior, laws_far_ahead, posterior};
-use super::infer::search::{Search, exchange, search};
+use super::infer::search::{Search, search};
 use super::infer::sensors;
 use super::map;
 use super::measure::{self, Closed, Overlay};
@@ -107,8 +108,8 @@ fn diagnosed(
     watch: &Watch,
 ) -> Result<Diagnosis, DiagnosisError> {
     let work = ready.problem.work.clone();
-    let searched = |problem: &Problem| search(problem, &|what, _| watch.begin(what));
-    let mut found = searched(&ready.problem);
+    let searched = |problem: &Problem, earlier: Option<&Search>| search(problem, earlier, &|what, _| watch.begin(what));
+    let mut found = searched(&ready.problem, None);
     // A slow logger misses commands, unless the control unit is as slow.
     let mut thus = None;
     if sensors::may_be_held(&ready.problem.tracks) {
@@ -116,7 +117,7 @@ fn diagnosed(
         let other = Ready::new(&campaign, &vehicle, &work)?;
         if sensors::rather_held(&other.problem, &ready.problem, found.best()) {
             (ready, thus) = (other, Some(campaign));
-            found = searched(&ready.problem);
+            found = searched(&ready.problem, None);
         }
     }
     let held = thus.is_some();
@@ -129,17 +130,18 @@ fn diagnosed(
         notes.push("the commands seem to change only as often as they are logged: inputs are taken as held from sample to sample, which these data make likelier than a logger that misses some".to_owned());
     }
     // What the first search found of the sensors (how late, how noisy) makes a better filter of the second.
-    let late = late(&problem, &found);
+    let late = sensors::late(&problem.car(&found.best().fit.point, None).effects);
     let known = Disturbances { late, ..with };
     let mut filtered_by = with;
     let best = found.best();
     let coloured = sensors::refined(&problem, &best.fit.point, &best.fit.residuals, &known);
     let locks_by_position = problem.tracks.iter().any(|t| !t.position_free);
-    if coloured.is_some() || locks_by_position && sees_the_lock_late(late, interval_of(&problem)) {
+    if coloured.is_some() || locks_by_position && sensors::sees_the_lock_late(late, prepare::logger(&problem.tracks).interval_s) {
         notes.extend(coloured.as_ref().map(colour_note));
         filtered_by = coloured.unwrap_or(known);
         problem = Problem { work: work.clone(), ..prepare::problem(problem.tracks, &vehicle, &tolerances, &filtered_by) };
-        found = searched(&problem);
+        found.let_go_of_all();
+        found = searched(&problem, Some(&found));
     }
     let mut weights = weighed(&problem, &mut found, watch);
     let mut conclusion = conclude(&problem, &found, &weights);
@@ -151,7 +153,8 @@ fn diagnosed(
         if let Some(left) = irregular(&problem, &fit.point, &fit.residuals, &filtered_by) {
             filtered_by = left.with;
             problem = Problem { work: work.clone(), ..prepare::problem(problem.tracks, &vehicle, &tolerances, &filtered_by) };
-            found = searched(&problem);
+            found.let_go_of_all();
+            found = searched(&problem, Some(&found));
             weights = weighed(&problem, &mut found, watch);
             conclusion = conclude(&problem, &found, &weights);
             conclusion.leave(&left);
@@ -315,29 +318,6 @@ fn beside_law(conclusion: &Conclusion, point: &Point) -> Point {
     beside
 }
 
-/// Intervals of the logger, or time in s, from which a sensor's delay changes when the clutch is seen to lock.
-const LATE_INTERVALS: f64 = 1.5;
-const LATE_S: f64 = 0.03;
-
-/// Whether one of the speeds is sensed that late, s, under a logger of this interval, s.
-fn sees_the_lock_late(late: [f64; 2], interval: f64) -> bool {
-    late.iter().any(|l| *l > LATE_S.max(LATE_INTERVALS * interval))
-}
-
-fn interval_of(problem: &Problem) -> f64 {
-    prepare::logger(&problem.tracks).interval_s
-}
-
-/// How late the speeds are sensed in the most probable explanation, s.
-fn late(problem: &Problem, found: &Search) -> [f64; 2] {
-    use crate::effects::param::{clutch_speed_delay, engine_speed_delay};
-    let effects = problem.car(&found.best().fit.point, None).effects;
-    [
-        effects[engine_speed_delay::delay] + effects[engine_speed_delay::smoothing],
-        effects[clutch_speed_delay::delay] + effects[clutch_speed_delay::smoothing],
-    ]
-}
-
 /// Says once what recordings without a position can show, and how.
 fn position_note(campaign: &Campaign) -> Option<String> {
     let without: Vec<&str> = campaign.recordings.iter().filter(|r| r.x_to_cmd.is_empty()).map(|r| r.name.as_str()).collect();
@@ -428,27 +408,6 @@ mod tests {
         Ready::new(&campaign, &vehicle, &Work::default()).unwrap().problem
     }
 
-    #[test]
-    fn a_sensor_is_late_for_the_lock_by_three_hundredths_of_a_second_or_one_and_a_half_samples() {
-        for (interval, least) in [(0.001, 0.03), (0.01, 0.03), (0.02, 0.03), (0.03, 0.045), (0.1, 0.15)] {
-            for side in 0..2 {
-                let late = |by: f64| sees_the_lock_late(if side == 0 { [by, 0.0] } else { [0.0, by] }, interval);
-                assert_eq!([late(0.99 * least), late(1.01 * least)], [false, true], "side {side}, interval {interval} s");
-            }
-        }
-    }
-
-    #[test]
-    fn a_delay_and_a_smoothing_both_make_a_sensor_late() {
-        use crate::effects::param;
-        let problem = example();
-        let mut point = problem.nominal();
-        (point.effects[param::engine_speed_delay::delay], point.effects[param::engine_speed_delay::smoothing]) = (0.01, 0.03);
-        (point.effects[param::clutch_speed_delay::delay], point.effects[param::clutch_speed_delay::smoothing]) = (0.02, 0.05);
-        let found = Search::made_up(vec![Hypothesis::made_up(&[], Fit { point, ..Fit::made_up(Vec::new()) })]);
-        assert_eq!(late(&problem, &found), [0.01 + 0.03, 0.02 + 0.05]);
-    }
-
     /// The bundled campaign has a contact point that moves with temperature; a mass that was named beside it goes, before anything is weighed.
     #[test]
     fn members_of_the_best_set_are_exchanged_before_it_is_weighed() {
@@ -456,7 +415,7 @@ mod tests {
         let mut pair = ["kiss_point_thermal", "vehicle_mass"].map(|id| effects::find(id).unwrap()).to_vec();
         pair.sort_unstable();
         let fitted = |set: Vec<usize>| Hypothesis::fitted(&problem, set, &problem.nominal(), 12, None);
-        let mut found = search(&problem, &|_, _| {});
+        let mut found = search(&problem, None, &|_, _| {});
         found.hypotheses.retain(|h| h.effects.is_empty());
         found.hypotheses.insert(0, fitted(pair));
         let weights = watched(&|_, _| {}, &work, 1, |watch| weighed(&problem, &mut found, watch));

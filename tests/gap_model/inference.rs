@@ -5,12 +5,13 @@ use kisspoint::effects::{self, REGISTRY, Subsystem, param};
 use kisspoint::gap::diagnosis::diagnose;
 use kisspoint::gap::infer::coordinate::Coordinate;
 use kisspoint::gap::infer::density::{Basis, Problem, WHOLE, cost, misfit};
+use kisspoint::gap::infer::exchange::exchange;
 use kisspoint::gap::infer::fit::{Fit, Free, LOOK, fit};
 use kisspoint::gap::infer::form::forms;
 use kisspoint::gap::infer::irregular::irregular;
 use kisspoint::gap::infer::posterior::posterior;
 use kisspoint::gap::infer::pulsation;
-use kisspoint::gap::infer::search::{Hypothesis, exchange, search, taken_over};
+use kisspoint::gap::infer::search::{Hypothesis, search, taken_over};
 use kisspoint::gap::model::replay::Missing;
 use kisspoint::gap::model::{missing, prepare, tolerance};
 use kisspoint::gap::verdict::Verdict;
@@ -18,7 +19,7 @@ use kisspoint::gap::verdict::Verdict;
 #[test]
 fn an_effect_that_is_there_is_found_and_one_more_is_not_believed() {
     let problem = made_up(|e| e[param::vehicle_mass::factor] = 1.12);
-    let found = search(&problem, &|_, _| {});
+    let found = search(&problem, None, &|_, _| {});
     let mass = effects::find("vehicle_mass").unwrap();
     assert_eq!(found.best().effects, [mass]);
     let factor = found.best().fit.point.effects[param::vehicle_mass::factor];
@@ -32,7 +33,7 @@ fn an_effect_that_is_there_is_found_and_one_more_is_not_believed() {
 
 #[test]
 fn a_healthy_car_stays_healthy() {
-    let found = search(&made_up(|_| {}), &|_, _| {});
+    let found = search(&made_up(|_| {}), None, &|_, _| {});
     assert!(found.best().effects.is_empty(), "{:?}", found.best().effects);
 }
 
@@ -53,7 +54,7 @@ fn a_ripple_is_believed_whatever_its_order() {
     let judder = effects::find("judder").unwrap();
     for order in [1.3, 3.1, 5.0] {
         let problem = made_up(|e| (e[param::judder::sine], e[param::judder::order]) = (0.1, order));
-        let found = search(&problem, &|_, _| {});
+        let found = search(&problem, None, &|_, _| {});
         assert_eq!(found.best().effects, [judder], "order {order}");
     }
 }
@@ -66,7 +67,7 @@ fn a_ripple_is_found_beside_what_moves_the_slip_angle() {
     let problem = made_up(|e| {
         (e[param::judder::sine], e[param::judder::order], e[param::clutch_speed_gain::gain]) = (0.1, order, 0.94);
     });
-    let found = search(&problem, &|_, _| {});
+    let found = search(&problem, None, &|_, _| {});
     let best = found.best();
     let fitted = best.fit.point.effects[param::judder::order];
     assert!(best.effects == [judder, gain] && (fitted - order).abs() < 0.01, "{:?} {fitted}", best.effects);
@@ -345,7 +346,7 @@ fn a_latency_that_is_declared_is_no_effect() {
 fn a_member_that_does_nothing_is_dropped() {
     let problem = made_up(|e| e[param::vehicle_mass::factor] = 1.2);
     let [mass, level] = ["vehicle_mass", "friction_level"].map(|id| effects::find(id).unwrap());
-    let mut found = search(&problem, &|_, _| {});
+    let mut found = search(&problem, None, &|_, _| {});
     let pair = Hypothesis::fitted(&problem, vec![mass, level], &found.best().formed.point, 12, None);
     found.hypotheses.retain(|h| h.effects.is_empty());
     found.hypotheses.insert(0, pair);
@@ -364,7 +365,7 @@ fn an_effect_that_only_came_along_beside_a_law_is_dropped() {
     problem.states.truncate(4);
     problem.coarsen();
     let [gain, level] = ["engine_torque_gain", "friction_level"].map(|id| effects::find(id).unwrap());
-    let mut found = search(&problem, &|_, _| {});
+    let mut found = search(&problem, None, &|_, _| {});
     let pair = Hypothesis::fitted(&problem, vec![gain, level], &found.best().formed.point, 12, None);
     found.hypotheses.retain(|h| h.effects.is_empty());
     found.hypotheses.insert(0, pair);

@@ -30,7 +30,7 @@ fn an_effect_that_a_law_leaves_nothing_to_do_has_no_form() {
 fn what_comes_and_goes_by_itself_is_placed_and_not_named() {
     let gusts = |t: f64| 6.0 * ((1.7 * t).sin() + (3.1 * t + 0.5).sin());
     let problem = made_up_under(|_| {}, gusts);
-    let found = search(&problem, &|_, _| {});
+    let found = search(&problem, None, &|_, _| {});
     let weights = posterior(&problem, &found, &[]);
     // A load beside the gusts is their mean: it lies in the law's own place, and is not named.
     let conclusion = conclude(&problem, &found, &weights);

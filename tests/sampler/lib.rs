@@ -263,7 +263,7 @@ fn evidence_is_that_of_a_sampler() {
         [("campaigns/example", "kiss_point_thermal"), ("cases/2/campaign", "heat_partition"), ("cases/6/campaign", "friction_level")]
     {
         let problem = problem(folder);
-        let found = search(&problem, &|_, _| {});
+        let found = search(&problem, None, &|_, _| {});
         let sets = [vec![], vec![effects::find(effect).unwrap()]];
         let fitted = sets.map(|set| found.of(&set).expect("a set that is always fitted").whole(&problem));
         for (likelihood, powers) in [("whole", WHOLE), ("2 %", problem.powers[0]), ("8 %", problem.powers[2])] {

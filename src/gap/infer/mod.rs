@@ -2,6 +2,7 @@
 
 pub mod coordinate;
 pub mod density;
+pub mod exchange;
 pub mod fit;
 pub mod form;
 pub mod irregular;

@@ -2,8 +2,7 @@
 //!
 //! From the car within its tolerances, and then from the best sets so far, every effect is screened; what promises most is fitted. Sets compete by their
 //! posterior: evidence, which pays for what an effect could have done as well, and the odds of that many effects. The search goes on as long as a
-//! larger set is more probable than the one that it extends. Last, every member of the best set is dropped in turn, and exchanged for what suits the rest
-//! better.
+//! larger set is more probable than the one that it extends. Where it is repeated with a better filter, what the first search found near its best is fitted as well.
 
 use super::coordinate::Coordinate;
 use super::density::{Basis, ByAccuracy, Point, Problem, STRAINS, WHOLE, cost, size};
@@ -146,7 +145,7 @@ impl Search {
     pub fn behind(&self, best: f64) -> f64 {
         BEHIND_NATS + BEHIND_SHARE * (best - self.base().fit.log_evidence).max(0.0)
     }
-    fn add(&mut self, h: Hypothesis) {
+    pub(super) fn add(&mut self, h: Hypothesis) {
         match self.hypotheses.iter_mut().find(|o| o.effects == h.effects) {
             Some(o) if o.lead < h.lead => *o = h,
             Some(_) => {}
@@ -185,7 +184,7 @@ const LOOKS_AT_ONCE: usize = 4;
 /// Most effects at a time.
 pub const MOST_EFFECTS: usize = 3;
 /// Iterations of a fit that stays.
-const STAY: usize = 12;
+pub(super) const STAY: usize = 12;
 /// Candidates that are looked at from the fitted car, from the nominal one if a gap dragged that along, and those of them that are fitted to the end.
 const LOOKED_AT: usize = 4;
 const LOOKED_AT_AGAIN: usize = 2;
@@ -217,8 +216,8 @@ impl Search {
     }
 }
 
-/// Searches, without [`exchange`]. `progress` is told how far it is.
-pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Search {
+/// Searches, without an [`exchange`](super::exchange::exchange); `earlier` is what a search under another filter found. `progress` is told how far it is.
+pub fn search(problem: &Problem, earlier: Option<&Search>, progress: &(dyn Fn(&str, f64) + Sync)) -> Search {
     progress("tolerances", 0.0);
     let nominal = problem.nominal();
     let base = Hypothesis::fitted(problem, Vec::new(), &nominal, STAY, None);
@@ -240,11 +239,28 @@ pub fn search(problem: &Problem, progress: &(dyn Fn(&str, f64) + Sync)) -> Searc
         of_size.retain(|h| found.best().lead - h.lead < most);
         frontier = of_size.into_iter().map(|h| h.effects.clone()).collect();
     }
+    if let Some(earlier) = earlier {
+        take_up(problem, &mut found, earlier);
+    }
     found
 }
 
+/// Fits what an earlier search, under another filter, found near its best and this one did not come by, from there; if that leads now, it is extended as well.
+fn take_up(problem: &Problem, found: &mut Search, earlier: &Search) {
+    let least = earlier.best().lead - earlier.behind(earlier.best().fit.log_evidence);
+    let near = earlier.hypotheses.iter().take(FITTED).filter(|h| h.lead > least && found.of(&h.effects).is_none());
+    let near: Vec<&Hypothesis> = near.filter(|h| problem.can_follow(&h.formed.point)).collect();
+    let again = |h: &&Hypothesis| Hypothesis::fitted(problem, h.effects.clone(), &h.formed.point, STAY, None);
+    let fitted: Vec<Hypothesis> = near.par_iter().map(again).collect();
+    fitted.into_iter().for_each(|h| found.add(h));
+    let best = found.best().effects.clone();
+    if best.len() < MOST_EFFECTS && near.iter().any(|h| h.effects == best) {
+        extend(problem, found, &best);
+    }
+}
+
 /// Screens beside a set that was fitted, and fits what promises most; not again from where that was done.
-fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
+pub(super) fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
     let Some(from) = found.of(set).map(|h| h.whole(problem)) else { return };
     if found.screened.iter().any(|(done, cost)| done == set && from.fit.cost > cost - least_promise(problem)) {
         return;
@@ -347,14 +363,15 @@ fn starts(problem: &Problem, found: &mut Search, from: &Hypothesis) -> (Vec<Star
     }));
     // A ripple starts as its scan found it: what a linear model makes of a phase that is nearly right says little.
     starts.extend(further.into_iter().map(|(e, point)| Start::new(set, [e], point, f64::NEG_INFINITY, 0)));
-    // Of two starts of one set from one anchor the more promising.
-    starts.sort_by(|a, b| a.effects.cmp(&b.effects).then(a.anchor.cmp(&b.anchor)).then(a.promise.total_cmp(&b.promise)));
+    // Of two starts of one set from one anchor the more promising, but for ripples of different orders.
+    let by_set = |a: &Start, b: &Start| a.effects.cmp(&b.effects).then(a.anchor.cmp(&b.anchor)).then(a.orders().total_cmp(&b.orders()));
+    starts.sort_by(|a, b| by_set(a, b).then(a.promise.total_cmp(&b.promise)));
     starts.dedup_by(|later, kept| later.effects == kept.effects && later.anchor == kept.anchor && later.orders() == kept.orders());
     (starts, columns)
 }
 
 /// [`LEAST_PROMISE`] in units of the whole cost.
-fn least_promise(problem: &Problem) -> f64 {
+pub(super) fn least_promise(problem: &Problem) -> f64 {
     LEAST_PROMISE / problem.power()
 }
 
@@ -385,7 +402,7 @@ pub fn taken_over(problem: &Problem, from: &Point, set: &[usize]) -> Vec<(Vec<us
 }
 
 /// Fits to the end what came near the best after a look.
-fn finish(problem: &Problem, found: &mut Search, mut looked: Vec<Hypothesis>) {
+pub(super) fn finish(problem: &Problem, found: &mut Search, mut looked: Vec<Hypothesis>) {
     looked.sort_by(|a, b| b.fit.log_evidence.total_cmp(&a.fit.log_evidence));
     let Some(best) = looked.first().map(|l| l.fit.log_evidence) else { return };
     let most = found.behind(best);
@@ -396,80 +413,9 @@ fn finish(problem: &Problem, found: &mut Search, mut looked: Vec<Hypothesis>) {
     done.into_iter().for_each(|h| found.add(h));
 }
 
-/// Drops every member of the best set in turn; what is left is fitted from there and looks for a better companion, if it fits better than it did or if the
-/// best set strains its tolerances, which says that it is not the right one.
-pub fn exchange(problem: &Problem, found: &mut Search) {
-    for _ in 0..EXCHANGES {
-        let best = found.best().clone();
-        if best.effects.is_empty() {
-            return;
-        }
-        let strained = best.fit.strains();
-        if best.effects.len() < 2 && !strained {
-            return;
-        }
-        for &dropped in &best.effects {
-            let rest: Vec<usize> = best.effects.iter().copied().filter(|e| *e != dropped).collect();
-            let mut start = best.formed.point.clone();
-            for p in REGISTRY[dropped].parameters.clone() {
-                start.effects[p] = PARAMETERS[p].null;
-            }
-            let before = found.of(&rest).map(|h| h.fit.cost);
-            let looked = Hypothesis::fitted(problem, rest.clone(), &start, LOOK, best.formed.known());
-            let better = before.is_some_and(|b| looked.fit.cost < b - least_promise(problem));
-            let near = best.fit.log_evidence - looked.fit.log_evidence < found.behind(best.fit.log_evidence);
-            let whole = better || near && before.is_none();
-            let stays = || Hypothesis::fitted(problem, rest.clone(), &looked.formed.point, STAY, looked.formed.known());
-            found.add(if whole { stays() } else { looked });
-            if better || strained {
-                extend(problem, found, &rest);
-            }
-        }
-        // The twins of tolerances that are pulled, in the place of each member.
-        if strained {
-            let all = taken_over(problem, &best.formed.point, &best.effects);
-            let swapped = all.into_iter().flat_map(|(effects, point)| {
-                best.effects.clone().into_iter().map(move |dropped| {
-                    let mut point = point.clone();
-                    for p in REGISTRY[dropped].parameters.clone() {
-                        point.effects[p] = PARAMETERS[p].null;
-                    }
-                    let mut set: Vec<usize> = effects.iter().copied().filter(|e| *e != dropped).collect();
-                    set.sort_unstable();
-                    (set, point)
-                })
-            });
-            let looked: Vec<Hypothesis> = swapped
-                .collect::<Vec<_>>()
-                .into_par_iter()
-                .map(|(set, point)| Hypothesis::fitted(problem, set, &point, LOOK + 1, best.formed.known()))
-                .collect();
-            finish(problem, found, looked);
-        }
-        let now = &found.best().fit;
-        if found.best().effects == best.effects || strained && !is_relieved(best.fit.pull(), now.pull()) {
-            return;
-        }
-    }
-}
-
-/// Rounds of exchange.
-const EXCHANGES: usize = 4;
-/// Share of its strain that a strained set may keep in a round for another one: what only changes places is not on its way to what is wrong.
-const STRAIN_LEFT: f64 = 0.75;
-
-fn is_relieved(before: f64, now: f64) -> bool {
-    now <= STRAIN_LEFT * before
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn strain_that_only_changes_places_ends_the_exchange() {
-        assert_eq!([5.0, 5.9, 6.1, 9.0].map(|now| is_relieved(8.0, now)), [true, true, false, false]);
-    }
 
     #[test]
     fn an_effect_costs_its_odds_and_a_small_one_more() {
@@ -479,6 +425,7 @@ mod tests {
             assert!((moment(share * share) - 2.0 * share.ln() + pays).abs() < 1e-9, "{share}: {}", moment(share * share));
         }
     }
+
     /// Sets of 400 bytes each, two of which have the same derivatives: what is further down than 1000 bytes is let go, but never the car within its tolerances.
     #[test]
     fn memory_is_bounded_and_counts_what_is_shared_once() {

@@ -6,6 +6,7 @@
 
 use super::density::{Point, Problem, Residuals, misfit};
 use super::search::Hypothesis;
+use crate::effects::Parameters;
 use crate::gap::model::clock::misses;
 use crate::gap::model::filter::Disturbances;
 use crate::gap::model::noise::Noise;
@@ -78,4 +79,46 @@ pub fn minus_log_likelihood(problem: &Problem, point: &Point, with: &Disturbance
     let filters: Vec<_> = problem.tracks.par_iter().map(|t| prepare::filter_of(t, &problem.vehicle, with)).collect();
     let changed = Problem { filters, ..problem.clone() };
     misfit(&changed.all_residuals(point, None)) + changed.filters.iter().map(|f| f.log_det).sum::<f64>()
+}
+
+/// Intervals of the logger, or time in s, from which a sensor's delay changes when the clutch is seen to lock.
+const LATE_INTERVALS: f64 = 1.5;
+const LATE_S: f64 = 0.03;
+
+/// Whether one of the speeds is sensed that late, s, under a logger of this interval, s.
+pub fn sees_the_lock_late(late: [f64; 2], interval: f64) -> bool {
+    late.iter().any(|l| *l > LATE_S.max(LATE_INTERVALS * interval))
+}
+
+/// How late the speeds are sensed in a car with these effects, s.
+pub fn late(effects: &Parameters) -> [f64; 2] {
+    use crate::effects::param::{clutch_speed_delay, engine_speed_delay};
+    [
+        effects[engine_speed_delay::delay] + effects[engine_speed_delay::smoothing],
+        effects[clutch_speed_delay::delay] + effects[clutch_speed_delay::smoothing],
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sensor_is_late_for_the_lock_by_three_hundredths_of_a_second_or_one_and_a_half_samples() {
+        for (interval, least) in [(0.001, 0.03), (0.01, 0.03), (0.02, 0.03), (0.03, 0.045), (0.1, 0.15)] {
+            for side in 0..2 {
+                let late = |by: f64| sees_the_lock_late(if side == 0 { [by, 0.0] } else { [0.0, by] }, interval);
+                assert_eq!([late(0.99 * least), late(1.01 * least)], [false, true], "side {side}, interval {interval} s");
+            }
+        }
+    }
+
+    #[test]
+    fn a_delay_and_a_smoothing_both_make_a_sensor_late() {
+        use crate::effects::{null, param};
+        let mut effects = null();
+        (effects[param::engine_speed_delay::delay], effects[param::engine_speed_delay::smoothing]) = (0.01, 0.03);
+        (effects[param::clutch_speed_delay::delay], effects[param::clutch_speed_delay::smoothing]) = (0.02, 0.05);
+        assert_eq!(late(&effects), [0.01 + 0.03, 0.02 + 0.05]);
+    }
 }
