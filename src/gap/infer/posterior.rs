@@ -116,16 +116,14 @@ pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Poste
             distinct.push(u);
         }
     }
-    all.extend(distinct.into_iter().map(|u| {
-        let none_of_the_library = prior_beside_the_library(search, &u);
-        Explanation {
-            effects: u.effects,
-            place: Some(u.law.place),
-            log_posterior: f64::NEG_INFINITY,
-            by_accuracy: u.by_accuracy.map(|l| l + none_of_the_library),
-            probability: 0.0,
-            fit: u.fit,
-        }
+    let apart: Vec<f64> = distinct.iter().map(|u| prior_beside_the_library(search, u) + prior_beside_a_law(search, &distinct, u)).collect();
+    all.extend(distinct.into_iter().zip(apart).map(|(u, apart)| Explanation {
+        effects: u.effects,
+        place: Some(u.law.place),
+        log_posterior: f64::NEG_INFINITY,
+        by_accuracy: u.by_accuracy.map(|l| l + apart),
+        probability: 0.0,
+        fit: u.fit,
     }));
     average(&mut all);
     order(&mut all, |e| e.fit.is_some());
@@ -143,13 +141,38 @@ fn prior_beside_the_library(search: &Search, law: &Unknown) -> f64 {
     library.map_or(0.0, |library| departure(misfit(&without.fit.residuals), misfit(&fit.residuals), library))
 }
 
-/// The same from what is left without law and effect, with the law, and with the effect of the law's subsystem that leaves least.
+/// Logarithm of the factor that the prior of effects has because they are beside a missing law of their own subsystem.
+fn prior_beside_a_law(search: &Search, laws: &[Unknown], law: &Unknown) -> f64 {
+    let Some(fit) = &law.fit else { return 0.0 };
+    let of_law = |rest: &[usize]| laws.iter().find(|u| u.effects == rest && u.law.place == law.law.place).and_then(|u| u.fit.as_ref());
+    let with_law = |rest: &[usize]| of_law(rest).map(|fit| misfit(&fit.residuals));
+    let without = |rest: &[usize]| search.of(rest).map(|h| misfit(&h.fit.residuals));
+    departures(&law.effects, law.law.place, misfit(&fit.residuals), with_law, without)
+}
+
+/// The same from what is left with effects and law, and with each set that lacks one of the effects, with the law and without, if that is known.
+fn departures(
+    effects: &[usize],
+    place: Subsystem,
+    with_all: f64,
+    with_law: impl Fn(&[usize]) -> Option<f64>,
+    without: impl Fn(&[usize]) -> Option<f64>,
+) -> f64 {
+    let one = |effect: &usize| {
+        let rest: Vec<usize> = effects.iter().copied().filter(|e| e != effect).collect();
+        with_law(&rest).zip(without(&rest)).map_or(0.0, |(alone, neither)| departure(neither, with_all, alone))
+    };
+    effects.iter().filter(|e| REGISTRY[**e].effect.subsystem == place).map(one).sum()
+}
+
+/// The same from what is left with neither of two, with the one whose prior it is (or both), and with the other.
 ///
-/// A law's functions can also do what an effect does, and then it is that effect in another form. As the prior of an effect vanishes where it does nothing, that of a law vanishes where
-/// an effect does all that it does ([`moment`]); the square of its departure is the share of what it accounts for that the effect does not.
-fn departure(without: f64, with_law: f64, with_effect: f64) -> f64 {
-    let (law, effect) = (without - with_law, without - with_effect);
-    if law > 0.0 && effect > 0.0 { moment((1.0 - effect / law).max(LEAST_DEPARTURE)).min(0.0) } else { 0.0 }
+/// A law's functions can also do what an effect of its subsystem does, and then it is that effect in another form, or the effect beside it a part of the law. As the prior of an effect vanishes
+/// where it does nothing, that of a law vanishes where an effect does all that it does, and that of an effect beside the law where the law does ([`moment`]); the square of the departure
+/// is the share of what is accounted for that the other does not.
+fn departure(with_neither: f64, with_it: f64, with_other: f64) -> f64 {
+    let (it, other) = (with_neither - with_it, with_neither - with_other);
+    if it > 0.0 && other > 0.0 { moment((1.0 - other / it).max(LEAST_DEPARTURE)).min(0.0) } else { 0.0 }
 }
 
 /// Least square of a departure that counts: fits do not end nearer to their modes.
@@ -260,6 +283,20 @@ mod tests {
         assert!(of(999.9) < -16.0 && of(500.0) > -0.8);
         // What does nothing, or harm, says nothing.
         assert_eq!([of(0.0), of(-5.0), departure(1000.0, 1000.0, 500.0), departure(1000.0, 1001.0, 500.0)], [0.0; 4]);
+    }
+
+    /// Beside a law of the driveline a load that adds a hundredth to what the law does pays for that; a bias of the engine, which is elsewhere, pays nothing, nor does what nothing is known of.
+    #[test]
+    fn an_effect_that_adds_little_to_a_law_of_its_subsystem_is_a_part_of_the_law() {
+        let [bias, load] = ["engine_torque_bias", "road_load"].map(|id| crate::effects::find(id).unwrap());
+        let set = [bias, load];
+        let with_law = |rest: &[usize]| (rest == [bias]).then_some(1010.0);
+        let without = |rest: &[usize]| (rest == [bias]).then_some(2000.0);
+        let found = departures(&set, Subsystem::Driveline, 1000.0, with_law, without);
+        assert!((found - (0.01_f64.ln() - 1.0)).abs() < 1e-9, "{found}");
+        assert_eq!(departures(&set, Subsystem::Engine, 1000.0, with_law, without), 0.0);
+        assert_eq!(departures(&set, Subsystem::Driveline, 1000.0, |_| None, without), 0.0);
+        assert_eq!(departures(&set, Subsystem::Driveline, 1000.0, with_law, |_| None), 0.0);
     }
 
     /// Of two explanations one leads by 10 nats if laws are nearly exact and by less the less they are: what is believed lies between the first and the last, and all of

@@ -11,7 +11,7 @@
 //! | clutch force | torque, relative | position, its direction, time since contact, temperature | 8 % |
 //! | friction | torque, relative | slip, temperature, power, work done, time slipped | 8 % |
 //! | thermal | temperature, times ∂T/∂θ | heat of the last second, seconds, minutes | 12 K |
-//! | driveline | torque | speed, its direction, acceleration, time since the start | 3 N·m |
+//! | driveline | torque | nothing, speed, its direction, acceleration, time since the start | 3 N·m |
 //! | sensors | speeds as sensed | speed, acceleration | 1 rad/s |
 
 use super::filter::Filter;
@@ -315,6 +315,7 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
             }
         }
         Subsystem::Driveline => {
+            all.push(s.on(1, &|_| CAR));
             for centre in [8.0, 50.0, 110.0, 180.0, 260.0] {
                 all.push(s.on(1, &|k| CAR * bump(s.speed[1][k], centre, if centre < 20.0 { 15.0 } else { 40.0 })));
             }
