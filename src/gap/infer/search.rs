@@ -426,6 +426,24 @@ mod tests {
         }
     }
 
+    /// The bundled campaign's contact point moves with temperature. A search that never came by that takes it up from an earlier one and looks for a companion; what was far behind there it leaves.
+    #[test]
+    fn what_an_earlier_search_found_is_taken_up() {
+        let example = crate::gap::model::prepare::Example::read();
+        let all: Vec<_> = example.campaign.recordings.iter().collect();
+        let (problem, _) = example.problem(&all);
+        let [moves, heavy] = ["kiss_point_thermal", "vehicle_mass"].map(|id| crate::effects::find(id).unwrap());
+        let fitted = |set: &[usize], iterations: usize| Hypothesis::fitted(&problem, set.to_vec(), &problem.nominal(), iterations, None);
+        let base = fitted(&[], STAY);
+        let led = |set: &[usize], lead: f64| Hypothesis { lead, ..fitted(set, 1) };
+        let earlier = Search::made_up(vec![led(&[moves], 0.0), led(&[heavy], -1e6), led(&[], -1e7)]);
+        let mut found = Search::made_up(vec![base]);
+        take_up(&problem, &mut found, &earlier);
+        assert!(found.best().effects.contains(&moves) && found.of(&[heavy]).is_none());
+        assert!(found.of(&[moves]).unwrap().lead > found.base().lead + 1000.0);
+        assert_eq!(found.screened.iter().map(|(set, _)| set.clone()).collect::<Vec<_>>(), [[moves]]);
+    }
+
     /// Sets of 400 bytes each, two of which have the same derivatives: what is further down than 1000 bytes is let go, but never the car within its tolerances.
     #[test]
     fn memory_is_bounded_and_counts_what_is_shared_once() {
