@@ -27,7 +27,7 @@ use super::progress::{Watch, Work, watched};
 use super::retune::{self, Followed};
 use super::verdict::{Conclusion, MISLED, Verdict, conclude};
 use crate::campaign::{Campaign, NO_POSITION, Note, Recording};
-use crate::effects::{self, PARAMETERS, Parameters, REGISTRY, Subsystem};
+use crate::effects::{self, Parameters, REGISTRY, Subsystem};
 use crate::validated::Validated;
 use crate::vehicle::{Vehicle, VehicleError};
 use rayon::prelude::*;
@@ -311,11 +311,8 @@ fn misled(problem: &Problem, taught: &[Recording], vehicle: &Vehicle, tuned: &Po
 
 /// What was fitted beside a law, without the law and the effects that stood in for it.
 fn beside_law(conclusion: &Conclusion, point: &Point) -> Point {
-    let mut beside = Point { missing: Vec::new(), ..point.clone() };
-    for e in conclusion.explanation.effects.iter().filter(|e| !conclusion.effects.contains(e)) {
-        REGISTRY[*e].parameters.clone().for_each(|k| beside.effects[k] = PARAMETERS[k].null);
-    }
-    beside
+    let stood_in = conclusion.explanation.effects.iter().filter(|e| !conclusion.effects.contains(e));
+    stood_in.fold(Point { missing: Vec::new(), ..point.clone() }, |beside, e| beside.without(*e))
 }
 
 /// Says once what recordings without a position can show, and how.
@@ -401,10 +398,10 @@ fn drives(campaign: &Campaign, split: &Split, problem: &Problem) -> Vec<Drive> {
 mod tests {
     use super::*;
     use crate::gap::infer::search::Hypothesis;
+    use crate::gap::model::prepare::Example;
 
     fn example() -> Problem {
-        let campaign = crate::campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
-        let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
+        let Example { campaign, vehicle } = Example::read();
         Ready::new(&campaign, &vehicle, &Work::default()).unwrap().problem
     }
 
@@ -425,8 +422,7 @@ mod tests {
     /// Half a clutch's friction is further off than the car of the file, its whole friction is not.
     #[test]
     fn effects_whose_car_follows_worse_than_the_file_s_are_told() {
-        let campaign = crate::campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
-        let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
+        let Example { campaign, vehicle } = Example::read();
         let Ready { problem, split, .. } = Ready::new(&campaign, &vehicle, &Work::default()).unwrap();
         let with = |factor: f64| {
             let mut point = problem.nominal();

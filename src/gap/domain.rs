@@ -208,27 +208,20 @@ fn sigma(handed: &Config, clutches: &[Clutch], lasting: f64, x: f64, theta: f64,
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::campaign::{self, Recording};
-    use crate::vehicle::Vehicle;
+    use crate::gap::model::prepare::Example;
 
     /// A transducer that reads a tenth more than the plant says: a hundredth of the squared torque is left beyond its noise.
     #[test]
     fn what_a_transducer_leaves_beyond_its_noise_is_a_share_of_its_torque() {
-        let campaign = campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
-        let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
-        let of = |recording: &Recording| {
-            let (tracks, tolerances) = prepare::read(&[recording], &campaign.vehicle_json).unwrap();
-            let with = prepare::disturbances(&tracks, &tolerances);
-            prepare::problem(tracks, &vehicle, &tolerances, &with)
-        };
-        let mut recording = campaign.recordings[0].clone();
-        let problem = of(&recording);
+        let example = Example::read();
+        let mut recording = example.campaign.recordings[0].clone();
+        let (problem, _) = example.problem(&[&recording]);
         let point = problem.nominal();
         let (car, theta) = (problem.car(&point, Some(0)), problem.temperatures(&point, 0));
         let mut torque = vec![0.0; recording.time.len()];
         replay::corrected(&problem.tracks[0], &problem.filters[0], &car, theta, None, |row, now, _| torque[row] = 1.1 * now.t_fc);
         recording.t_fc = Some(torque);
-        let problem = of(&recording);
+        let (problem, _) = example.problem(&[&recording]);
         let found = visited(&problem, &point, &Config::new(&car.vehicle, &car.effects), 0);
         assert!(found.squares > 1e4 && (found.excess / found.squares - 0.01).abs() < 1e-3, "{} of {}", found.excess, found.squares);
     }

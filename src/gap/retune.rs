@@ -187,14 +187,13 @@ mod tests {
     use crate::gap::diagnosis::Ready;
     use crate::gap::infer::search::Hypothesis;
     use crate::gap::measure::{self, Closed};
+    use crate::gap::model::prepare::Example;
     use crate::gap::progress::Work;
-    use crate::vehicle::Vehicle;
 
     /// A slope that is three standard deviations off comes back where the recordings are followed exactly, and stays where the true car would be far off as well.
     #[test]
     fn a_plant_has_those_of_the_numbers_allowed_that_follow_the_recordings() {
-        let campaign = crate::campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
-        let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
+        let Example { campaign, vehicle } = Example::read();
         let Ready { problem, split, .. } = Ready::new(&campaign, &vehicle, &Work::default()).unwrap();
         let effect = effects::find("kiss_point_thermal").unwrap();
         let fit = Hypothesis::fitted(&problem, vec![effect], &problem.nominal(), 12, None).fit;

@@ -119,17 +119,13 @@ pub fn coordinates(problem: &Problem, effects: &[usize], missing: usize) -> (Vec
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::campaign;
-    use crate::gap::model::prepare;
-    use crate::vehicle::Vehicle;
+    use crate::gap::model::prepare::Example;
 
     /// A move that its bounds cut short ends where the room that they leave ends, on either side and of every parameter; one that they let through is all of it.
     #[test]
     fn the_room_that_is_left_leads_to_the_bound() {
-        let campaign = campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
-        let (tracks, tolerances) = prepare::read(&[&campaign.recordings[0]], &campaign.vehicle_json).unwrap();
-        let with = prepare::disturbances(&tracks, &tolerances);
-        let problem = prepare::problem(tracks, &Vehicle::from_value(&campaign.vehicle_json).unwrap(), &tolerances, &with);
+        let example = Example::read();
+        let (problem, _) = example.problem(&[&example.campaign.recordings[0]]);
         let nominal = problem.nominal();
         let moved = |c: Coordinate, by: f64| {
             let mut point = nominal.clone();

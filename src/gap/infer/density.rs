@@ -90,6 +90,15 @@ pub struct Point {
     pub missing: Vec<f64>,
 }
 
+impl Point {
+    /// The same without an effect.
+    pub fn without(&self, effect: usize) -> Self {
+        let mut without = self.clone();
+        REGISTRY[effect].parameters.clone().for_each(|k| without.effects[k] = PARAMETERS[k].null);
+        without
+    }
+}
+
 /// Whitened innovations of one recording.
 pub type Residuals = Vec<f64>;
 

@@ -3,7 +3,6 @@
 use super::density::Problem;
 use super::fit::LOOK;
 use super::search::{Hypothesis, STAY, Search, extend, finish, least_promise, taken_over};
-use crate::effects::{PARAMETERS, REGISTRY};
 use rayon::prelude::*;
 
 /// Drops every member of the best set in turn; what is left is fitted from there and looks for a better companion, if it fits better than it did or if the
@@ -20,10 +19,7 @@ pub fn exchange(problem: &Problem, found: &mut Search) {
         }
         for &dropped in &best.effects {
             let rest: Vec<usize> = best.effects.iter().copied().filter(|e| *e != dropped).collect();
-            let mut start = best.formed.point.clone();
-            for p in REGISTRY[dropped].parameters.clone() {
-                start.effects[p] = PARAMETERS[p].null;
-            }
+            let start = best.formed.point.without(dropped);
             let before = found.of(&rest).map(|h| h.fit.cost);
             let looked = Hypothesis::fitted(problem, rest.clone(), &start, LOOK, best.formed.known());
             let better = before.is_some_and(|b| looked.fit.cost < b - least_promise(problem));
@@ -40,13 +36,9 @@ pub fn exchange(problem: &Problem, found: &mut Search) {
             let all = taken_over(problem, &best.formed.point, &best.effects);
             let swapped = all.into_iter().flat_map(|(effects, point)| {
                 best.effects.clone().into_iter().map(move |dropped| {
-                    let mut point = point.clone();
-                    for p in REGISTRY[dropped].parameters.clone() {
-                        point.effects[p] = PARAMETERS[p].null;
-                    }
                     let mut set: Vec<usize> = effects.iter().copied().filter(|e| *e != dropped).collect();
                     set.sort_unstable();
-                    (set, point)
+                    (set, point.without(dropped))
                 })
             });
             let looked: Vec<Hypothesis> = swapped

@@ -13,7 +13,7 @@
 //! The functions are linear in the innovations: a fit takes them along without replays of their own.
 
 use super::density::{Baseline, Basis, Point, Problem, Residuals};
-use crate::effects::{Act, PARAMETERS, REGISTRY};
+use crate::effects::{Act, REGISTRY};
 use crate::gap::model::column::Column;
 use crate::gap::model::replay::Missing;
 use crate::gap::model::track::Track;
@@ -41,9 +41,7 @@ pub fn forms(problem: &Problem, point: &Point, effects: &[usize]) -> Basis {
 
 fn of_effect(problem: &Problem, point: &Point, effect: usize, from: &[Baseline]) -> Basis {
     let entry = &REGISTRY[effect];
-    let mut moved = point.clone();
-    entry.parameters.clone().for_each(|p| moved.effects[p] = PARAMETERS[p].null);
-    let mut changes = vec![less(problem, from, &moved)];
+    let mut changes = vec![less(problem, from, &point.without(effect))];
     if matches!(entry.effect.act, Act::Pulsation(_)) {
         let k = entry.parameters.start;
         let mut turned = point.clone();

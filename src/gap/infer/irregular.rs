@@ -160,22 +160,16 @@ pub fn irregular(problem: &Problem, point: &Point, residuals: &[Residuals], with
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::campaign::{self, Recording};
-    use crate::gap::model::prepare;
-    use crate::vehicle::Vehicle;
+    use crate::gap::model::prepare::Example;
 
     /// A place stands beside the likeliest one if it is three nats behind at most, and with the odds that prior and likelihood give it.
     #[test]
     fn places_are_named_within_three_nats() {
-        let campaign = campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
-        let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
+        let example = Example::read();
         let (mut told_apart, mut doubtful) = (0, 0);
         // A likelihood that is believed so little that places come close to each other.
-        for (r, power) in campaign.recordings.iter().flat_map(|r| [0.02, 0.005, 0.003].map(|power| (r, power))) {
-            let all: Vec<&Recording> = vec![r];
-            let (tracks, tolerances) = prepare::read(&all, &campaign.vehicle_json).unwrap();
-            let with = prepare::disturbances(&tracks, &tolerances);
-            let mut problem = prepare::problem(tracks, &vehicle, &tolerances, &with);
+        for (r, power) in example.campaign.recordings.iter().flat_map(|r| [0.02, 0.005, 0.003].map(|power| (r, power))) {
+            let (mut problem, with) = example.problem(&[r]);
             problem.powers = [[power; PHASES]; 3];
             let point = problem.nominal();
             let Some(found) = irregular(&problem, &point, &problem.all_residuals(&point, None), &with) else { continue };

@@ -228,11 +228,7 @@ fn changed_beside(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unk
         let from = current.fit.as_ref().expect("only what was fitted is tried");
         let without = |dropped: usize| {
             let rest: Vec<usize> = current.effects.iter().copied().filter(|e| *e != dropped).collect();
-            let mut start = from.point.clone();
-            for p in REGISTRY[dropped].parameters.clone() {
-                start.effects[p] = crate::effects::PARAMETERS[p].null;
-            }
-            (rest, start)
+            (rest, from.point.without(dropped))
         };
         let mut others: Vec<(Vec<usize>, Point)> = current.effects.iter().map(|e| without(*e)).collect();
         if from.strains() && current.effects.len() < MOST_EFFECTS {
@@ -329,15 +325,12 @@ mod tests {
         average_of(&mut all, |e| e.effects == [2]);
         assert!(all[0].probability < 1.0 / 3.0 + 1e-12, "{}", all[0].probability);
     }
+
     /// A pair leads the search, and one of the two alone is believed more: missing laws are weighed beside the pair, beside that one, and beside none.
     #[test]
     fn laws_are_weighed_beside_the_set_that_is_believed() {
-        use crate::gap::model::prepare;
-        let campaign = crate::campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
-        let (tracks, tolerances) = prepare::read(&[&campaign.recordings[0]], &campaign.vehicle_json).unwrap();
-        let with = prepare::disturbances(&tracks, &tolerances);
-        let vehicle = crate::vehicle::Vehicle::from_value(&campaign.vehicle_json).unwrap();
-        let problem = prepare::problem(tracks, &vehicle, &tolerances, &with);
+        let example = crate::gap::model::prepare::Example::read();
+        let (problem, _) = example.problem(&[&example.campaign.recordings[0]]);
         let mut pair = ["friction_level", "vehicle_mass"].map(|id| crate::effects::find(id).unwrap()).to_vec();
         pair.sort_unstable();
         let of = |set: &[usize], lead: f64, log_posterior: f64| {

@@ -91,3 +91,29 @@ pub fn read(recordings: &[&Recording], vehicle_json: &serde_json::Value) -> Resu
     let tolerances = tolerance::read(vehicle_json, logger(&tracks))?;
     Ok((tracks, tolerances))
 }
+
+/// The bundled campaign, for tests.
+#[cfg(test)]
+pub struct Example {
+    /// What was recorded.
+    pub campaign: crate::campaign::Campaign,
+    /// The car of its file.
+    pub vehicle: Vehicle,
+}
+
+#[cfg(test)]
+impl Example {
+    /// From tests/data.
+    pub fn read() -> Self {
+        let campaign = crate::campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
+        let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
+        Self { campaign, vehicle }
+    }
+
+    /// Recordings of its car, ready to be fitted, with their disturbances.
+    pub fn problem(&self, recordings: &[&Recording]) -> (Problem, Disturbances) {
+        let (tracks, tolerances) = read(recordings, &self.campaign.vehicle_json).unwrap();
+        let with = disturbances(&tracks, &tolerances);
+        (problem(tracks, &self.vehicle, &tolerances, &with), with)
+    }
+}
