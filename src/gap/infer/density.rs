@@ -30,7 +30,7 @@ pub const HUBER: f64 = 4.0;
 pub const ACCURACIES: [f64; 3] = [0.02, 0.04, 0.08];
 
 /// The one by which a search is steered.
-const STEERING: usize = 0;
+pub const STEERING: usize = 0;
 
 /// One for each of [`ACCURACIES`].
 pub type ByAccuracy<T> = [T; ACCURACIES.len()];

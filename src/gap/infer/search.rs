@@ -5,7 +5,7 @@
 //! larger set is more probable than the one that it extends. Where it is repeated with a better filter, what the first search found near its best is fitted as well.
 
 use super::coordinate::Coordinate;
-use super::density::{Basis, ByAccuracy, Point, Problem, STRAINS, WHOLE, cost, size};
+use super::density::{Basis, ByAccuracy, Point, Problem, STEERING, STRAINS, WHOLE, cost, size};
 use super::fit::{Fit, Free, LOOK, fit, least_gain, mean_covariance};
 use super::form::{self, forms};
 use super::linear::{Columns, Known};
@@ -39,13 +39,13 @@ impl Hypothesis {
     fn new(problem: &Problem, mut effects: Vec<usize>, formed: Fit, basis: Basis) -> Self {
         effects.sort_unstable();
         let at = |powers| {
-            let (evidence, fit) = formed.weighed(problem, 0, powers);
+            let (evidence, fit) = formed.weighed(problem, Some(&basis), 0, powers);
             (evidence + log_prior(effects.len()) + moments(&fit, &effects), fit)
         };
         let (lead, sharp) = at(WHOLE);
-        let (log_posterior, coarse) = at(problem.steering());
         let all = problem.powers.map(at);
         let by_accuracy = all.each_ref().map(|(believed, _)| *believed);
+        let (log_posterior, coarse) = all[STEERING].clone();
         let mean_covariance = mean_covariance(all.map(|(_, fit)| fit));
         let exact = sharp.marginal().curvature;
         let fit = Fit { point: sharp.point, mean_covariance, exact, ..coarse }.marginal();

@@ -5,7 +5,7 @@
 //! size of a fault worth the name or some times that; sizes are summed over, and the places that gain most are fitted, with a form of their own.
 
 use super::coordinate::Coordinate;
-use super::density::{Baseline, Basis, ByAccuracy, ByPhase, Point, Problem, WHOLE, overall};
+use super::density::{Baseline, Basis, ByAccuracy, ByPhase, Point, Problem, STEERING, WHOLE, overall};
 use super::fit::{Fit, Free, LOOK, fit, mean_covariance};
 use super::form::{are_as_large, forms, of_law};
 use super::linear::{Columns, Frame, Known, Normal, Products, assemble, by_phase, to_powers};
@@ -194,7 +194,7 @@ pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, kn
     let fitted = fit(problem, Free { effects, basis: Some(&all) }, &formless.point, LOOK, formless.known_with_law());
     let prior = log_prior(effects.len()) + law.log_odds;
     let at = |powers| {
-        let (evidence, fit) = fitted.weighed(problem, count, powers);
+        let (evidence, fit) = fitted.weighed(problem, Some(&all), count, powers);
         (evidence + prior + moments(&fit, effects), fit)
     };
     let (lead, sharp) = at(WHOLE);
