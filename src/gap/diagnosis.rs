@@ -133,7 +133,7 @@ fn diagnosed(
     let late = sensors::late(&problem.car(&found.best().fit.point, None).effects);
     let known = Disturbances { late, ..with };
     let mut filtered_by = with;
-    let best = found.best();
+    let best = found.best().whole(&problem);
     let coloured = sensors::refined(&problem, &best.fit.point, &best.fit.residuals, &known);
     let locks_by_position = problem.tracks.iter().any(|t| !t.position_free);
     if coloured.is_some() || locks_by_position && sensors::sees_the_lock_late(late, prepare::logger(&problem.tracks).interval_s) {
@@ -149,7 +149,7 @@ fn diagnosed(
     // open, and more of it than a size.
     let law_alone = conclusion.explanation.effects.is_empty() && conclusion.explanation.place.is_some();
     if conclusion.verdict != Verdict::InputsDoNotFit && !law_alone {
-        let fit = conclusion.explanation.fit.as_ref().expect("the best was fitted");
+        let fit = fitted_whole(&problem, &found, &conclusion);
         if let Some(left) = irregular(&problem, &fit.point, &fit.residuals, &filtered_by) {
             filtered_by = left.with;
             problem = Problem { work: work.clone(), ..prepare::problem(problem.tracks, &vehicle, &tolerances, &filtered_by) };
@@ -241,6 +241,13 @@ fn diagnosed(
     let drives = drives(campaign, &split, &problem);
     let (handed, effects) = (*handed.0, *handed.1);
     Ok(Diagnosis { answer, json, held, overlays, drives, vehicle: handed, effects, validated, nominal: vehicle, outlook, learned })
+}
+
+/// The fit of the explanation that stands, with its innovations: anew, if they were let go.
+fn fitted_whole(problem: &Problem, found: &Search, conclusion: &Conclusion) -> Fit {
+    let fit = conclusion.explanation.fit.clone().expect("the best was fitted");
+    let anew = || found.of(&conclusion.explanation.effects).map(|h| h.whole(problem).fit);
+    if fit.residuals.is_empty() { anew().unwrap_or(fit) } else { fit }
 }
 
 /// The posterior over what the search found, exchanges and missing laws.
@@ -397,6 +404,7 @@ fn drives(campaign: &Campaign, split: &Split, problem: &Problem) -> Vec<Drive> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gap::infer::posterior::Explanation;
     use crate::gap::infer::search::Hypothesis;
     use crate::gap::model::prepare::Example;
 
@@ -417,6 +425,40 @@ mod tests {
         found.hypotheses.insert(0, fitted(pair));
         let weights = watched(&|_, _| {}, &work, 1, |watch| weighed(&problem, &mut found, watch));
         assert_eq!(weights.best().effects, [effects::find("kiss_point_thermal").unwrap()]);
+    }
+
+    /// What is asked of innovations that were let go is asked of those of the same explanation, fitted anew from where it was.
+    #[test]
+    fn innovations_that_were_let_go_come_again() {
+        let problem = example();
+        let moves = effects::find("kiss_point_thermal").unwrap();
+        let fitted = |set: Vec<usize>| Hypothesis::fitted(&problem, set, &problem.nominal(), 12, None);
+        let mut found = Search::made_up(vec![fitted(vec![moves]), fitted(Vec::new())]);
+        let of = |fit: &Fit| Explanation {
+            effects: vec![moves],
+            place: None,
+            by_accuracy: Default::default(),
+            log_posterior: 0.0,
+            probability: 1.0,
+            fit: Some(fit.clone()),
+        };
+        let fit = found.best().fit.clone();
+        let mut conclusion = Conclusion {
+            verdict: Verdict::Explained,
+            probability: 1.0,
+            explanation: of(&fit),
+            effects: vec![moves],
+            unexplained_at: None,
+            shares: Vec::new(),
+            or_at: Vec::new(),
+            taken_back: None,
+        };
+        assert_eq!(fitted_whole(&problem, &found, &conclusion).residuals, fit.residuals);
+        found.let_go_of_all();
+        conclusion.explanation = of(&found.best().fit);
+        let again = fitted_whole(&problem, &found, &conclusion);
+        assert!(found.best().fit.residuals.is_empty() && again.residuals.len() == problem.tracks.len());
+        assert!((again.misfit() / fit.misfit() - 1.0).abs() < 1e-3, "{} {}", again.misfit(), fit.misfit());
     }
 
     /// Half a clutch's friction is further off than the car of the file, its whole friction is not.

@@ -74,7 +74,7 @@ pub struct TakenBack {
 pub fn conclude(problem: &Problem, search: &Search, posterior: &Posterior) -> Conclusion {
     let best = posterior.best().clone();
     let fit = best.fit.as_ref().expect("the best was fitted");
-    let left = misfit(&fit.residuals) / problem.samples().max(1) as f64;
+    let left = fit.misfit() / problem.samples().max(1) as f64;
     let shares = shares(search, posterior, &best);
     let strange = is_strange(left) || problem.tracks.iter().all(|t| t.position_free) && is_beyond_a_car(&best);
     let stands_in = best.place.filter(|_| law_share(problem, search, &best) > STAND_IN_SHARE);
@@ -191,7 +191,7 @@ fn is_beyond_a_car(best: &Explanation) -> bool {
 
 /// Cost of an explanation without the price of its law.
 fn cost(e: &Explanation) -> f64 {
-    e.fit.as_ref().map_or(f64::INFINITY, |f| misfit(&f.residuals) + prior(&f.point))
+    e.fit.as_ref().map_or(f64::INFINITY, |f| f.misfit() + prior(&f.point))
 }
 
 /// Share of the gap between car and vehicle file that a missing law takes beside the effects.
@@ -381,7 +381,7 @@ mod tests {
         use crate::gap::infer::fit::Fit;
         use crate::gap::infer::search::{Hypothesis, Search};
         let [level, fade, mass] = ["friction_level", "friction_fade", "vehicle_mass"].map(|id| find(id).unwrap());
-        let fit = |cost: usize| Fit { cost: cost as f64, residuals: vec![vec![1.0; cost]].into(), ..Fit::made_up(Vec::new()) };
+        let fit = |cost: usize| Fit { cost: cost as f64, misfits: [cost as f64, 0.0, 0.0], ..Fit::made_up(Vec::new()) };
         let of =
             |effects: &[usize], cost: usize| Explanation { effects: effects.to_vec(), fit: Some(fit(cost)), ..concluded(&[]).explanation };
         let ordered = |mut effects: Vec<usize>| {

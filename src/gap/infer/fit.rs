@@ -17,7 +17,7 @@ pub struct Fit {
     pub point: Point,
     /// Minus twice the logarithm of the density there, up to a constant of the recordings.
     pub cost: f64,
-    /// Innovations there.
+    /// Innovations there; empty once they were let go.
     pub residuals: Arc<Vec<Residuals>>,
     /// The recordings' part of the cost, phase by phase of the clutch.
     pub misfits: ByPhase<f64>,
@@ -52,15 +52,22 @@ pub fn mean_covariance(fits: ByAccuracy<Fit>) -> Option<DMatrix<f64>> {
 impl Fit {
     /// Derivatives at the mode, worked out anew if they were let go.
     pub fn derivatives(&self, problem: &Problem, frame: &Frame, basis: Option<&Basis>) -> Arc<Vec<Columns>> {
-        if self.columns.is_empty() {
-            return Arc::new(derivatives(problem, &self.point, basis, &self.residuals, frame, None));
+        if !self.columns.is_empty() {
+            return self.columns.clone();
         }
-        self.columns.clone()
+        let anew = || Arc::new(problem.all_residuals(&self.point, basis));
+        let residuals = if self.residuals.is_empty() { anew() } else { self.residuals.clone() };
+        Arc::new(derivatives(problem, &self.point, basis, &residuals, frame, None))
     }
 
-    /// Lets go of the derivatives and their products.
+    /// The recordings' part of the cost.
+    pub fn misfit(&self) -> f64 {
+        self.misfits.iter().sum()
+    }
+
+    /// Lets go of the innovations, the derivatives and their products.
     pub fn let_go(&mut self) {
-        (self.columns, self.parts) = (Arc::default(), Arc::default());
+        (self.residuals, self.columns, self.parts) = (Arc::default(), Arc::default(), Arc::default());
     }
 
     /// Derivatives as a fit of something else takes them over.
@@ -260,6 +267,10 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
     let mut done = 0;
     let least = least_gain(problem);
     while done < iterations {
+        if !kept {
+            // New ones take as much memory again.
+            columns = Vec::new();
+        }
         let old = match known {
             Some(known) if columns.is_empty() => known,
             _ => Known::Law(&columns),

@@ -2,7 +2,7 @@
 //!
 //! Verdict, probabilities, groups and places are sums of this one distribution.
 
-use super::density::{ACCURACIES, ByAccuracy, Point, Problem, misfit};
+use super::density::{ACCURACIES, ByAccuracy, Point, Problem};
 use super::fit::Fit;
 use super::search::{Hypothesis, MOST_EFFECTS, Search, moment, taken_over};
 use super::unknown::{Unknown, beside, places};
@@ -127,7 +127,7 @@ pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Poste
     }));
     average(&mut all);
     order(&mut all, |e| e.fit.is_some());
-    Posterior { explanations: all, base_misfit: misfit(&search.base().fit.residuals) }
+    Posterior { explanations: all, base_misfit: search.base().fit.misfit() }
 }
 
 /// Logarithm of the factor that the prior of a missing law has because it is none of the library's, from the sets that have an effect of its subsystem instead.
@@ -137,17 +137,17 @@ fn prior_beside_the_library(search: &Search, law: &Unknown) -> f64 {
         let further: Vec<usize> = h.effects.iter().copied().filter(|e| !law.effects.contains(e)).collect();
         h.effects.len() == law.effects.len() + 1 && matches!(further[..], [e] if REGISTRY[e].effect.subsystem == law.law.place)
     };
-    let library = search.hypotheses.iter().filter(instead).map(|h| misfit(&h.fit.residuals)).min_by(f64::total_cmp);
-    library.map_or(0.0, |library| departure(misfit(&without.fit.residuals), misfit(&fit.residuals), library))
+    let library = search.hypotheses.iter().filter(instead).map(|h| h.fit.misfit()).min_by(f64::total_cmp);
+    library.map_or(0.0, |library| departure(without.fit.misfit(), fit.misfit(), library))
 }
 
 /// Logarithm of the factor that the prior of effects has because they are beside a missing law of their own subsystem.
 fn prior_beside_a_law(search: &Search, laws: &[Unknown], law: &Unknown) -> f64 {
     let Some(fit) = &law.fit else { return 0.0 };
     let of_law = |rest: &[usize]| laws.iter().find(|u| u.effects == rest && u.law.place == law.law.place).and_then(|u| u.fit.as_ref());
-    let with_law = |rest: &[usize]| of_law(rest).map(|fit| misfit(&fit.residuals));
-    let without = |rest: &[usize]| search.of(rest).map(|h| misfit(&h.fit.residuals));
-    departures(&law.effects, law.law.place, misfit(&fit.residuals), with_law, without)
+    let with_law = |rest: &[usize]| of_law(rest).map(Fit::misfit);
+    let without = |rest: &[usize]| search.of(rest).map(|h| h.fit.misfit());
+    departures(&law.effects, law.law.place, fit.misfit(), with_law, without)
 }
 
 /// The same from what is left with effects and law, and with each set that lacks one of the effects, with the law and without, if that is known.

@@ -199,10 +199,10 @@ pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, kn
     };
     let (lead, sharp) = at(WHOLE);
     let exact = sharp.marginal().curvature;
-    let all = problem.powers.map(at);
-    let by_accuracy = all.each_ref().map(|(believed, _)| *believed);
-    let mean_covariance = mean_covariance(all.map(|(_, fit)| fit));
-    let (log_posterior, fitted) = at(problem.steering());
+    let believed = problem.powers.map(at);
+    let by_accuracy = believed.each_ref().map(|(believed, _)| *believed);
+    let (log_posterior, fitted) = believed[STEERING].clone();
+    let mean_covariance = mean_covariance(believed.map(|(_, fit)| fit));
     // Functions are eliminated, and their derivatives are let go: there may be hundreds.
     let kept = fitted.shared.iter().filter(|c| !matches!(c, Coordinate::Missing(_))).count();
     let functions = fitted.shared.len() - kept;
