@@ -100,7 +100,7 @@ fn without_recordings_the_sizes_of_a_form_are_as_likely_as_each_other() {
     let problem = made_up(|e| e[param::vehicle_mass::factor] = 1.2);
     let mass = effects::find("vehicle_mass").unwrap();
     let h = Hypothesis::fitted(&problem, vec![mass], &problem.nominal(), 12, None);
-    let (_, blind) = h.formed.weighed(&problem, Some(&h.basis), 0, [0.0; 3]);
+    let (_, blind) = h.formed.weighed(&problem, 0, [0.0; 3]);
     let expected = ((0.04_f64.powi(2) + 0.2_f64.powi(2) + 1.0) / 3.0).sqrt();
     assert!((blind.form_size - expected).abs() < 1e-6, "{} {expected}", blind.form_size);
     // With them, some of the form's size is left to doubt, and never more than all of it.
@@ -299,24 +299,9 @@ fn a_weighed_fit_stays_within_the_bounds() {
     }
     let fitted = fit(&problem, Free::default(), &problem.nominal(), 12, None);
     assert_eq!(fitted.point.shared[smoothing], 0.0);
-    let (_, weighed) = fitted.weighed(&problem, None, 0, WHOLE);
+    let (_, weighed) = fitted.weighed(&problem, 0, WHOLE);
     let at = cost(&weighed.point, &problem.all_residuals(&weighed.point, None));
     assert!((at / fitted.cost - 1.0).abs() < 0.005, "{at} {}", fitted.cost);
-}
-
-/// A clutch of half the friction pulls the tolerances far away. With next to nothing of the likelihood they are back at null, and what that costs is what the car of the file leaves: not what
-/// a linear model of the strained car makes of it.
-#[test]
-fn what_a_strained_fit_costs_at_a_lower_power_is_replayed() {
-    let problem = made_up(|e| e[param::friction_level::factor] = 0.5);
-    let strained = fit(&problem, Free::default(), &problem.nominal(), 12, None);
-    assert!(strained.strains(), "{}", strained.pull());
-    let power = 1e-9;
-    let (evidence, weighed) = strained.weighed(&problem, None, 0, [power; 3]);
-    let here = misfit(&problem.all_residuals(&problem.nominal(), None));
-    // What is left of the volume adds the trace of the curvature, a thirtieth; the linear model is off by a third.
-    assert!((-2.0 * evidence / power / here - 1.0).abs() < 0.05, "{} {here}", -2.0 * evidence / power);
-    assert_eq!(weighed.point, strained.point, "the car that is handed out stays");
 }
 
 /// A tolerance that is pulled by more than two and a half standard deviations gives way to the effect that does the same: the car stays as it is.

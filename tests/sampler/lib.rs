@@ -267,7 +267,7 @@ fn evidence_is_that_of_a_sampler() {
         let sets = [vec![], vec![effects::find(effect).unwrap()]];
         let fitted = sets.map(|set| found.of(&set).expect("a set that is always fitted").whole(&problem));
         for (likelihood, powers) in [("whole", WHOLE), ("2 %", problem.powers[0]), ("8 %", problem.powers[2])] {
-            let laplace = fitted.each_ref().map(|h| h.formed.weighed(&problem, Some(&h.basis), h.basis.len(), powers).0);
+            let laplace = fitted.each_ref().map(|h| h.formed.weighed(&problem, h.basis.len(), powers).0);
             let sampler = fitted.each_ref().map(|h| sampled(Whitened::new(&problem, h, powers)));
             let by_laplace = laplace[1] - laplace[0];
             let (by_sampler, error) = (sampler[1].0 - sampler[0].0, sampler[1].1.hypot(sampler[0].1));

@@ -117,30 +117,23 @@ impl Fit {
     }
 
     /// Logarithm of the evidence with the likelihood to these powers, the mean over the sizes that a form may have ([`SIZES`]), and the fit at the size that suits
-    /// best. Functions of `basis` from `law` on are those of forms.
-    ///
-    /// All of it follows from the linear model at the mode. With less of the likelihood tolerances that were strained are far from there, where that model says little: what a
-    /// move to them costs is then told by a replay.
-    pub fn weighed(&self, problem: &Problem, basis: Option<&Basis>, law: usize, powers: ByPhase<f64>) -> (f64, Self) {
+    /// best. Functions from `law` on are those of forms.
+    pub fn weighed(&self, problem: &Problem, law: usize, powers: ByPhase<f64>) -> (f64, Self) {
         let is_form = |c: &Coordinate| matches!(c, Coordinate::Missing(k) if *k >= law);
         let sizes: &[f64] = if self.shared.iter().any(is_form) { &SIZES } else { &[1.0] };
         let parts = to_powers(&self.parts, powers);
-        let misfit = to_power(self.misfits, powers);
-        let all: Vec<OfSize> = sizes.iter().filter_map(|size| self.at_size(problem, law, &parts, misfit, *size)).collect();
-        let Some(best) = all.iter().max_by(|a, b| a.evidence.total_cmp(&b.evidence)) else { return (f64::NEG_INFINITY, self.clone()) };
-        let sum: f64 = all.iter().map(|one| (one.evidence - best.evidence).exp()).sum();
-        let square: f64 = all.iter().map(|one| one.size.powi(2) * (one.evidence - best.evidence).exp()).sum();
-        let evidence = best.evidence + (sum / sizes.len() as f64).ln();
-        // What a power takes from the recordings is no reason to hand out another car.
-        let moves = powers == WHOLE && problem.can_follow(&best.to);
-        let off = if self.strains() && powers != WHOLE { self.replayed(problem, basis, law, powers, best) - best.cost } else { 0.0 };
-        let point = if moves { best.to.clone() } else { self.point.clone() };
-        let fit = Self { point, curvature: best.curvature.clone(), form_size: (square / sum).sqrt(), ..self.clone() };
-        (evidence - 0.5 * off, fit)
+        let misfit = self.misfits.iter().zip(powers).map(|(misfit, power)| misfit * power).sum();
+        let at =
+            |&size: &f64| self.at_size(problem, law, &parts, misfit, powers == WHOLE, size).map(|(evidence, fit)| (size, evidence, fit));
+        let all: Vec<(f64, f64, Self)> = sizes.iter().filter_map(at).collect();
+        let Some((_, most, best)) = all.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else { return (f64::NEG_INFINITY, self.clone()) };
+        let sum: f64 = all.iter().map(|(_, evidence, _)| (evidence - most).exp()).sum();
+        let square: f64 = all.iter().map(|(size, evidence, _)| size.powi(2) * (evidence - most).exp()).sum();
+        (most + (sum / sizes.len() as f64).ln(), Self { form_size: (square / sum).sqrt(), ..best.clone() })
     }
 
-    /// The same at one size.
-    fn at_size(&self, problem: &Problem, law: usize, parts: &[Products], misfit: f64, size: f64) -> Option<OfSize> {
+    /// The same at one size, by the linear model at the mode.
+    fn at_size(&self, problem: &Problem, law: usize, parts: &[Products], misfit: f64, moves: bool, size: f64) -> Option<(f64, Self)> {
         let frame = Frame { shared: self.shared.clone(), own: self.own.clone() };
         let n = frame.shared.len() + frame.own.len();
         let by = DVector::from_fn(n, |k, _| match frame.shared.get(k) {
@@ -154,21 +147,11 @@ impl Fit {
         let e = assemble(&point, &frame, &parts, 0.0)?;
         // The mode moves towards the priors, within the bounds.
         let step = bounded_step(problem, &e, &frame, &point)?;
-        let here = misfit + prior(&point);
-        let cost = here - promise(&e, &step);
+        let cost = misfit + prior(&point) - promise(&e, &step);
         let to = moved(problem, &frame, &e, &point, &step);
-        Some(OfSize { size, evidence: laplace(cost, &e), here, cost, to, curvature: e.curvature })
-    }
-
-    /// Cost, with the likelihood to these powers, where the linear model has its mode, or at the fit's own if it is less there.
-    fn replayed(&self, problem: &Problem, basis: Option<&Basis>, law: usize, powers: ByPhase<f64>, of: &OfSize) -> f64 {
-        if !problem.can_follow(&of.to) {
-            return of.here;
-        }
-        let mut point = of.to.clone();
-        point.missing.iter_mut().skip(law).for_each(|a| *a *= of.size);
-        let misfits = problem.misfits(&problem.all_residuals(&point, basis));
-        (to_power(misfits, powers) + prior(&of.to)).min(of.here)
+        // What a power takes from the recordings is no reason to hand out another car.
+        let point = if moves && problem.can_follow(&to) { to } else { self.point.clone() };
+        Some((laplace(cost, &e), Self { point, curvature: e.curvature, ..self.clone() }))
     }
 
     /// Covariance of the shared coordinates.
@@ -198,24 +181,6 @@ impl Fit {
             exact: identity,
         }
     }
-}
-
-/// What the linear model at a mode says of forms of one size.
-struct OfSize {
-    size: f64,
-    /// Logarithm of the evidence.
-    evidence: f64,
-    /// Cost at the mode of the fit.
-    here: f64,
-    /// Cost where the linear model has its mode, and that place, amplitudes of forms in units of their size.
-    cost: f64,
-    to: Point,
-    curvature: DMatrix<f64>,
-}
-
-/// What recordings cost with the likelihood to these powers.
-fn to_power(misfits: ByPhase<f64>, powers: ByPhase<f64>) -> f64 {
-    misfits.iter().zip(powers).map(|(misfit, power)| misfit * power).sum()
 }
 
 /// Mean square of the nuisances beyond which a fit strains its tolerances: of a dozen and more standard normal numbers it is so once in a hundred times.

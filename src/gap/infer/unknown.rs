@@ -194,7 +194,7 @@ pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, kn
     let fitted = fit(problem, Free { effects, basis: Some(&all) }, &formless.point, LOOK, formless.known_with_law());
     let prior = log_prior(effects.len()) + law.log_odds;
     let at = |powers| {
-        let (evidence, fit) = fitted.weighed(problem, Some(&all), count, powers);
+        let (evidence, fit) = fitted.weighed(problem, count, powers);
         (evidence + prior + moments(&fit, effects), fit)
     };
     let (lead, sharp) = at(WHOLE);
