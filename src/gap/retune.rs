@@ -14,14 +14,14 @@
 use super::free::Freely;
 use super::infer::coordinate::Coordinate;
 use super::infer::density::{Point, Problem};
-use super::infer::fit::Fit;
+use super::infer::fit::{Fit, KEEPS_ITS_WORD};
 use crate::campaign::Recording;
 use crate::effects::{self, PARAMETERS};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 /// Iterations, and the factor on the damping of a step that led too far, with the most of them.
-const ITERATIONS: usize = 8;
+const ITERATIONS: usize = 12;
 const SHRINK: f64 = 10.0;
 const TRIES: usize = 4;
 /// Step of a difference, in standard deviations of the posterior.
@@ -60,12 +60,39 @@ struct Nearby<'a> {
     floors: &'a [f64],
 }
 
-/// A place there with the errors of each recording, and its derivatives.
+/// A place there with the errors of each recording and their derivatives.
 struct Place {
     z: DVector<f64>,
     errors: Vec<DVector<f64>>,
-    normal: Vec<DMatrix<f64>>,
-    gradient: Vec<DVector<f64>>,
+    slopes: Vec<DMatrix<f64>>,
+}
+
+impl Place {
+    /// What recording `r` says of the numbers: half the curvature of its squares, and half their gradient.
+    fn normal(&self, r: usize) -> (DMatrix<f64>, DVector<f64>) {
+        (self.slopes[r].tr_mul(&self.slopes[r]), self.slopes[r].tr_mul(&self.errors[r]))
+    }
+
+    /// The same of all of them.
+    fn all_normal(&self) -> (DMatrix<f64>, DVector<f64>) {
+        let n = self.z.len();
+        let add = |(h, g): (DMatrix<f64>, DVector<f64>), (more, slope)| (h + more, g + slope);
+        (0..self.errors.len()).map(|r| self.normal(r)).fold((DMatrix::zeros(n, n), DVector::zeros(n)), add)
+    }
+
+    fn cost(&self) -> f64 {
+        squares(&self.errors) + self.z.norm_squared()
+    }
+
+    /// A place nearby, with derivatives that are those here but for the way there, along which they are what the errors say (Broyden's update).
+    fn follow(mut self, z: DVector<f64>, errors: Vec<DVector<f64>>) -> Self {
+        let way = &z - &self.z;
+        for ((slopes, before), after) in self.slopes.iter_mut().zip(&self.errors).zip(&errors) {
+            let unforeseen = after - before - &*slopes * &way;
+            slopes.ger(1.0 / way.norm_squared(), &unforeseen, &way, 1.0);
+        }
+        Self { z, errors, slopes: self.slopes }
+    }
 }
 
 impl<'a> Nearby<'a> {
@@ -114,40 +141,46 @@ impl<'a> Nearby<'a> {
             self.errors(&self.at(&to))
         };
         let all: Vec<Vec<DVector<f64>>> = (0..z.len()).into_par_iter().map(moved).collect();
-        let of = |(r, here): (usize, &DVector<f64>)| {
-            let columns: Vec<DVector<f64>> = all.iter().map(|moved| (&moved[r] - here) / STEP).collect();
-            let normal = DMatrix::from_fn(z.len(), z.len(), |i, j| columns[i].dot(&columns[j]));
-            (normal, DVector::from_fn(z.len(), |i, _| columns[i].dot(here)))
-        };
-        let (normal, gradient) = errors.iter().enumerate().map(of).unzip();
-        Place { z, errors, normal, gradient }
+        let of = |(r, here): (usize, &DVector<f64>)| DMatrix::from_fn(here.len(), z.len(), |i, k| (all[k][r][i] - here[i]) / STEP);
+        let slopes = errors.iter().enumerate().map(of).collect();
+        Place { z, errors, slopes }
     }
 
     fn best(&self) -> Place {
         let start = DVector::zeros(self.free.len());
         let mut now = self.place(start.clone(), self.errors(&self.at(&start)));
+        let mut fresh = true;
         for _ in 0..ITERATIONS {
-            let before = squares(&now.errors) + now.z.norm_squared();
-            let normal: DMatrix<f64> = now.normal.iter().sum();
-            let gradient: DVector<f64> = now.gradient.iter().sum::<DVector<f64>>() + &now.z;
+            let before = now.cost();
+            let (normal, mut gradient) = now.all_normal();
+            gradient += &now.z;
             let (mut damping, mut next) = (0.0, None);
             for _ in 0..TRIES {
                 let scale = DVector::from_fn(start.len(), |i, _| 1.0 + damping * (1.0 + normal[(i, i)]));
                 let Some(root) = (&normal + DMatrix::from_diagonal(&scale)).cholesky() else { break };
-                let to = &now.z - root.solve(&gradient);
+                let step = -root.solve(&gradient);
+                let to = &now.z + &step;
                 let point = self.at(&to);
                 if self.problem.can_follow(&point) {
                     let errors = self.errors(&point);
-                    let cost = squares(&errors) + to.norm_squared();
-                    if cost < before {
-                        next = Some((to, errors, before - cost));
+                    let fallen = before - squares(&errors) - to.norm_squared();
+                    if fallen > 0.0 {
+                        let promised = -2.0 * gradient.dot(&step) - (&normal * &step).dot(&step) - step.norm_squared();
+                        next = Some((to, errors, fallen, fallen / promised));
                         break;
                     }
                 }
                 damping = if damping == 0.0 { 0.1 } else { damping * SHRINK };
             }
-            let Some((to, errors, fallen)) = next else { break };
-            now = self.place(to, errors);
+            let Some((to, errors, fallen, word)) = next else {
+                if fresh {
+                    break;
+                }
+                (now, fresh) = (self.place(now.z, now.errors), true);
+                continue;
+            };
+            fresh = !KEEPS_ITS_WORD.contains(&word);
+            now = if fresh { self.place(to, errors) } else { now.follow(to, errors) };
             if fallen < LEAST {
                 break;
             }
@@ -162,8 +195,9 @@ impl<'a> Nearby<'a> {
         let mut normal = DMatrix::identity(self.free.len(), self.free.len());
         let mut right = centre.clone();
         for r in (0..self.recordings.len()).filter(|r| *r != k) {
-            normal += &best.normal[r];
-            right += &best.normal[r] * &best.z - &best.gradient[r];
+            let (of_r, gradient) = best.normal(r);
+            right += &of_r * &best.z - gradient;
+            normal += of_r;
         }
         let Some(z) = normal.cholesky().map(|c| c.solve(&right)) else { return mode.clone() };
         let point = self.at(&z);

@@ -191,7 +191,7 @@ const SIZES: [f64; 3] = [0.04, 0.2, 1.0];
 const TRIES: usize = 7;
 const SHRINK: f64 = 20.0;
 /// Ratio of a step's gain to what the linear model promised within which derivatives along nuisances are kept.
-const KEEPS_ITS_WORD: std::ops::Range<f64> = 0.7..1.5;
+pub const KEEPS_ITS_WORD: std::ops::Range<f64> = 0.7..1.5;
 /// Gain of a step, in units of the cost that is believed, below which a fit ends.
 const LEAST_GAIN: f64 = 0.3;
 

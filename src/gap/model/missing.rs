@@ -154,6 +154,9 @@ fn direction(s: &Signals) -> Vec<f64> {
     s.position.iter().zip(&slow).map(|(x, slow)| ((x - slow) / 0.02).tanh()).collect()
 }
 
+/// Disc speed in rad/s below which a car hardly moves.
+const STANDING: f64 = 0.5;
+
 /// Sizes of a fault worth the name: torque of engine and car in N·m, bearing in mm, share of the clutch torque, disc temperature in K.
 const ENGINE: f64 = 4.0;
 const CAR: f64 = 3.0;
@@ -184,6 +187,10 @@ impl Signals {
         m.torque[side] = self.by_row(f);
         m
     }
+    /// A torque on the car, in faults worth the name, while it moves: what holds a standing car holds it against more, too.
+    fn on_moving_car(&self, f: &dyn Fn(usize) -> f64) -> Missing {
+        self.on(1, &|k| CAR * (self.speed[1][k] / STANDING).tanh().abs() * f(k))
+    }
     /// An error of one speed as sensed, rad/s.
     fn sensed(&self, side: usize, f: &dyn Fn(usize) -> f64) -> Missing {
         let mut m = Missing::default();
@@ -212,7 +219,7 @@ pub fn combs(place: Subsystem, width: f64, teeth: usize, track: &Track, filter: 
         match place {
             Subsystem::Engine => s.on(0, &|k| ENGINE * bump(k)),
             Subsystem::Actuator => s.moved(&|k| BEARING * bump(k)),
-            Subsystem::Driveline => s.on(1, &|k| CAR * bump(k)),
+            Subsystem::Driveline => s.on_moving_car(&|k| bump(k)),
             _ => s.clutch(&|k| CLUTCH * s.torque[k] * bump(k)),
         }
     };
@@ -317,16 +324,16 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
         Subsystem::Driveline => {
             all.push(s.on(1, &|_| CAR));
             for centre in [8.0, 50.0, 110.0, 180.0, 260.0] {
-                all.push(s.on(1, &|k| CAR * bump(s.speed[1][k], centre, if centre < 20.0 { 15.0 } else { 40.0 })));
+                all.push(s.on_moving_car(&|k| bump(s.speed[1][k], centre, if centre < 20.0 { 15.0 } else { 40.0 })));
             }
-            all.push(s.on(1, &|k| CAR * (s.speed[1][k] / 0.5).tanh()));
+            all.push(Missing { rolling: CAR, ..Missing::default() });
             all.push(s.on(1, &|k| 0.1 * car.vehicle.driveline.J_c * s.pace[1][k]));
             for tau in [0.05, 0.3] {
                 let slow = lagged(&s.pace[1], s.dt, tau);
                 all.push(s.on(1, &|k| 0.1 * car.vehicle.driveline.J_c * (s.pace[1][k] - slow[k])));
             }
             for tau in [0.5, 2.0, 8.0] {
-                all.push(s.on(1, &|k| CAR * (-s.time[k] / tau).exp()));
+                all.push(s.on_moving_car(&|k| (-s.time[k] / tau).exp()));
             }
         }
         Subsystem::Sensors => {
@@ -397,6 +404,8 @@ mod tests {
         assert_eq!((m.clutch[2], m.bench[0][0], w.clutch[2], w.bench[1][4]), (0.2, 0.1, 2.0, 4.0));
         let on = s.on(1, &|k| k as f64);
         assert!(on.torque[0].is_empty() && on.torque[1][3] == 3.0 && s.sensed(0, &|_| 7.0).sensed[0] == [7.0; 5]);
+        let moving = Signals { speed: [vec![0.0; 5], vec![0.0, 0.25, 0.5, 40.0, -40.0]], ..along() }.on_moving_car(&|_| 2.0);
+        assert!(moving.torque[1].iter().zip([0.0, 0.4621, 0.7616, 1.0, 1.0]).all(|(t, share)| (t - 2.0 * CAR * share).abs() < 1e-3));
         let d = direction(&s);
         assert!(d[0] == 0.0 && d[2] > 0.5 && d[4] < -0.5, "{d:?}");
     }
