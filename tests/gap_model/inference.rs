@@ -1,6 +1,6 @@
 //! What the inference finds is what was put in.
 
-use crate::made_up::{example, made_up, made_up_under};
+use crate::made_up::{example, first, made_up, made_up_under};
 use kisspoint::effects::{self, REGISTRY, Subsystem, param};
 use kisspoint::gap::diagnosis::diagnose;
 use kisspoint::gap::infer::coordinate::Coordinate;
@@ -64,9 +64,10 @@ fn a_ripple_is_believed_whatever_its_order() {
 fn a_ripple_is_found_beside_what_moves_the_slip_angle() {
     let [judder, gain] = ["judder", "clutch_speed_gain"].map(|id| effects::find(id).unwrap());
     let order = 2.3;
-    let problem = made_up(|e| {
+    let car = made_up(|e| {
         (e[param::judder::sine], e[param::judder::order], e[param::clutch_speed_gain::gain]) = (0.1, order, 0.94);
     });
+    let problem = first(4, car);
     let found = search(&problem, None, &|_, _| {});
     let best = found.best();
     let fitted = best.fit.point.effects[param::judder::order];
@@ -359,11 +360,7 @@ fn a_member_that_does_nothing_is_dropped() {
 #[test]
 fn an_effect_that_only_came_along_beside_a_law_is_dropped() {
     let gusts = |t: f64| 6.0 * ((1.7 * t).sin() + (3.1 * t + 0.5).sin());
-    let mut problem = made_up_under(|e| e[param::engine_torque_gain::gain] = 1.15, gusts);
-    problem.tracks.truncate(4);
-    problem.filters.truncate(4);
-    problem.states.truncate(4);
-    problem.coarsen();
+    let problem = first(4, made_up_under(|e| e[param::engine_torque_gain::gain] = 1.15, gusts));
     let [gain, level] = ["engine_torque_gain", "friction_level"].map(|id| effects::find(id).unwrap());
     let mut found = search(&problem, None, &|_, _| {});
     let pair = Hypothesis::fitted(&problem, vec![gain, level], &found.best().formed.point, 12, None);

@@ -55,6 +55,15 @@ pub fn made_up_under(change: impl Fn(&mut effects::Parameters), torque: impl Fn(
     prepare::problem(tracks, &vehicle, &tolerances, &with)
 }
 
+/// The first recordings of a problem alone.
+pub fn first(count: usize, mut problem: Problem) -> Problem {
+    problem.tracks.truncate(count);
+    problem.filters.truncate(count);
+    problem.states.truncate(count);
+    problem.coarsen();
+    problem
+}
+
 /// A recording of the bundled vehicle as this car answers these inputs (torque, position, brake torque by row), with white noise of so many rad/s.
 pub fn answered(
     car: &Car,
