@@ -189,7 +189,12 @@ impl Signals {
     }
     /// A torque on the car, in faults worth the name, while it moves: what holds a standing car holds it against more, too.
     fn on_moving_car(&self, f: &dyn Fn(usize) -> f64) -> Missing {
-        self.on(1, &|k| CAR * (self.speed[1][k] / STANDING).tanh().abs() * f(k))
+        let way = self.way();
+        self.on(1, &|k| CAR * way[k].abs() * f(k))
+    }
+    /// Direction in which the car moves, from −1 to 1.
+    fn way(&self) -> Vec<f64> {
+        self.speed[1].iter().map(|speed| (speed / STANDING).tanh()).collect()
     }
     /// An error of one speed as sensed, rad/s.
     fn sensed(&self, side: usize, f: &dyn Fn(usize) -> f64) -> Missing {
@@ -326,7 +331,7 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
             for centre in [8.0, 50.0, 110.0, 180.0, 260.0] {
                 all.push(s.on_moving_car(&|k| bump(s.speed[1][k], centre, if centre < 20.0 { 15.0 } else { 40.0 })));
             }
-            all.push(Missing { rolling: CAR, ..Missing::default() });
+            all.push(Missing { rolling: CAR, way: s.way(), ..Missing::default() });
             all.push(s.on(1, &|k| 0.1 * car.vehicle.driveline.J_c * s.pace[1][k]));
             for tau in [0.05, 0.3] {
                 let slow = lagged(&s.pace[1], s.dt, tau);
