@@ -191,7 +191,7 @@ pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, kn
     }
     let form = of_law(problem, &formless.point, &all, count);
     let all: Basis = all.into_iter().chain(form).collect();
-    let fitted = fit(problem, Free { effects, basis: Some(&all) }, &formless.point, LOOK + 2, formless.known_with_law());
+    let fitted = fit(problem, Free { effects, basis: Some(&all) }, &formless.point, LOOK, formless.known_with_law());
     let prior = log_prior(effects.len()) + law.log_odds;
     let at = |powers| {
         let (evidence, fit) = fitted.weighed(problem, count, powers);
