@@ -6,7 +6,7 @@ use super::density::{ACCURACIES, ByAccuracy, Point, Problem};
 use super::fit::Fit;
 use super::search::{Hypothesis, MOST_EFFECTS, Search, moment, taken_over};
 use super::unknown::{Unknown, beside, places};
-use crate::effects::{REGISTRY, Subsystem, null};
+use crate::effects::{REGISTRY, Subsystem};
 use std::f64::consts::LN_2;
 
 /// One explanation with its share of the posterior.
@@ -219,7 +219,7 @@ fn log_sum(logs: &[f64]) -> f64 {
     if most == f64::NEG_INFINITY { most } else { most + logs.iter().map(|l| (l - most).exp()).sum::<f64>().ln() }
 }
 
-/// Drops effects beside a missing law, one by one and all of them, and lets effects stand for tolerances that are strained beside it, as long as that is more probable; if
+/// Drops effects beside a missing law one by one, and lets effects stand for tolerances that are strained beside it, as long as that is more probable; if
 /// no effect is left, tries the likeliest single ones.
 fn changed_beside(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unknown> {
     let mut all = Vec::new();
@@ -231,10 +231,6 @@ fn changed_beside(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unk
             (rest, from.point.without(dropped))
         };
         let mut others: Vec<(Vec<usize>, Point)> = current.effects.iter().map(|e| without(*e)).collect();
-        // What was found of the law beside them may suit the law alone better than what it promised at first.
-        if current.effects.len() > 1 {
-            others.push((Vec::new(), Point { effects: null(), ..from.point.clone() }));
-        }
         if from.strains() && current.effects.len() < MOST_EFFECTS {
             others.extend(taken_over(problem, &from.point, &current.effects));
         }
