@@ -140,8 +140,12 @@ impl<'a> Nearby<'a> {
             to[k] += STEP;
             self.errors(&self.at(&to))
         };
-        let all: Vec<Vec<DVector<f64>>> = (0..z.len()).into_par_iter().map(moved).collect();
-        let of = |(r, here): (usize, &DVector<f64>)| DMatrix::from_fn(here.len(), z.len(), |i, k| (all[k][r][i] - here[i]) / STEP);
+        let mut all: Vec<Vec<DVector<f64>>> = (0..z.len()).into_par_iter().map(moved).collect();
+        // Of an hour of drives they take hundreds of megabytes: what was seen of a recording is let go as its slopes are made.
+        let of = |(r, here): (usize, &DVector<f64>)| {
+            let seen: Vec<DVector<f64>> = all.iter_mut().map(|moved| std::mem::take(&mut moved[r])).collect();
+            DMatrix::from_fn(here.len(), z.len(), |i, k| (seen[k][i] - here[i]) / STEP)
+        };
         let slopes = errors.iter().enumerate().map(of).collect();
         Place { z, errors, slopes }
     }
