@@ -411,4 +411,21 @@ mod tests {
         assert!(!Missing { rolling: 1.0, ..Missing::default() }.is_linear());
         assert!(sum.sensed[1] == [0.25] && sum.bench.concat().is_empty() && !sum.is_linear() && Missing::default().is_linear());
     }
+
+    /// A push that exceeds the car's own rolling load sets a standing car in motion, unless a law adds more of it than the push has.
+    #[test]
+    fn a_rolling_load_of_a_law_holds_a_standing_car() {
+        let r = crate::gap::free::tests::recording(300, |_| [100.0, 0.0], 0.0);
+        let (track, car) = (Track::new(&r), Car::nominal(&crate::vehicle::Vehicle::paper()));
+        let push = car.vehicle.driveline.T_L0 + 4.0;
+        let rest = Start { omega_f: 100.0, omega_c: 0.0, theta_c: 25.0, theta_b: 25.0 };
+        let reached = |rolling: f64| {
+            let law = Missing { torque: [Vec::new(), vec![push; track.rows()]], rolling, ..Missing::default() };
+            let mut omega_c = 0.0;
+            replay(&track, &car, (&rest, 0.0), 0..track.rows(), Some(&law), |_, now, _, _| omega_c = now.omega_c);
+            omega_c
+        };
+        let [free, held] = [0.0, 8.0].map(reached);
+        assert!(free > 5.0 && held < car.vehicle.driveline.omega_L, "{free} {held}");
+    }
 }
