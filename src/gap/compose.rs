@@ -303,6 +303,10 @@ fn ranked(f: &Findings, too_large: &dyn Fn(usize) -> bool) -> Vec<Ranked> {
                 ("not assessable", format!("these recordings could not show it; measure: {}", to_measure(f, e)))
             } else if ambiguous.contains(&e) {
                 ("ambiguous", "may be at work instead of a chosen one".to_owned())
+            } else if f.conclusion.taken_back.as_ref().is_some_and(|t| t.effects.contains(&e)) {
+                ("rejected", "taken back: with it the car follows the recordings worse than without".to_owned())
+            } else if fitted && nats > 0.0 {
+                ("rejected", format!("{nats:.1} nats better with it than without, yet a part of what is missing there rather than a cause"))
             } else if fitted {
                 ("rejected", format!("the best explanation with it is {:.1} nats behind the best without it", -nats))
             } else {

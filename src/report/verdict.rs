@@ -132,15 +132,23 @@ pub fn replayed(diagnosis: &Value) -> Option<String> {
     Some(said + &law)
 }
 
-/// The explanation that comes next after the best, and how many nats it lies behind.
-pub fn next_best(diagnosis: &Value) -> Option<(String, f64)> {
+/// The explanation that comes next after the best among those that say something else, and how many nats it lies behind.
+pub fn next_best<'a>(diagnosis: &'a Value) -> Option<(String, f64)> {
     let all = list(&diagnosis["which"], "explanations");
     let best = all.first()?;
-    let other = all.iter().skip(1).find(|e| e["effects"] != best["effects"] || e["missing_law"] != best["missing_law"])?;
-    let (kept, ids) = (texts(best, "effects"), texts(other, "effects"));
+    // What the best holds but the answer does not name is taken for a part of the missing law: beside that law, with it or without is the same.
+    let named: Vec<&str> = list(&diagnosis["which"], "effects").iter().filter_map(|e| text(e, "id")).collect();
+    let of_the_law: Vec<&str> =
+        texts(best, "effects").into_iter().filter(|id| best["missing_law"] != Value::Null && !named.contains(id)).collect();
+    let effects = |e: &'a Value| -> Vec<&'a str> {
+        let same_law = e["missing_law"] == best["missing_law"];
+        texts(e, "effects").into_iter().filter(|id| !(same_law && of_the_law.contains(id))).collect()
+    };
+    let other = all.iter().skip(1).find(|e| effects(e) != effects(best) || e["missing_law"] != best["missing_law"])?;
+    let (kept, ids) = (effects(best), effects(other));
     // What only adds to the best says so.
     let adds = !kept.is_empty() && kept.iter().all(|id| ids.contains(id)) && best["missing_law"] == Value::Null;
-    let mut parts: Vec<String> = ids.iter().copied().filter(|id| !(adds && kept.contains(id))).map(names::effect).collect();
+    let mut parts: Vec<String> = ids.iter().filter(|id| !(adds && kept.contains(id))).map(|id| names::effect(id)).collect();
     parts.extend(text(other, "missing_law").map(|s| format!("a missing law in {}", names::place(s))));
     if let Some(law) = text(best, "missing_law").filter(|_| !kept.is_empty() && kept == ids && other["missing_law"] == Value::Null) {
         return Some((format!("the same without a missing law in {}", names::place(law)), real(other, "behind")?));

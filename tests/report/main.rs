@@ -295,6 +295,26 @@ fn effects_that_were_taken_back_stand_with_the_verdict() {
     assert!(page.contains("Not settled.") && !page.contains("Next best") && !page.contains("by 19 standard deviations"));
 }
 
+/// A load that is taken for a part of the law missing in the driveline is not named; that law without it is no other explanation.
+#[test]
+fn the_next_best_explanation_says_something_else() {
+    let mut made = campaign::campaign();
+    made.diagnosis["verdict"] = json!("unexplained");
+    made.diagnosis["which"]["effects"] = json!([]);
+    let explanation =
+        |effects: Value, law: Value, behind: f64| json!({"effects": effects, "missing_law": law, "probability": 0.0, "behind": behind});
+    let mut said = |effects: Value| {
+        made.diagnosis["which"]["explanations"] = json!([
+            explanation(effects, json!("driveline"), 0.0),
+            explanation(json!([]), json!("driveline"), 51.6),
+            explanation(json!(["road_load"]), Value::Null, 174.0),
+        ]);
+        visible(&render(&made.diagnosis, &made.overlays))
+    };
+    assert!(said(json!(["road_load"])).contains("Next best: road load, 174 nats behind"));
+    assert!(said(json!(["road_load", "vehicle_mass"])).contains("Next best: road load, 174 nats behind"));
+}
+
 /// An effect that carries over to nothing is not said to explain the gap without that.
 #[test]
 fn a_headline_tells_effects_that_close_nothing_of_what_was_held_out() {
