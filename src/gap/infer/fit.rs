@@ -3,7 +3,7 @@
 //! Levenberg–Marquardt with derivatives along nuisances that are kept while the linear model keeps its word.
 
 use super::coordinate::{Coordinate, coordinates};
-use super::density::{Basis, ByAccuracy, ByPhase, Point, Problem, Residuals, WHOLE, cost, prior};
+use super::density::{Basis, ByAccuracy, ByPhase, Point, Problem, Residuals, WHOLE, cost};
 use super::form::FORM;
 use super::linear::{Columns, Frame, Known, Normal, Products, all_products, assemble, by_phase, derivatives, to_powers};
 use crate::effects::PARAMETERS;
@@ -33,7 +33,7 @@ pub struct Fit {
     pub own: Vec<Coordinate>,
     /// Products of the derivatives, by recording and phase of the clutch.
     pub parts: Arc<Vec<ByPhase<Products>>>,
-    /// Size of the effects' forms relative to that with which they were fitted: root mean square over [`SIZES`], by their evidence; 1 before they are weighed.
+    /// Size of the effects' forms relative to that with which they were fitted: root mean square over the sizes that it may have, by their evidence; 1 before they are weighed.
     pub form_size: f64,
     /// Covariance of the shared coordinates but for functions, the mean over the accuracies that an explanation may have; none before they are weighed, or where the
     /// recordings bound nothing.
@@ -116,44 +116,6 @@ impl Fit {
         }
     }
 
-    /// Logarithm of the evidence with the likelihood to these powers, the mean over the sizes that a form may have ([`SIZES`]), and the fit at the size that suits
-    /// best. Functions from `law` on are those of forms.
-    pub fn weighed(&self, problem: &Problem, law: usize, powers: ByPhase<f64>) -> (f64, Self) {
-        let is_form = |c: &Coordinate| matches!(c, Coordinate::Missing(k) if *k >= law);
-        let sizes: &[f64] = if self.shared.iter().any(is_form) { &SIZES } else { &[1.0] };
-        let parts = to_powers(&self.parts, powers);
-        let misfit = self.misfits.iter().zip(powers).map(|(misfit, power)| misfit * power).sum();
-        let at =
-            |&size: &f64| self.at_size(problem, law, &parts, misfit, powers == WHOLE, size).map(|(evidence, fit)| (size, evidence, fit));
-        let all: Vec<(f64, f64, Self)> = sizes.iter().filter_map(at).collect();
-        let Some((_, most, best)) = all.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else { return (f64::NEG_INFINITY, self.clone()) };
-        let sum: f64 = all.iter().map(|(_, evidence, _)| (evidence - most).exp()).sum();
-        let square: f64 = all.iter().map(|(size, evidence, _)| size.powi(2) * (evidence - most).exp()).sum();
-        (most + (sum / sizes.len() as f64).ln(), Self { form_size: (square / sum).sqrt(), ..best.clone() })
-    }
-
-    /// The same at one size, by the linear model at the mode.
-    fn at_size(&self, problem: &Problem, law: usize, parts: &[Products], misfit: f64, moves: bool, size: f64) -> Option<(f64, Self)> {
-        let frame = Frame { shared: self.shared.clone(), own: self.own.clone() };
-        let n = frame.shared.len() + frame.own.len();
-        let by = DVector::from_fn(n, |k, _| match frame.shared.get(k) {
-            Some(Coordinate::Missing(f)) if *f >= law => size,
-            _ => 1.0,
-        });
-        let scaled = |(p, g): &Products| (DMatrix::from_fn(n, n, |i, j| p[(i, j)] * by[i] * by[j]), g.component_mul(&by));
-        let parts: Vec<Products> = parts.iter().map(scaled).collect();
-        let mut point = self.point.clone();
-        point.missing.iter_mut().skip(law).for_each(|a| *a /= size);
-        let e = assemble(&point, &frame, &parts, 0.0)?;
-        // The mode moves towards the priors, within the bounds.
-        let step = bounded_step(problem, &e, &frame, &point)?;
-        let cost = misfit + prior(&point) - promise(&e, &step);
-        let to = moved(problem, &frame, &e, &point, &step);
-        // What a power takes from the recordings is no reason to hand out another car.
-        let point = if moves && problem.can_follow(&to) { to } else { self.point.clone() };
-        Some((laplace(cost, &e), Self { point, curvature: e.curvature, ..self.clone() }))
-    }
-
     /// Covariance of the shared coordinates.
     pub fn covariance(&self) -> Option<DMatrix<f64>> {
         self.curvature.clone().cholesky().map(|c| c.inverse())
@@ -185,8 +147,6 @@ impl Fit {
 
 /// Mean square of the nuisances beyond which a fit strains its tolerances: of a dozen and more standard normal numbers it is so once in a hundred times.
 const STRAINED: f64 = 2.0;
-/// Sizes that the form of an effect may have, relative to that with which it is fitted, each as likely: from nearly none to all of it.
-const SIZES: [f64; 3] = [0.04, 0.2, 1.0];
 /// Steps that an iteration tries, each shorter than the one before, and the factor on their damping.
 const TRIES: usize = 7;
 const SHRINK: f64 = 20.0;
@@ -321,13 +281,13 @@ pub fn laplace(cost: f64, equations: &Normal) -> f64 {
     -0.5 * cost - 0.5 * log_det + 0.5 * equations.log_det_prior
 }
 
-fn promise(equations: &Normal, step: &DVector<f64>) -> f64 {
+pub(super) fn promise(equations: &Normal, step: &DVector<f64>) -> f64 {
     // Own unknowns move along; what they gain where they stand is part of it.
     let own: f64 = equations.eliminated.iter().map(|e| e.gain()).sum();
     own - 2.0 * equations.gradient.dot(step) - (&equations.curvature * step).dot(step)
 }
 
-fn moved(problem: &Problem, frame: &Frame, equations: &Normal, point: &Point, step: &DVector<f64>) -> Point {
+pub(super) fn moved(problem: &Problem, frame: &Frame, equations: &Normal, point: &Point, step: &DVector<f64>) -> Point {
     let mut trial = point.clone();
     for (c, s) in frame.shared.iter().zip(step.iter()) {
         c.move_by(problem, &mut trial, 0, *s);
@@ -347,7 +307,7 @@ pub fn stepped(problem: &Problem, frame: &Frame, equations: &Normal, point: &Poi
 
 /// Gauss–Newton step within the bounds: the least of the quadratic model over the box that they leave, by the primal active-set method (Nocedal and Wright,
 /// "Numerical Optimization", 2nd edition, algorithm 16.3). A coordinate that is stopped at its bound is let go where the model then falls inwards.
-fn bounded_step(problem: &Problem, equations: &Normal, frame: &Frame, point: &Point) -> Option<DVector<f64>> {
+pub(super) fn bounded_step(problem: &Problem, equations: &Normal, frame: &Frame, point: &Point) -> Option<DVector<f64>> {
     let n = frame.shared.len();
     let room = |k: usize| [-FAR, FAR].map(|by| frame.shared[k].room(problem, point, 0, by));
     let bounds: Vec<[f64; 2]> = (0..n).map(room).collect();

@@ -8,7 +8,8 @@
 //!
 //! with u_j the states that its law may depend on ([`missing::states`](crate::gap::model::missing::states)), each shifted and scaled to mean 0 and variance 1 where the effect acts, and H_k
 //! the Hermite polynomials of first and second degree. All a_jk have one standard deviation, so that the form is expected to change [`FORM`] of what the effect
-//! changes. A ripple may also be shifted in phase: its d is joined by that of the ripple a quarter of a turn on.
+//! changes; or those of a single state have it, with as much to change ([`alone`]). A ripple may also be shifted in phase: its d is joined by that of the ripple a quarter
+//! of a turn on.
 //!
 //! The functions are linear in the innovations: a fit takes them along without replays of their own.
 
@@ -18,6 +19,7 @@ use crate::gap::model::column::Column;
 use crate::gap::model::replay::Missing;
 use crate::gap::model::track::Track;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// How far the form of a real effect is from the library's: standard deviation of what that changes in the recordings, relative to what the effect itself
 /// changes in them.
@@ -49,7 +51,7 @@ fn of_effect(problem: &Problem, point: &Point, effect: usize, from: &[Baseline])
         let turn = less(problem, from, &turned);
         changes.push(difference(&changes[0], &turn));
     }
-    of_changes(problem, &changes, FORM)
+    of_changes(problem, &changes, FORM, Some(effect))
 }
 
 /// The functions of the form of a missing law: what its first `amplitudes` change at a point. Of a law that nobody knows the form is as uncertain as its size.
@@ -57,7 +59,7 @@ pub fn of_law(problem: &Problem, point: &Point, basis: &Basis, amplitudes: usize
     let mut without = point.clone();
     without.missing[..amplitudes].fill(0.0);
     let from = baselines(problem, point, Some(basis));
-    of_changes(problem, &[less(problem, &from, &without)], 1.0)
+    of_changes(problem, &[less(problem, &from, &without)], 1.0, None)
 }
 
 /// What forms are expected to change: the sum of squares of one standard deviation of each function.
@@ -73,21 +75,56 @@ pub fn are_as_large(one: &Basis, other: &Basis) -> bool {
     one.is_empty() && other.is_empty() || (change(one) / change(other)).ln().abs() < AS_LARGE
 }
 
-/// The functions of changes, so that all of them together change this share of what the first one is.
-fn of_changes(problem: &Problem, changes: &[Vec<Residuals>], share: f64) -> Basis {
+/// Functions along one state: their places in a basis, and the factor at which they alone change as much as those along every state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Alone {
+    /// Places in the basis.
+    pub functions: Vec<usize>,
+    /// Factor on their sizes.
+    pub factor: f64,
+}
+
+/// The functions of each effect's form, state by state.
+pub fn alone(basis: &Basis) -> Vec<Vec<Alone>> {
+    let mut effects: BTreeMap<usize, BTreeMap<usize, (Vec<usize>, f64)>> = BTreeMap::new();
+    for (k, function) in basis.iter().enumerate() {
+        if let Some((effect, state)) = function.first().and_then(|f| f.along) {
+            let (functions, square) = effects.entry(effect).or_default().entry(state).or_default();
+            functions.push(k);
+            *square += function.iter().map(|f| f.innovations.square()).sum::<f64>();
+        }
+    }
+    let of_effect = |states: BTreeMap<usize, (Vec<usize>, f64)>| {
+        let whole: f64 = states.values().map(|(_, square)| square).sum();
+        states.into_values().map(|(functions, square)| Alone { functions, factor: (whole / square).sqrt() }).collect()
+    };
+    effects.into_values().map(of_effect).collect()
+}
+
+/// The functions of changes, so that all of them together change this share of what the first one is: of the form of an effect, or of nothing that is told apart.
+fn of_changes(problem: &Problem, changes: &[Vec<Residuals>], share: f64, effect: Option<usize>) -> Basis {
     let whole = square(&changes[0]);
     if whole == 0.0 {
         return Basis::new();
     }
-    let functions: Vec<Vec<Column>> = changes.iter().flat_map(|d| modulated(problem, d)).collect();
-    let all: f64 = functions.iter().flatten().map(Column::square).sum();
+    let functions: Vec<Function> = changes.iter().flat_map(|d| modulated(problem, d)).collect();
+    let all: f64 = functions.iter().flat_map(|f| &f.by_recording).map(Column::square).sum();
     let scale = share * (whole / all.max(f64::MIN_POSITIVE)).sqrt();
-    let one = |values: Column| Missing { innovations: values.times(scale), ..Missing::default() };
-    functions.into_iter().map(|f| f.into_iter().map(one).collect()).collect()
+    let one = |f: Function| {
+        let along = effect.zip(f.state);
+        f.by_recording.into_iter().map(|values| Missing { innovations: values.times(scale), along, ..Missing::default() }).collect()
+    };
+    functions.into_iter().map(one).collect()
 }
 
-/// A change times the polynomials of every state.
-fn modulated(problem: &Problem, change: &[Residuals]) -> Vec<Vec<Column>> {
+/// A function of a form, along a state unless it moves the change in time.
+struct Function {
+    state: Option<usize>,
+    by_recording: Vec<Column>,
+}
+
+/// A change moved in time, and times the polynomials of every state.
+fn modulated(problem: &Problem, change: &[Residuals]) -> Vec<Function> {
     // Two speeds per observation, then the bench channels, one value each.
     let state = |j: usize, r: usize, i: usize| {
         let n = problem.tracks[r].observations();
@@ -98,8 +135,9 @@ fn modulated(problem: &Problem, change: &[Residuals]) -> Vec<Vec<Column>> {
         change.iter().enumerate().map(one).collect()
     };
     let whole = square(change);
-    let columns = |function: &[Residuals]| function.iter().map(|values| Column::new(values)).collect();
-    let mut functions: Vec<Vec<Column>> = in_time(problem, change).iter().map(|f| columns(f)).collect();
+    let function =
+        |state: Option<usize>, values: &[Residuals]| Function { state, by_recording: values.iter().map(|v| Column::new(v)).collect() };
+    let mut functions: Vec<Function> = in_time(problem, change).iter().map(|f| function(None, f)).collect();
     for j in 0..problem.states[0].len() {
         let mean = |f: &dyn Fn(f64) -> f64| {
             let weighted = times(j, f);
@@ -112,8 +150,8 @@ fn modulated(problem: &Problem, change: &[Residuals]) -> Vec<Vec<Column>> {
             continue;
         }
         let u = |x: f64| ((x - centre) / spread).clamp(-FAR, FAR);
-        functions.push(columns(&times(j, &u)));
-        functions.push(columns(&times(j, &|x| (u(x).powi(2) - 1.0) / std::f64::consts::SQRT_2)));
+        functions.push(function(Some(j), &times(j, &u)));
+        functions.push(function(Some(j), &times(j, &|x| (u(x).powi(2) - 1.0) / std::f64::consts::SQRT_2)));
     }
     functions
 }

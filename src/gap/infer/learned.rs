@@ -4,7 +4,7 @@
 //! and smooth: second differences from breakpoint to breakpoint have the size `density::BEND` of that.
 
 use super::coordinate::{Coordinate, coordinates};
-use super::density::{Point, Problem, misfit, prior};
+use super::density::{Basis, Point, Problem, misfit, prior};
 use super::fit::{Fit, LOOK, along, mean_covariance, stepped};
 use super::linear::{Frame, all_products, assemble};
 use crate::effects::empirical::Curve;
@@ -48,7 +48,7 @@ pub fn learn(problem: &Problem, curves: &[&'static Curve], start: &Point, near: 
     let start = Point { missing: Vec::new(), ..start.clone() };
     let fit = along(problem, frame.clone(), None, &start, ITERATIONS, near.and_then(Fit::known));
     // A learned law is as inexact as any other.
-    let mean_covariance = mean_covariance(problem.powers.map(|powers| fit.weighed(problem, 0, powers).1));
+    let mean_covariance = mean_covariance(problem.powers.map(|powers| fit.weighed(problem, &Basis::new(), 0, powers).1));
     let fit = Fit { mean_covariance, ..fit };
     Learned { curves: curves.to_vec(), fit, frame }
 }

@@ -15,3 +15,4 @@ pub mod screen;
 pub mod search;
 pub mod sensors;
 pub mod unknown;
+pub mod weigh;

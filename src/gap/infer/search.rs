@@ -39,7 +39,7 @@ impl Hypothesis {
     fn new(problem: &Problem, mut effects: Vec<usize>, formed: Fit, basis: Basis) -> Self {
         effects.sort_unstable();
         let at = |powers| {
-            let (evidence, fit) = formed.weighed(problem, 0, powers);
+            let (evidence, fit) = formed.weighed(problem, &basis, 0, powers);
             (evidence + log_prior(effects.len()) + moments(&fit, &effects), fit)
         };
         let (lead, sharp) = at(WHOLE);

@@ -10,6 +10,7 @@ use super::fit::{Fit, Free, LOOK, fit, mean_covariance};
 use super::form::{are_as_large, forms, of_law};
 use super::linear::{Columns, Frame, Known, Normal, Products, assemble, by_phase, to_powers};
 use super::search::{DRAGGED, Hypothesis, log_prior, moments};
+use super::weigh::Information;
 use crate::effects::Subsystem;
 use crate::gap::model::column::Column;
 use crate::gap::model::missing;
@@ -194,7 +195,7 @@ pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, kn
     let fitted = fit(problem, Free { effects, basis: Some(&all) }, &formless.point, LOOK, formless.known_with_law());
     let prior = log_prior(effects.len()) + law.log_odds;
     let at = |powers| {
-        let (evidence, fit) = fitted.weighed(problem, count, powers);
+        let (evidence, fit) = fitted.weighed(problem, &all, count, powers);
         (evidence + prior + moments(&fit, effects), fit)
     };
     let (lead, sharp) = at(WHOLE);
@@ -243,24 +244,6 @@ struct Mode<'a> {
     columns: Arc<Vec<Columns>>,
     equations: Normal,
     powers: ByPhase<f64>,
-}
-
-/// Curvature and gradient along the amplitudes of functions, without their prior, all else eliminated.
-struct Information {
-    gram: DMatrix<f64>,
-    slope: DVector<f64>,
-}
-
-impl Information {
-    /// Logarithm of the evidence that functions of these sizes add, nats, with the likelihood to this further power.
-    fn gain(&self, by: &DVector<f64>, power: f64) -> f64 {
-        let n = by.len();
-        let gram = DMatrix::from_fn(n, n, |i, j| power * by[i] * by[j] * self.gram[(i, j)] + f64::from(u8::from(i == j)));
-        let slope = power * self.slope.component_mul(by);
-        let Some(law) = gram.cholesky() else { return 0.0 };
-        let log_det = 2.0 * law.l_dirty().diagonal().map(f64::ln).sum();
-        0.5 * slope.dot(&law.solve(&slope)) - 0.5 * log_det
-    }
 }
 
 impl<'a> Mode<'a> {

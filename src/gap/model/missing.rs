@@ -139,13 +139,14 @@ fn bump(x: f64, centre: f64, length: f64) -> f64 {
     (-0.5 * ((x - centre) / length).powi(2)).exp()
 }
 
-/// States along a corrected replay that a law may depend on, by observation: slip, disc temperature, position and its direction, engine speed, torque
+/// States along a corrected replay that a law may depend on, by observation: slip, disc temperature, position and its direction, both speeds, torque
 /// asked for, time.
 pub fn states(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Vec<Vec<f64>> {
     let s = signals(track, filter, car, theta);
     let direction = direction(&s);
     let last: Vec<usize> = (0..track.observations()).map(|k| track.rows_of(k).end - 1).collect();
-    [&s.slip, &s.theta, &s.position, &direction, &s.speed[0], &s.report, &s.time].map(|v| last.iter().map(|&row| v[row]).collect()).to_vec()
+    let all = [&s.slip, &s.theta, &s.position, &direction, &s.speed[0], &s.speed[1], &s.report, &s.time];
+    all.map(|v| last.iter().map(|&row| v[row]).collect()).to_vec()
 }
 
 /// Direction in which the bearing moves, from −1 to 1.

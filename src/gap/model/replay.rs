@@ -39,6 +39,9 @@ pub struct Missing {
     pub bench: [Vec<f64>; 2],
     /// What it adds to the whitened innovations by itself, without a replay: of a law that is nothing else.
     pub innovations: Column,
+    /// Of a function of an effect's form: the effect, by its place in the registry, and the state along which it changes what the effect does, by its place in
+    /// [`states`](super::missing::states).
+    pub along: Option<(usize, usize)>,
 }
 
 impl Missing {

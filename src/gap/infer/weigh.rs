@@ -1,0 +1,181 @@
+//! The evidence of a fit over the forms that its effects may have: how large they are, and along which states they lie.
+//!
+//! Nobody knows either. A form has one of three sizes ([`SIZES`]), and its functions of all states alike are as large as that says, or those of a single state
+//! take it all ([`alone`]), each equally likely. A real law is uneven along its temperature, say, and along nothing else: were its unevenness
+//! shared out to every state, the functions along that one would have to be several standard deviations large.
+//!
+//! What the recordings say of the functions, all else eliminated, is a gram matrix G and a slope b; functions of sizes S add
+//!
+//! ```text
+//! ½ (S b)ᵀ (1 + S G S)⁻¹ (S b) − ½ ln det(1 + S G S)
+//! ```
+//!
+//! to the logarithm of the evidence, so that another choice of sizes costs a small factorisation. States are chosen effect by effect, each beside the best choice
+//! for those before it.
+
+use super::coordinate::Coordinate;
+use super::density::{Basis, ByPhase, Point, Problem, WHOLE, prior};
+use super::fit::{Fit, bounded_step, laplace, moved, promise};
+use super::form::{Alone, alone};
+use super::linear::{Frame, Products, assemble, to_powers};
+use nalgebra::{DMatrix, DVector};
+
+/// Sizes that the form of an effect may have, relative to that with which it is fitted, each as likely: from nearly none to all of it.
+const SIZES: [f64; 3] = [0.04, 0.2, 1.0];
+
+/// Curvature and gradient along the amplitudes of functions, without their prior, all else eliminated.
+#[derive(Clone, Debug)]
+pub struct Information {
+    /// Curvature.
+    pub gram: DMatrix<f64>,
+    /// Gradient where all amplitudes are zero.
+    pub slope: DVector<f64>,
+}
+
+impl Information {
+    /// Logarithm of the evidence that functions of these sizes add, nats, with the likelihood to this further power.
+    pub fn gain(&self, by: &DVector<f64>, power: f64) -> f64 {
+        let n = by.len();
+        let gram = DMatrix::from_fn(n, n, |i, j| power * by[i] * by[j] * self.gram[(i, j)] + f64::from(u8::from(i == j)));
+        let slope = power * self.slope.component_mul(by);
+        let Some(law) = gram.cholesky() else { return 0.0 };
+        let log_det = 2.0 * law.l_dirty().diagonal().map(f64::ln).sum();
+        0.5 * slope.dot(&law.solve(&slope)) - 0.5 * log_det
+    }
+
+    /// What the recordings say of some of a fit's coordinates, which are functions, from the products of its derivatives.
+    fn of_functions(fit: &Fit, functions: &[usize], parts: &[Products]) -> Option<Self> {
+        let e = assemble(&fit.point, &Frame { shared: fit.shared.clone(), own: fit.own.clone() }, parts, 0.0)?;
+        let rest: Vec<usize> = (0..fit.shared.len()).filter(|k| !functions.contains(k)).collect();
+        let part =
+            |rows: &[usize], columns: &[usize]| DMatrix::from_fn(rows.len(), columns.len(), |i, j| e.curvature[(rows[i], columns[j])]);
+        let gradient = |of: &[usize]| DVector::from_fn(of.len(), |i, _| e.gradient[of[i]]);
+        let (root, cross) = (part(&rest, &rest).cholesky()?, part(&rest, functions));
+        // With their prior, whose precision is one.
+        let gram = part(functions, functions) - cross.tr_mul(&root.solve(&cross));
+        let slope = gradient(functions) - cross.tr_mul(&root.solve(&gradient(&rest)));
+        let at = DVector::from_fn(functions.len(), |i, _| fit.shared[functions[i]].get(&fit.point, 0));
+        let n = functions.len();
+        Some(Self { slope: slope - &gram * &at, gram: gram - DMatrix::identity(n, n) })
+    }
+
+    /// Logarithm of the mean evidence over the states along which the form of each effect may lie, relative to that of forms of this size along all states
+    /// alike; and the sizes that suit best. Functions are counted from `first` on.
+    fn along_states(&self, effects: &[Vec<Alone>], first: usize, size: f64) -> (f64, DVector<f64>) {
+        let mut best = (0.0, DVector::from_element(self.slope.len(), size));
+        best.0 = self.gain(&best.1, 1.0);
+        let mut more = 0.0;
+        for states in effects {
+            let alike = best.0;
+            let along = |one: &Alone| {
+                let mut sizes = best.1.clone();
+                states.iter().flat_map(|s| &s.functions).for_each(|k| sizes[k - first] = SIZES[0] * size);
+                one.functions.iter().for_each(|k| sizes[k - first] = one.factor * size);
+                (self.gain(&sizes, 1.0), sizes)
+            };
+            let mut choices: Vec<(f64, DVector<f64>)> = states.iter().map(along).collect();
+            choices.push(best);
+            more += (choices.iter().map(|c| (c.0 - alike).exp()).sum::<f64>() / choices.len() as f64).ln();
+            best = choices.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).expect("all states alike are one");
+        }
+        (more, best.1)
+    }
+}
+
+impl Fit {
+    /// Logarithm of the evidence with the likelihood to these powers, the mean over the forms that effects may have, and the fit with the one that suits best. Functions
+    /// of the basis from `first` on are those of forms.
+    pub fn weighed(&self, problem: &Problem, basis: &Basis, first: usize, powers: ByPhase<f64>) -> (f64, Self) {
+        let is_form = |c: &Coordinate| matches!(c, Coordinate::Missing(k) if *k >= first);
+        let forms: Vec<usize> = (0..self.shared.len()).filter(|k| is_form(&self.shared[*k])).collect();
+        let sizes: &[f64] = if forms.is_empty() { &[1.0] } else { &SIZES };
+        let parts = to_powers(&self.parts, powers);
+        let information = if forms.is_empty() { None } else { Information::of_functions(self, &forms, &parts) };
+        let effects = alone(basis);
+        let misfit = self.misfits.iter().zip(powers).map(|(misfit, power)| misfit * power).sum();
+        let mut by = DVector::from_element(self.shared.len(), 1.0);
+        let mut with_forms = |of: &DVector<f64>| {
+            forms.iter().zip(of.iter()).for_each(|(k, size)| by[*k] = *size);
+            self.with_functions(problem, &parts, misfit, powers == WHOLE, &by)
+        };
+        let mut at = |&size: &f64| {
+            let alike = DVector::from_element(forms.len(), size);
+            let (evidence, fit) = with_forms(&alike)?;
+            let Some((more, best)) = information.as_ref().map(|i| i.along_states(&effects, first, size)) else {
+                return Some((size, evidence, fit));
+            };
+            let fit = if best == alike { fit } else { with_forms(&best).map_or(fit, |(_, fit)| fit) };
+            Some((size, evidence + more, fit))
+        };
+        let all: Vec<(f64, f64, Self)> = sizes.iter().filter_map(&mut at).collect();
+        let Some((_, most, best)) = all.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else { return (f64::NEG_INFINITY, self.clone()) };
+        let sum: f64 = all.iter().map(|(_, evidence, _)| (evidence - most).exp()).sum();
+        let square: f64 = all.iter().map(|(size, evidence, _)| size.powi(2) * (evidence - most).exp()).sum();
+        (most + (sum / sizes.len() as f64).ln(), Self { form_size: (square / sum).sqrt(), ..best.clone() })
+    }
+
+    /// The same with functions of these sizes, by the linear model at the mode; the size of what is no function is one.
+    fn with_functions(&self, problem: &Problem, parts: &[Products], misfit: f64, moves: bool, sizes: &DVector<f64>) -> Option<(f64, Self)> {
+        let frame = Frame { shared: self.shared.clone(), own: self.own.clone() };
+        let n = frame.shared.len() + frame.own.len();
+        let by = DVector::from_fn(n, |k, _| sizes.get(k).copied().unwrap_or(1.0));
+        let scaled = |(p, g): &Products| (DMatrix::from_fn(n, n, |i, j| p[(i, j)] * by[i] * by[j]), g.component_mul(&by));
+        let parts: Vec<Products> = parts.iter().map(scaled).collect();
+        let mut point: Point = self.point.clone();
+        for (c, size) in frame.shared.iter().zip(sizes.iter()) {
+            if let Coordinate::Missing(k) = c {
+                point.missing[*k] /= size;
+            }
+        }
+        let e = assemble(&point, &frame, &parts, 0.0)?;
+        // The mode moves towards the priors, within the bounds.
+        let step = bounded_step(problem, &e, &frame, &point)?;
+        let cost = misfit + prior(&point) - promise(&e, &step);
+        let to = moved(problem, &frame, &e, &point, &step);
+        // What a power takes from the recordings is no reason to hand out another car.
+        let point = if moves && problem.can_follow(&to) { to } else { self.point.clone() };
+        Some((laplace(cost, &e), Self { point, curvature: e.curvature, ..self.clone() }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One function that explains three standard deviations of a sharp measurement: its evidence is the normal density of what was measured, with it against without.
+    #[test]
+    fn the_gain_of_a_function_is_the_ratio_of_two_normal_densities() {
+        let (precision, measured) = (25.0_f64, 0.6_f64);
+        let one = Information { gram: DMatrix::from_element(1, 1, precision), slope: DVector::from_element(1, -precision * measured) };
+        for size in [0.3_f64, 1.0, 4.0] {
+            let variance = [1.0 / precision, 1.0 / precision + size * size];
+            let [without, with] = variance.map(|v| -0.5 * measured * measured / v - 0.5 * v.ln());
+            assert!((one.gain(&DVector::from_element(1, size), 1.0) - (with - without)).abs() < 1e-9, "{size}");
+        }
+    }
+
+    /// Eight states with two functions each, one of which is uneven by what all of them are expected to be together: five and a half standard deviations if that is shared out, two if it lies
+    /// along that state.
+    #[test]
+    fn a_form_along_one_state_is_told_from_one_along_all_of_them() {
+        let (states, precision) = (8, 1e4);
+        let mut slope = DVector::zeros(2 * states);
+        (slope[6], slope[7]) = (-precision * 4.0, -precision * 4.0);
+        let information = Information { gram: DMatrix::identity(2 * states, 2 * states) * precision, slope };
+        let one = |state: usize| Alone { functions: vec![5 + 2 * state, 6 + 2 * state], factor: (states as f64).sqrt() };
+        let effects = vec![(0..states).map(one).collect::<Vec<_>>()];
+        let (more, sizes) = information.along_states(&effects, 5, 1.0);
+        // Squares of 16 for two functions: with variances of 1 for sixteen of them, or of 8 for two and next to none for the rest.
+        let least = SIZES[0] * SIZES[0];
+        let expected = 0.5 * (32.0 - 32.0 / 8.0) - 8.0_f64.ln() - 7.0 * (least + 1.0 / precision).ln() - (states as f64 + 1.0).ln();
+        assert!((more - expected).abs() < 0.1, "{more} {expected}");
+        for k in 0..2 * states {
+            let expected = if k / 2 == 3 { 8.0_f64.sqrt() } else { SIZES[0] };
+            assert!((sizes[k] - expected).abs() < 1e-12);
+        }
+        // Uneven along every state, it is so along all of them alike; nine choices, one of which fits.
+        let uneven = Information { slope: DVector::from_element(2 * states, -precision), ..information };
+        let (more, sizes) = uneven.along_states(&effects, 5, 1.0);
+        assert!((more + 9.0_f64.ln()).abs() < 1e-6 && sizes.iter().all(|s| *s == 1.0), "{more}");
+    }
+}
