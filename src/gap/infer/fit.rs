@@ -104,7 +104,7 @@ impl Fit {
             return self.clone();
         }
         let all = &self.curvature;
-        let part = |rows: &[usize], columns: &[usize]| DMatrix::from_fn(rows.len(), columns.len(), |i, j| all[(rows[i], columns[j])]);
+        let part = |rows: &[usize], columns: &[usize]| all.select_rows(rows).select_columns(columns);
         let cross = part(&gone, &kept);
         let eliminated =
             part(&gone, &gone).cholesky().map_or_else(|| DMatrix::zeros(kept.len(), kept.len()), |c| cross.tr_mul(&c.solve(&cross)));

@@ -6,6 +6,7 @@ use super::density::{ACCURACIES, ByAccuracy, Point, Problem};
 use super::fit::Fit;
 use super::search::{Hypothesis, MOST_EFFECTS, Search, moment, taken_over};
 use super::unknown::{Unknown, beside, places};
+use super::weigh::log_sum;
 use crate::effects::{REGISTRY, Subsystem};
 use std::f64::consts::LN_2;
 
@@ -211,12 +212,6 @@ fn order(all: &mut [Explanation], is_fitted: impl Fn(&Explanation) -> bool) {
     if let Some(first) = all.iter().position(|e| !nothing(e) && is_fitted(e)).filter(|_| sound < wrong) {
         all[..=first].rotate_right(1);
     }
-}
-
-/// Logarithm of the sum of what these are the logarithms of.
-fn log_sum(logs: &[f64]) -> f64 {
-    let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    if most == f64::NEG_INFINITY { most } else { most + logs.iter().map(|l| (l - most).exp()).sum::<f64>().ln() }
 }
 
 /// Drops effects beside a missing law one by one, and lets effects stand for tolerances that are strained beside it, as long as that is more probable; if

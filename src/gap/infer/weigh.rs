@@ -23,6 +23,12 @@ use nalgebra::{DMatrix, DVector};
 /// Sizes that the form of an effect may have, relative to that with which it is fitted, each as likely: from nearly none to all of it.
 const SIZES: [f64; 3] = [0.04, 0.2, 1.0];
 
+/// Logarithm of the sum of what these are the logarithms of.
+pub fn log_sum(logs: &[f64]) -> f64 {
+    let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if most == f64::NEG_INFINITY { most } else { most + logs.iter().map(|l| (l - most).exp()).sum::<f64>().ln() }
+}
+
 /// Curvature and gradient along the amplitudes of functions, without their prior, all else eliminated.
 #[derive(Clone, Debug)]
 pub struct Information {
@@ -47,9 +53,8 @@ impl Information {
     fn of_functions(fit: &Fit, functions: &[usize], parts: &[Products]) -> Option<Self> {
         let e = assemble(&fit.point, &Frame { shared: fit.shared.clone(), own: fit.own.clone() }, parts, 0.0)?;
         let rest: Vec<usize> = (0..fit.shared.len()).filter(|k| !functions.contains(k)).collect();
-        let part =
-            |rows: &[usize], columns: &[usize]| DMatrix::from_fn(rows.len(), columns.len(), |i, j| e.curvature[(rows[i], columns[j])]);
-        let gradient = |of: &[usize]| DVector::from_fn(of.len(), |i, _| e.gradient[of[i]]);
+        let part = |rows: &[usize], columns: &[usize]| e.curvature.select_rows(rows).select_columns(columns);
+        let gradient = |of: &[usize]| e.gradient.select_rows(of);
         let (root, cross) = (part(&rest, &rest).cholesky()?, part(&rest, functions));
         // With their prior, whose precision is one.
         let gram = part(functions, functions) - cross.tr_mul(&root.solve(&cross));
@@ -75,7 +80,8 @@ impl Information {
             };
             let mut choices: Vec<(f64, DVector<f64>)> = states.iter().map(along).collect();
             choices.push(best);
-            more += (choices.iter().map(|c| (c.0 - alike).exp()).sum::<f64>() / choices.len() as f64).ln();
+            let gains: Vec<f64> = choices.iter().map(|c| c.0 - alike).collect();
+            more += log_sum(&gains) - (choices.len() as f64).ln();
             best = choices.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).expect("all states alike are one");
         }
         (more, best.1)
@@ -173,6 +179,9 @@ mod tests {
             let expected = if k / 2 == 3 { 8.0_f64.sqrt() } else { SIZES[0] };
             assert!((sizes[k] - expected).abs() < 1e-12);
         }
+        // With a whole likelihood it may be thousands of nats.
+        let far = Information { slope: &information.slope * 50.0, gram: information.gram.clone() };
+        assert!((29_000.0..45_000.0).contains(&far.along_states(&effects, 5, 1.0).0));
         // Uneven along every state, it is so along all of them alike; nine choices, one of which fits.
         let uneven = Information { slope: DVector::from_element(2 * states, -precision), ..information };
         let (more, sizes) = uneven.along_states(&effects, 5, 1.0);
