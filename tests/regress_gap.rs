@@ -212,7 +212,7 @@ fn effects_laws_and_forms() {
         entry.effect.starts[0].iter().for_each(|&(k, v)| with.effects[k] = v);
         found.push((entry.id.to_owned(), mark(bench.all_residuals(&with, None).into_iter().flatten())));
         let forms = forms(&bench, &with, &[e]);
-        found.push((format!("{}: forms", entry.id), mark(forms.iter().flatten().flat_map(|f| f.innovations.values()))));
+        found.push((format!("{}: forms", entry.id), mark(forms.iter().flat_map(|f| f.iter()).flat_map(|f| f.innovations.values()))));
     }
     let (track, filter, car, theta) = (&bench.tracks[0], &bench.filters[0], bench.car(&point, Some(0)), bench.temperatures(&point, 0));
     for place in Subsystem::ALL {

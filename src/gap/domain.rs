@@ -46,6 +46,13 @@ pub struct Handed<'a> {
     pub lacks_clutch_law: bool,
 }
 
+impl Handed<'_> {
+    /// Whether it is known how well its clutch torque follows the car's, with a transducer in some recording or without.
+    fn is_known(&self, measured: bool) -> bool {
+        self.follows && (measured || !self.lacks_clutch_law)
+    }
+}
+
 /// A clutch that may be the car's, and what it may be off by.
 struct Clutch {
     weight: f64,
@@ -71,8 +78,7 @@ pub fn validated(problem: &Problem, posterior: &Posterior, handed: &Handed) -> V
         THETA.iter().flat_map(of_theta).collect()
     };
     let table: Vec<Vec<f64>> = CLOSING.par_iter().map(of_closing).collect();
-    let is_known = squares > 0.0 || !handed.lacks_clutch_law;
-    let places = parts.iter().filter(|_| handed.follows && is_known).flat_map(|v| v.places.iter().copied());
+    let places = parts.iter().filter(|_| handed.is_known(squares > 0.0)).flat_map(|v| v.places.iter().copied());
     Validated::new(places, table.into_iter().flatten())
 }
 
@@ -209,6 +215,17 @@ fn sigma(handed: &Config, clutches: &[Clutch], lasting: f64, x: f64, theta: f64,
 mod tests {
     use super::*;
     use crate::gap::model::prepare::Example;
+
+    #[test]
+    fn a_car_whose_clutch_lacks_a_law_is_validated_by_a_transducer_alone() {
+        let point = Example::read().problem(&[]).0.nominal();
+        for (follows, lacks_clutch_law, without, with) in
+            [(true, false, true, true), (true, true, false, true), (false, false, false, false), (false, true, false, false)]
+        {
+            let handed = Handed { point: &point, learned: None, follows, lacks_clutch_law };
+            assert_eq!([handed.is_known(false), handed.is_known(true)], [without, with], "{follows} {lacks_clutch_law}");
+        }
+    }
 
     /// A transducer that reads a tenth more than the plant says: a hundredth of the squared torque is left beyond its noise.
     #[test]

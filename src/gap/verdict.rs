@@ -198,7 +198,12 @@ fn cost(e: &Explanation) -> f64 {
 fn law_share(problem: &Problem, search: &Search, best: &Explanation) -> f64 {
     let gap = misfit(&problem.all_residuals(&problem.nominal(), None));
     let without = search.of(&best.effects).map_or(gap, |h| h.fit.cost);
-    (without - cost(best)).max(0.0) / (gap - cost(best)).max(1e-9)
+    share(gap, without, cost(best))
+}
+
+/// Share that a law takes of a gap, from the costs of the file's car, of the effects without the law, and of both.
+fn share(gap: f64, without: f64, both: f64) -> f64 {
+    (without - both).max(0.0) / (gap - both).max(1e-9)
 }
 
 /// What each subsystem's part takes of the cost, relative to all that is taken.
@@ -357,6 +362,13 @@ mod tests {
             assert_eq!([with(id, 4.9), with(id, 5.1), with(id, -5.1)], [false, input, input], "{id}");
         }
         assert!(!is_beyond_a_car(&concluded(&["vehicle_mass"]).explanation));
+    }
+
+    #[test]
+    fn a_law_takes_the_share_of_the_gap_that_effects_alone_leave() {
+        assert!((share(100.0, 60.0, 20.0) - 0.5).abs() < 1e-12 && (share(100.0, 100.0, 20.0) - 1.0).abs() < 1e-12);
+        // What does harm takes nothing, and nothing is taken of no gap.
+        assert_eq!([share(100.0, 15.0, 20.0), share(20.0, 20.0, 20.0)], [0.0; 2]);
     }
 
     #[test]

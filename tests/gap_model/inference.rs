@@ -84,10 +84,10 @@ fn the_forms_of_an_effect_change_an_eighth_of_it_and_add_up_in_the_innovations()
     point.effects[param::vehicle_mass::factor] = 1.2;
     let (here, without) = (problem.all_residuals(&point, None), problem.all_residuals(&problem.nominal(), None));
     let functions = forms(&problem, &point, &[mass]);
-    assert!(functions.len() >= 10 && functions.iter().flatten().all(|f| f.is_linear()), "{}", functions.len());
+    assert!(functions.len() >= 10 && functions.iter().flat_map(|f| f.iter()).all(|f| f.is_linear()), "{}", functions.len());
     let square = |all: &mut dyn Iterator<Item = f64>| all.map(|x| x * x).sum::<f64>();
     let effect = square(&mut here.iter().zip(&without).flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b)));
-    let expected = functions.iter().flatten().map(|f| f.innovations.square()).sum::<f64>();
+    let expected = functions.iter().flat_map(|f| f.iter()).map(|f| f.innovations.square()).sum::<f64>();
     assert!((expected / effect - 0.0144).abs() < 1e-6, "{expected} of {effect}");
     point.missing = (0..functions.len()).map(|k| if k < 2 { 0.5 } else { 0.0 }).collect();
     let both = problem.all_residuals(&point, Some(&functions));

@@ -21,7 +21,7 @@ use crate::gap::progress::Work;
 use crate::plant::config::Config;
 use crate::vehicle::Vehicle;
 use rayon::prelude::*;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 /// Where Huber's loss turns linear, in standard deviations.
 pub const HUBER: f64 = 4.0;
@@ -74,8 +74,11 @@ pub struct Problem {
     pub work: Work,
 }
 
-/// Functions that a missing law is made of: by function, by recording.
-pub type Basis = Vec<Vec<Missing>>;
+/// A function that a missing law or the form of an effect is made of, by recording.
+pub type Function = Arc<[Missing]>;
+
+/// Such functions; copies share them, for they may be hundreds, as long as a drive.
+pub type Basis = Vec<Function>;
 
 /// A point in the space of unknowns.
 #[derive(Clone, Debug, PartialEq)]

@@ -64,7 +64,7 @@ pub fn of_law(problem: &Problem, point: &Point, basis: &Basis, amplitudes: usize
 
 /// What forms are expected to change: the sum of squares of one standard deviation of each function.
 pub fn change(basis: &Basis) -> f64 {
-    basis.iter().flatten().map(|f| f.innovations.square()).sum()
+    basis.iter().flat_map(|f| f.iter()).map(|f| f.innovations.square()).sum()
 }
 
 /// Difference of the logarithms of the squares of what two sets of forms change, up to which they are as large as each other.

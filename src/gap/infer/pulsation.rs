@@ -68,18 +68,24 @@ pub fn starts(problem: &Problem, point: &Point, least: f64) -> Vec<(usize, Point
     fits.truncate(STARTS);
     // An order that is one turn out at the end of the longest slip is a minimum of its own.
     let neighbours: Vec<Point> = fits.first().map_or_else(Vec::new, |best| {
-        let moved = |turns: f64| {
+        let order = entry.parameters.start + 2;
+        let moved = |to: f64| {
             let mut p = best.point.clone();
-            p.effects[entry.parameters.start + 2] += turns * 2.0 * PI / longest;
+            p.effects[order] = to;
             p
         };
-        [-1.0, 1.0].map(moved).to_vec()
+        a_turn_out(best.point.effects[order], longest).map(moved).to_vec()
     });
     let beside: Vec<Fit> = neighbours.iter().map(|p| along(problem, own(), None, p, POLISH, None)).collect();
     if let Some(better) = beside.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).filter(|f| f.cost < fits[0].cost) {
         fits[0] = better;
     }
     fits.into_iter().map(|f| (effect, f.point)).collect()
+}
+
+/// Orders that come to one turn less and more than this one over the longest slip, a slip angle in rad.
+fn a_turn_out(order: f64, longest: f64) -> [f64; 2] {
+    [-1.0, 1.0].map(|turns| order + turns * 2.0 * PI / longest)
 }
 
 /// What the squared innovations lose by a ripple, its order, and its amplitudes (cosine, sine).
@@ -218,6 +224,12 @@ fn explained(stretches: &[Stretch], phasors: &[Vec<(f64, f64)>]) -> (f64, [f64; 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn neighbours_of_an_order_are_a_turn_out_at_the_end() {
+        let [less, more] = a_turn_out(2.0, 50.0).map(|order| order * 50.0 - 100.0);
+        assert!((less + 2.0 * PI).abs() < 1e-9 && (more - 2.0 * PI).abs() < 1e-9, "{less} {more}");
+    }
 
     /// Engagements of one drive, each a second of slip at 100 Hz, under a ripple of this order and phase of the slip angle that has grown since the drive began: with an open clutch, and
     /// backwards while the car pushes its engine.

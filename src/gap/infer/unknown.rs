@@ -5,11 +5,11 @@
 //! size of a fault worth the name or some times that; sizes are summed over, and the places that gain most are fitted, with a form of their own.
 
 use super::coordinate::Coordinate;
-use super::density::{Baseline, Basis, ByAccuracy, ByPhase, Point, Problem, STEERING, WHOLE, overall};
+use super::density::{Baseline, Basis, ByAccuracy, ByPhase, Function, Point, Problem, STEERING, WHOLE, overall};
 use super::fit::{Fit, Free, LOOK, fit, mean_covariance};
 use super::form::{are_as_large, forms, of_law};
 use super::linear::{Columns, Frame, Known, Normal, Products, assemble, by_phase, to_powers};
-use super::search::{DRAGGED, Hypothesis, log_prior, moments};
+use super::search::{DRAGGED, Hypothesis, MOST_BYTES, log_prior, moments};
 use super::weigh::Information;
 use crate::effects::Subsystem;
 use crate::gap::model::column::Column;
@@ -18,6 +18,7 @@ use crate::gap::model::replay::Missing;
 use crate::gap::model::unknown_clutch::hides;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use std::collections::HashSet;
 use std::sync::Arc;
 
 /// Prior probability that some law is missing in a given subsystem.
@@ -84,8 +85,9 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
     for place in Subsystem::ALL.into_iter().filter(|p| !hides(&problem.tracks, *p)) {
         found.push(promised(problem, of, [&sharp, &coarse], place));
         found.sort_by(|a, b| b.unknown.lead.total_cmp(&a.unknown.lead));
-        // The functions of all places would take more memory than anything else.
-        found.iter_mut().skip(FITTED).for_each(Promised::let_go);
+        // The functions of all places would take more memory than anything else; those of long drives do so already if they are of two.
+        let held = if found.iter().map(Promised::bytes).sum::<usize>() > MOST_BYTES { 1 } else { FITTED };
+        found.iter_mut().skip(held).for_each(Promised::let_go);
     }
     // Tolerances that the gap bent are no good start for a law that explains it.
     let bent = of.fit.pull() > DRAGGED;
@@ -100,10 +102,13 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
             *promise = promised(problem, of, [&sharp, &coarse], promise.unknown.law.place);
         }
         let Promised { unknown: u, size, known } = promise;
-        *u = beside(problem, &of.effects, &u.law, &of.fit.point, Some(Known::Law(&std::mem::take(known))));
+        let begun = Begun::new(problem, &of.effects, &u.law, &of.fit.point, Some(Known::Law(known)));
+        // They take more memory than anything else, and are not needed any more.
+        *known = Vec::new();
+        *u = begun.finished(problem, &of.effects, &u.law);
         if bent {
             let mut basis = functions(problem, &straight, u.law.place);
-            basis.iter_mut().flatten().for_each(|f| f.scale(*size));
+            scale(&mut basis, *size);
             basis.extend(u.law.basis.iter().skip(basis.len()).cloned());
             let other = beside(problem, &of.effects, &Law { basis, ..u.law }, &straight, None);
             if other.lead > u.lead {
@@ -127,6 +132,13 @@ struct Promised {
 }
 
 impl Promised {
+    /// Memory of the functions and derivatives.
+    fn bytes(&self) -> usize {
+        let mut seen = HashSet::new();
+        let columns: usize = self.known.iter().flatten().map(|c| c.bytes(&mut seen)).sum();
+        columns + self.unknown.law.basis.iter().flat_map(|f| f.iter()).map(Missing::bytes).sum::<usize>()
+    }
+
     /// Lets go of the functions and derivatives.
     fn let_go(&mut self) {
         (self.unknown.law.basis, self.known) = (Basis::new(), Vec::new());
@@ -156,8 +168,8 @@ fn promised(problem: &Problem, of: &Hypothesis, [sharp, coarse]: [&Mode; 2], pla
     let log_odds = (PLACE_PRIOR / (1.0 - PLACE_PRIOR)).ln() + as_good.ln();
     let states = basis.len();
     let mut timed = if best.time > 0.0 { linear(&changes, basis.len()) } else { Basis::new() };
-    basis.iter_mut().flatten().for_each(|f| f.scale(best.states));
-    timed.iter_mut().flatten().for_each(|f| f.scale(best.time));
+    scale(&mut basis, best.states);
+    scale(&mut timed, best.time);
     basis.extend(timed);
     let (lead, log_posterior) = (of.lead + best.gain + log_odds, of.log_posterior + best.coarse + log_odds);
     // With another accuracy all phases have nearly the same share of their power.
@@ -176,26 +188,50 @@ fn promised(problem: &Problem, of: &Hypothesis, [sharp, coarse]: [&Mode; 2], pla
 
 /// A missing law at a place beside a set with the forms of its effects, fitted from a point. `known` are derivatives there.
 pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, known: Option<Known>) -> Unknown {
-    let count = law.basis.len();
-    let of_effects = forms(problem, start, effects);
-    let mut all: Basis = law.basis.iter().chain(&of_effects).cloned().collect();
-    let mut start = start.clone();
-    start.missing.truncate(count);
-    let mut formless = fit(problem, Free { effects, basis: Some(&all) }, &start, LOOK + 2, known);
-    // Effects that the law leaves nothing to do have next to no form either.
-    let there = forms(problem, &formless.point, effects);
-    if !are_as_large(&there, &of_effects) {
-        all.splice(count.., there);
-        let mut from = formless.point.clone();
+    Begun::new(problem, effects, law, start, known).finished(problem, effects, law)
+}
+
+/// A fit of a missing law that lacks the law's own form.
+struct Begun {
+    /// Functions of the law and of the effects' forms.
+    basis: Basis,
+    fit: Fit,
+}
+
+impl Begun {
+    fn new(problem: &Problem, effects: &[usize], law: &Law, start: &Point, known: Option<Known>) -> Self {
+        let count = law.basis.len();
+        let of_effects = forms(problem, start, effects);
+        let mut basis: Basis = law.basis.iter().chain(&of_effects).cloned().collect();
+        let mut start = start.clone();
+        start.missing.truncate(count);
+        let begun = fit(problem, Free { effects, basis: Some(&basis) }, &start, LOOK + 2, known);
+        // Effects that the law leaves nothing to do have next to no form either.
+        let there = forms(problem, &begun.point, effects);
+        if are_as_large(&there, &of_effects) {
+            return Self { basis, fit: begun };
+        }
+        basis.splice(count.., there);
+        let mut from = begun.point.clone();
         from.missing.truncate(count);
-        formless = fit(problem, Free { effects, basis: Some(&all) }, &from, LOOK, formless.known());
+        let fit = fit(problem, Free { effects, basis: Some(&basis) }, &from, LOOK, begun.known());
+        Self { basis, fit }
     }
-    let form = of_law(problem, &formless.point, &all, count);
-    let all: Basis = all.into_iter().chain(form).collect();
-    let fitted = fit(problem, Free { effects, basis: Some(&all) }, &formless.point, LOOK, formless.known_with_law());
+
+    fn finished(self, problem: &Problem, effects: &[usize], law: &Law) -> Unknown {
+        let count = law.basis.len();
+        let form = of_law(problem, &self.fit.point, &self.basis, count);
+        let all: Basis = self.basis.into_iter().chain(form).collect();
+        let fitted = fit(problem, Free { effects, basis: Some(&all) }, &self.fit.point, LOOK, self.fit.known_with_law());
+        weighed(problem, effects, law, &all, &fitted)
+    }
+}
+
+/// What a fit of a law and its form says. Functions of the basis from the law's on are those of forms.
+fn weighed(problem: &Problem, effects: &[usize], law: &Law, all: &Basis, fitted: &Fit) -> Unknown {
     let prior = log_prior(effects.len()) + law.log_odds;
     let at = |powers| {
-        let (evidence, fit) = fitted.weighed(problem, &all, count, powers);
+        let (evidence, fit) = fitted.weighed(problem, all, law.basis.len(), powers);
         (evidence + prior + moments(&fit, effects), fit)
     };
     let (lead, sharp) = at(WHOLE);
@@ -205,25 +241,31 @@ pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, kn
     let (log_posterior, fitted) = believed[STEERING].clone();
     let mean_covariance = mean_covariance(believed.map(|(_, fit)| fit));
     // Functions are eliminated, and their derivatives are let go: there may be hundreds.
-    let kept = fitted.shared.iter().filter(|c| !matches!(c, Coordinate::Missing(_))).count();
-    let functions = fitted.shared.len() - kept;
-    let without = |c: &Columns| c[..kept].iter().chain(&c[kept + functions..]).cloned().collect();
-    let columns = Arc::new(fitted.columns.iter().map(without).collect());
+    let columns = Arc::new(fitted.columns.iter().map(|c| without_functions(c, &fitted.shared)).collect());
     let fit = Fit { columns, parts: Arc::default(), mean_covariance, exact, ..fitted.marginal() };
     Unknown { effects: effects.to_vec(), law: law.clone(), lead, log_posterior, by_accuracy, fit: Some(fit) }
 }
 
+/// Derivatives along these shared coordinates and then the own ones, but for those along functions.
+fn without_functions(columns: &Columns, shared: &[Coordinate]) -> Columns {
+    let is_function = |k: usize| matches!(shared.get(k), Some(Coordinate::Missing(_)));
+    columns.iter().enumerate().filter(|(k, _)| !is_function(*k)).map(|(_, c)| c.clone()).collect()
+}
+
 /// Functions of the law at `place`, as a point's car would see them.
 fn functions(problem: &Problem, point: &Point, place: Subsystem) -> Basis {
-    let by_track: Vec<Vec<Missing>> = (0..problem.tracks.len())
-        .into_par_iter()
-        .map(|k| {
-            let car = problem.car(point, Some(k));
-            missing::functions(place, &problem.tracks[k], &problem.filters[k], &car, problem.temperatures(point, k))
-        })
-        .collect();
-    let count = by_track.first().map_or(0, Vec::len);
-    (0..count).map(|f| by_track.iter().map(|t| t[f].clone()).collect()).collect()
+    let of_track = |k: usize| {
+        let car = problem.car(point, Some(k));
+        missing::functions(place, &problem.tracks[k], &problem.filters[k], &car, problem.temperatures(point, k)).into_iter()
+    };
+    let mut by_track: Vec<_> = (0..problem.tracks.len()).into_par_iter().map(of_track).collect();
+    let count = by_track.first().map_or(0, ExactSizeIterator::len);
+    (0..count).map(|_| by_track.iter_mut().map(|t| t.next().expect("as many of every track")).collect()).collect()
+}
+
+/// Makes functions that many times as large.
+fn scale(basis: &mut Basis, by: f64) {
+    basis.iter_mut().for_each(|f| Arc::make_mut(f).iter_mut().for_each(|one| one.scale(by)));
 }
 
 /// Functions from this one on as what they change in the innovations, for which nothing has to be replayed.
@@ -259,7 +301,7 @@ impl<'a> Mode<'a> {
     fn columns(&self, further: &Basis) -> Vec<Columns> {
         let one = |r: usize| {
             let from = self.problem.baseline(r, &self.fit.point, Some(self.basis), Some(&self.fit.residuals[r]));
-            let change = |function: &Vec<Missing>| Column::new(&self.change(r, &from, function[r].clone()));
+            let change = |function: &Function| Column::new(&self.change(r, &from, function[r].clone()));
             further.par_iter().map(change).collect()
         };
         (0..self.problem.tracks.len()).into_par_iter().map(one).collect()
@@ -355,6 +397,14 @@ impl<'a> Mode<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn derivatives_along_functions_are_left_out() {
+        let columns: Columns = (1..=5).map(|k| Column::new(&[f64::from(k)])).collect();
+        let shared = [Coordinate::Shared(0), Coordinate::Missing(0), Coordinate::Missing(1), Coordinate::Effect(3)];
+        let kept: Vec<f64> = without_functions(&columns, &shared).iter().flat_map(|c| c.values().collect::<Vec<_>>()).collect();
+        assert_eq!(kept, [1.0, 4.0, 5.0]);
+    }
 
     /// Odds of three million to one are no longer made up for by a fit that beats its promise.
     #[test]

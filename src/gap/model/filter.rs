@@ -255,11 +255,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
             }
             // While the command asks for an open clutch only the samples say that it still holds: as well as they would have shown slip.
             if !closed(k) {
-                let slip = (LOCKED_MEAN * slip_noise(with)).powi(2) / (total * total);
-                q[(OMEGA_F, OMEGA_F)] += slip * j_c * j_c;
-                q[(OMEGA_C, OMEGA_C)] += slip * j_f * j_f;
-                q[(OMEGA_F, OMEGA_C)] -= slip * j_f * j_c;
-                q[(OMEGA_C, OMEGA_F)] -= slip * j_f * j_c;
+                q += of_slip((LOCKED_MEAN * slip_noise(with)).powi(2), j_f, j_c);
             }
         } else if pinned {
             f[(OMEGA_C, ENGINE)] = f[(OMEGA_F, ENGINE)] / j_c;
@@ -300,6 +296,13 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     let (phase, stands) = ((0..n).map(phase).collect(), stands(track, &speeds[1], with.noise[1].white, braking));
     let pinned = locked.iter().map(|locked| unknown.is_some() && !locked).collect();
     Filter { gains, bench, log_det, stands, pinned, phase, inertia: [j_f, j_c], samples }
+}
+
+/// Covariance of both speeds if their difference has this variance, (rad/s)², and no momentum is added.
+fn of_slip(variance: f64, j_f: f64, j_c: f64) -> Covariance {
+    let mut v = SVector::<f64, STATES>::zeros();
+    (v[OMEGA_F], v[OMEGA_C]) = (j_c / (j_f + j_c), -j_f / (j_f + j_c));
+    v * v.transpose() * variance
 }
 
 /// Covariance where a clutch of unknown torque begins to slip (`pinned`), or is locked again. While it slips the flywheel follows what was measured, and the disc's state is
@@ -471,4 +474,22 @@ fn bench(
             })
             .collect()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slip_adds_no_momentum() {
+        let (j_f, j_c) = (0.2, 1.7);
+        let q = of_slip(0.09, j_f, j_c);
+        let variance = |of_f: f64, of_c: f64| {
+            let mut h = SVector::<f64, STATES>::zeros();
+            (h[OMEGA_F], h[OMEGA_C]) = (of_f, of_c);
+            h.dot(&(q * h))
+        };
+        assert!((variance(1.0, -1.0) - 0.09).abs() < 1e-12 && variance(j_f, j_c).abs() < 1e-12);
+        assert!((q.trace() - variance(1.0, 0.0) - variance(0.0, 1.0)).abs() < 1e-12);
+    }
 }

@@ -7,6 +7,7 @@ use super::tolerance::{Car, Signal};
 use super::track::{Channel, Track};
 use super::unknown_clutch;
 use crate::effects::param;
+use crate::plant::events::common_speed;
 use crate::plant::{Inputs, Outputs, Plant, Start, sensed};
 use std::ops::Range;
 
@@ -53,6 +54,11 @@ impl Missing {
     fn replayed_mut(&mut self) -> [&mut Vec<f64>; 7] {
         let ([f, c], [sensed_f, sensed_c], [bearing, disc]) = (&mut self.torque, &mut self.sensed, &mut self.bench);
         [f, c, &mut self.clutch, sensed_f, sensed_c, bearing, disc]
+    }
+
+    /// Memory in bytes of what a replay has to know of.
+    pub fn bytes(&self) -> usize {
+        self.replayed().into_iter().chain([&self.way]).map(|values| size_of_val(&**values)).sum()
     }
 
     /// Makes the law that many times as large.
@@ -117,7 +123,7 @@ pub fn start(track: &Track, car: &Car, row: usize, theta: [f64; 2], noise: f64) 
         let omega_f = unknown.omega_f(track.time[row] + unknown_clutch::age_of_flywheel(car));
         let locked = unknown.locked[track.observation_of(row)];
         let d = &car.vehicle.driveline;
-        let common = (d.J_f * omega_f + d.J_c * omega_c) / (d.J_f + d.J_c);
+        let common = common_speed([d.J_f, d.J_c], [omega_f, omega_c]);
         let [omega_f, omega_c] = if locked { [common; 2] } else { [omega_f, omega_c] };
         return Start { omega_f, omega_c, theta_c: theta[0], theta_b: theta[1] };
     }
