@@ -47,6 +47,7 @@ fn learned_at(car: &Car, place: Subsystem, or_at: &[Subsystem]) -> (Tried, Close
         place: Some(place),
         log_posterior: 0.0,
         by_accuracy: Default::default(),
+        strains: Default::default(),
         probability: 1.0,
         fit: Some(fit(&problem, Free::default(), &nominal, 0, None)),
     };

@@ -4,7 +4,7 @@ use super::error::CommandError;
 use crate::campaign::Campaign;
 use std::path::Path;
 
-/// What a row of a campaign takes in a diagnosis at most, bytes: 3 to 5 kB were measured on bench campaigns and drives of 8 000 to 800 000 rows (`benches/scale.sh`).
+/// What a row of a campaign takes in a diagnosis at most, bytes: 2.5 to 5 kB were measured on bench campaigns and drives of 8 000 to 800 000 rows (`benches/scale.sh`).
 const BYTES_PER_ROW: u64 = 5_000;
 
 /// # Errors

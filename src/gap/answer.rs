@@ -267,6 +267,8 @@ pub struct Which {
     pub tolerances: BTreeMap<String, Real>,
     /// The most probable explanations.
     pub explanations: Vec<Weighed>,
+    /// Probability that none of the explanations compared holds: those that are probable strain the tolerances of the vehicle file.
+    pub beyond: Real,
     /// Strongest correlations of an effect's parameter with another unknown.
     pub correlations: Vec<Correlation>,
 }

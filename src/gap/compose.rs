@@ -206,6 +206,7 @@ fn which(f: &Findings) -> Which {
                 behind: Real(best - e.log_posterior),
             })
             .collect(),
+        beyond: Real(f.posterior.beyond),
         correlations: correlations(f),
     }
 }
@@ -475,7 +476,15 @@ mod tests {
     }
 
     fn believed(effects: &[usize], probability: f64) -> Explanation {
-        Explanation { effects: effects.to_vec(), place: None, by_accuracy: [0.0; 3], log_posterior: 0.0, probability, fit: None }
+        Explanation {
+            effects: effects.to_vec(),
+            place: None,
+            by_accuracy: [0.0; 3],
+            strains: [0.0; 3],
+            log_posterior: 0.0,
+            probability,
+            fit: None,
+        }
     }
 
     #[test]

@@ -438,6 +438,7 @@ mod tests {
             effects: vec![moves],
             place: None,
             by_accuracy: Default::default(),
+            strains: Default::default(),
             log_posterior: 0.0,
             probability: 1.0,
             fit: Some(fit.clone()),

@@ -272,6 +272,7 @@ mod tests {
             effects: effects.clone(),
             place: None,
             by_accuracy: Default::default(),
+            strains: Default::default(),
             log_posterior: 0.0,
             probability: 1.0,
             fit: None,
@@ -405,7 +406,7 @@ mod tests {
         let mut explanations: Vec<Explanation> = without.into_iter().map(|(rest, cost)| of(&ordered(rest), cost)).collect();
         explanations.push(best.clone());
         let search = Search::made_up(vec![Hypothesis::made_up(&[], fit(90))]);
-        let found = shares(&search, &Posterior { explanations, base_misfit: 90.0 }, &best);
+        let found = shares(&search, &Posterior { explanations, beyond: 0.0, base_misfit: 90.0 }, &best);
         assert_eq!(found, [(Subsystem::Driveline, 50.0 / 80.0), (Subsystem::Friction, 30.0 / 80.0)]);
     }
 }

@@ -15,6 +15,9 @@ const MARK: char = '\u{1}';
 /// Nats from which an explanation is ahead of all others for certain, as far as the library goes.
 const AHEAD: f64 = 7.0;
 
+/// Nats from which it is settled for most purposes: odds of 20 to one.
+const SETTLED: f64 = 3.0;
+
 /// Nats below which two explanations are as probable as each other: odds of 1.05 to one.
 const EQUAL: f64 = 0.05;
 
@@ -175,19 +178,31 @@ pub fn confidence(diagnosis: &Value) -> Option<String> {
             format!("{} to one", number((r / unit).round() * unit, 2))
         }
     };
-    let said = match behind {
+    let (beyond, ahead_of_none) = beyond(diagnosis);
+    let said = match behind.min(ahead_of_none) {
         b if b < 1.0 => "Not settled",
-        b if b < 3.0 => "Tentative",
+        b if b < SETTLED => "Tentative",
         b if b < AHEAD => "Likely",
         _ => "Clear",
     };
+    let none = format!(
+        " With a probability of {} % none of the explanations compared holds: they strain the tolerances of the vehicle file.",
+        number(100.0 * beyond, 2)
+    );
+    let none = if ahead_of_none < SETTLED { &none } else { "" };
     if behind < EQUAL {
-        return Some(format!("{said}. Next best: {name}, which is just as probable."));
+        return Some(format!("{said}. Next best: {name}, which is just as probable.{none}"));
     }
     Some(format!(
-        "{said}. Next best: {name}, {} nats behind (odds of {odds}, if the true cause is among those compared).",
+        "{said}. Next best: {name}, {} nats behind (odds of {odds}, if the true cause is among those compared).{none}",
         number(behind, 2)
     ))
+}
+
+/// Probability that none of the explanations compared holds, and how many nats that is behind them.
+fn beyond(diagnosis: &Value) -> (f64, f64) {
+    let beyond = real(&diagnosis["which"], "beyond").unwrap_or(0.0);
+    (beyond, ((1.0 - beyond) / beyond).ln())
 }
 
 /// Whether nothing stands in the place of what is named.
@@ -195,7 +210,8 @@ pub fn settled(diagnosis: &Value) -> bool {
     let rivals = list(&diagnosis["which"], "effects").iter().any(|e| !texts(e, "ambiguous_with").is_empty());
     let elsewhere = !texts(&diagnosis["where"], "ambiguous_with").is_empty();
     let taken_back = !diagnosis["which"]["taken_back"].is_null();
-    !rivals && !elsewhere && !taken_back && next_best(diagnosis).is_none_or(|(_, behind)| behind >= 3.0)
+    let compared = beyond(diagnosis).1 >= SETTLED;
+    !rivals && !elsewhere && !taken_back && compared && next_best(diagnosis).is_none_or(|(_, behind)| behind >= SETTLED)
 }
 
 /// Header of the report.
@@ -300,4 +316,30 @@ fn tile(name: &str, value: &str, note: &str) -> String {
 /// What the rivals of a place are called in a sentence.
 pub fn or_places(ids: &[&str]) -> String {
     alternatives(&ids.iter().map(|id| format!("<b>{}</b>", escape(&names::place(id)))).collect::<Vec<_>>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn what_none_of_the_explanations_accounts_for_is_said() {
+        let with = |beyond: f64| {
+            let explanation = |id: &str, behind: f64| json!({"effects": [id], "missing_law": null, "probability": 0.5, "behind": behind});
+            let explanations = [explanation("vehicle_mass", 0.0), explanation("friction_level", 9.0)];
+            json!({"which": {"effects": [{"id": "vehicle_mass"}], "explanations": explanations, "beyond": beyond}, "where": {}})
+        };
+        for (beyond, word, none, is_settled) in [
+            (1e-6, "Clear", false, true),
+            (0.02, "Likely", false, true),
+            (0.2, "Tentative", true, false),
+            (0.68, "Not settled", true, false),
+        ] {
+            let said = confidence(&with(beyond)).unwrap();
+            assert!(said.starts_with(word) && said.contains("none of the explanations") == none, "{beyond}: {said}");
+            assert!(!none || said.contains(&format!("{} %", 100.0 * beyond)), "{said}");
+            assert_eq!(settled(&with(beyond)), is_settled, "{beyond}");
+        }
+    }
 }

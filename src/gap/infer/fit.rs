@@ -33,6 +33,8 @@ pub struct Fit {
     pub own: Vec<Coordinate>,
     /// Products of the derivatives, by recording and phase of the clutch.
     pub parts: Arc<Vec<ByPhase<Products>>>,
+    /// Sum of the squares of the shared nuisances where the likelihood to the power with which it was weighed has its mode; none before it is weighed.
+    pub strain: f64,
     /// Size of the effects' forms relative to that with which they were fitted: root mean square over the sizes that it may have, by their evidence; 1 before they are weighed.
     pub form_size: f64,
     /// Covariance of the shared coordinates but for functions, the mean over the accuracies that an explanation may have; none before they are weighed, or where the
@@ -138,6 +140,7 @@ impl Fit {
             columns: Arc::default(),
             own: Vec::new(),
             parts: Arc::default(),
+            strain: 0.0,
             form_size: 1.0,
             mean_covariance: None,
             exact: identity,
@@ -269,6 +272,7 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
         columns: Arc::new(columns),
         own,
         parts: Arc::new(parts),
+        strain: 0.0,
         form_size: 1.0,
         mean_covariance: None,
     }

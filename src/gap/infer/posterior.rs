@@ -5,7 +5,7 @@
 use super::density::{ACCURACIES, ByAccuracy, Point, Problem};
 use super::fit::Fit;
 use super::search::{Hypothesis, MOST_EFFECTS, Search, moment, taken_over};
-use super::unknown::{Unknown, beside, places};
+use super::unknown::{PLACE_PRIOR, Unknown, beside, places};
 use super::weigh::log_sum;
 use crate::effects::{REGISTRY, Subsystem};
 use std::f64::consts::LN_2;
@@ -19,6 +19,8 @@ pub struct Explanation {
     pub place: Option<Subsystem>,
     /// Logarithm of the posterior for each accuracy that explanations may have, nats, up to a constant of its own.
     pub by_accuracy: ByAccuracy<f64>,
+    /// [`Fit::strain`] for each accuracy, if it was fitted.
+    pub strains: ByAccuracy<f64>,
     /// Logarithm of the posterior, the mean over accuracies, nats.
     pub log_posterior: f64,
     /// Posterior probability.
@@ -32,6 +34,8 @@ pub struct Explanation {
 pub struct Posterior {
     /// All explanations that were weighed.
     pub explanations: Vec<Explanation>,
+    /// Probability that none of them holds, see [`strained`].
+    pub beyond: f64,
     /// Misfit of the car within its tolerances.
     pub base_misfit: f64,
 }
@@ -93,6 +97,7 @@ pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Poste
             place: None,
             log_posterior: f64::NEG_INFINITY,
             by_accuracy: h.by_accuracy,
+            strains: h.strains,
             probability: 0.0,
             fit: Some(h.fit.clone()),
         });
@@ -123,12 +128,13 @@ pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Poste
         place: Some(u.law.place),
         log_posterior: f64::NEG_INFINITY,
         by_accuracy: u.by_accuracy.map(|l| l + apart),
+        strains: u.strains,
         probability: 0.0,
         fit: u.fit,
     }));
-    average(&mut all);
+    let beyond = average(&mut all, problem.shared.len());
     order(&mut all, |e| e.fit.is_some());
-    Posterior { explanations: all, base_misfit: search.base().fit.misfit() }
+    Posterior { explanations: all, beyond, base_misfit: search.base().fit.misfit() }
 }
 
 /// Logarithm of the factor that the prior of a missing law has because it is none of the library's, from the sets that have an effect of its subsystem instead.
@@ -179,13 +185,23 @@ fn departure(with_neither: f64, with_it: f64, with_other: f64) -> f64 {
 /// Least square of a departure that counts: fits do not end nearer to their modes.
 const LEAST_DEPARTURE: f64 = 1e-3;
 
-/// Probabilities: the mean over the accuracies that explanations may have, each as likely.
-fn average(all: &mut [Explanation]) {
-    average_of(all, |e| e.fit.is_some());
+/// Logarithm of how much more probable than an explanation it is that none of those compared holds, if the squares of that one's tolerances, so many, come to this.
+///
+/// No more than one missing law is compared. Two of them in two subsystems have the prior odds of their places; what they would leave beside the explanation's effects is not
+/// worked out, and taken to be as much as the explanation leaves, with tolerances as those of cars are: their squares come to their number.
+fn strained(strain: f64, tolerances: usize) -> f64 {
+    let places = Subsystem::ALL.len() as f64;
+    0.5 * (strain - tolerances as f64) + (0.5 * places * (places - 1.0)).ln() + 2.0 * PLACE_PRIOR.ln()
+}
+
+/// Probabilities: the mean over the accuracies that explanations may have, each as likely. Returns that of none of them.
+fn average(all: &mut [Explanation], tolerances: usize) -> f64 {
+    average_of(all, tolerances, |e| e.fit.is_some())
 }
 
 /// The same where this tells what was fitted.
-fn average_of(all: &mut [Explanation], is_fitted: impl Fn(&Explanation) -> bool) {
+fn average_of(all: &mut [Explanation], tolerances: usize, is_fitted: impl Fn(&Explanation) -> bool) -> f64 {
+    let mut beyond = 0.0;
     let fitted: Vec<bool> = all.iter().map(is_fitted).collect();
     let mut shares: Vec<Vec<f64>> = vec![Vec::new(); all.len()];
     for c in 0..ACCURACIES.len() {
@@ -193,13 +209,17 @@ fn average_of(all: &mut [Explanation], is_fitted: impl Fn(&Explanation) -> bool)
         // What was not fitted is only promised: it weighs no more than the best that was, and half as much if it would.
         let weight = |(e, fitted): (&Explanation, &bool)| (e.by_accuracy[c] - most).min(0.0) - if *fitted { 0.0 } else { LN_2 };
         let logs: Vec<f64> = all.iter().zip(&fitted).map(weight).collect();
-        let sum = log_sum(&logs);
+        let none = all.iter().zip(&logs).zip(&fitted).filter(|(_, f)| **f).map(|((e, log), _)| log + strained(e.strains[c], tolerances));
+        let none = none.fold(f64::NEG_INFINITY, f64::max);
+        let sum = log_sum(&[log_sum(&logs), none]);
+        beyond += (none - sum).exp() / ACCURACIES.len() as f64;
         shares.iter_mut().zip(logs).for_each(|(s, l)| s.push(l - sum));
     }
     for (e, shares) in all.iter_mut().zip(shares) {
         e.log_posterior = log_sum(&shares) - (ACCURACIES.len() as f64).ln();
         e.probability = e.log_posterior.exp();
     }
+    beyond
 }
 
 /// The most probable explanation first; but not that nothing is wrong where it is likelier that something is: effects that look alike share what one of them would
@@ -261,7 +281,32 @@ mod tests {
     use super::*;
 
     fn explanation(effects: &[usize], by_accuracy: ByAccuracy<f64>) -> Explanation {
-        Explanation { effects: effects.to_vec(), place: None, by_accuracy, log_posterior: 0.0, probability: 0.0, fit: None }
+        let strains = [0.0; ACCURACIES.len()];
+        Explanation { effects: effects.to_vec(), place: None, by_accuracy, strains, log_posterior: 0.0, probability: 0.0, fit: None }
+    }
+
+    /// Tolerances of which none is strained.
+    const MANY: usize = 100;
+
+    /// Eighteen tolerances. Strained as much as they are expected to be, the odds that two laws are missing that nobody compares are 21 pairs of places with 0.012² each; by 20 nats more
+    /// hardly anything else is left, and what is believed is then what strains them less.
+    #[test]
+    fn explanations_that_strain_tolerances_leave_room_for_what_nobody_compares() {
+        let of = |strains: [f64; 2]| {
+            let mut all =
+                [1, 2].map(|k| Explanation { strains: [strains[k - 1]; 3], ..explanation(&[k], [if k == 1 { 30.0 } else { 0.0 }; 3]) });
+            let beyond = average_of(&mut all, 18, |_| true);
+            let sum: f64 = all.iter().map(|e| e.probability).sum();
+            assert!((sum + beyond - 1.0).abs() < 1e-12);
+            (beyond, all[0].probability)
+        };
+        let odds = 21.0 * 0.012_f64.powi(2);
+        let (beyond, _) = of([18.0, 0.0]);
+        assert!((beyond - odds / (1.0 + odds)).abs() < 1e-9, "{beyond}");
+        let (beyond, first) = of([18.0 + 40.0, 0.0]);
+        let expected = odds * 20.0_f64.exp();
+        assert!((beyond - expected / (1.0 + expected)).abs() < 1e-9 && (first - 1.0 / (1.0 + expected)).abs() < 1e-9, "{beyond} {first}");
+        assert!(of([4.0, 4.0]).0 < 1e-5);
     }
 
     /// What an effect does to a thousandth is no law of its own; one that does twice as much as the effect pays its half, and one that an effect does nothing for pays nothing.
@@ -296,7 +341,7 @@ mod tests {
     fn what_is_believed_is_the_mean_over_how_exact_laws_may_be() {
         let ahead = [10.0, 2.0, -1.0];
         let mut all = [explanation(&[1], ahead.map(|a| a - 1e4)), explanation(&[2], [-1e4; 3])];
-        average_of(&mut all, |_| true);
+        average_of(&mut all, MANY, |_| true);
         let odds = |a: f64| 1.0 / (1.0 + (-a).exp());
         let expected = ahead.into_iter().map(odds).sum::<f64>() / 3.0;
         assert!((all[0].probability - expected).abs() < 1e-12, "{} {expected}", all[0].probability);
@@ -304,20 +349,20 @@ mod tests {
         // Nothing is wrong with 0.4, one of two effects that look alike with 0.6: one of these stands, and then comes what is more probable by itself.
         let [none, one, other] = [0.4_f64, 0.32, 0.28].map(f64::ln);
         let mut alike = [explanation(&[], [none; 3]), explanation(&[2], [other; 3]), explanation(&[1], [one; 3])];
-        average_of(&mut alike, |_| true);
+        average_of(&mut alike, MANY, |_| true);
         order(&mut alike, |_| true);
         assert_eq!(alike.each_ref().map(|e| e.effects.clone()), [vec![1], vec![], vec![2]]);
         alike[1].by_accuracy = [0.7_f64.ln(); 3];
-        average_of(&mut alike, |_| true);
+        average_of(&mut alike, MANY, |_| true);
         order(&mut alike, |_| true);
         assert!(alike[0].effects.is_empty());
         // The other is only promised: what was fitted is weighed without it.
         let mut alike = [explanation(&[], [none; 3]), explanation(&[2], [other; 3]), explanation(&[1], [one; 3])];
-        average_of(&mut alike, |e| e.effects != [2]);
+        average_of(&mut alike, MANY, |e| e.effects != [2]);
         order(&mut alike, |e| e.effects != [2]);
         assert!(alike[0].effects.is_empty());
         // A promise weighs at most half as much as the best that was fitted.
-        average_of(&mut all, |e| e.effects == [2]);
+        average_of(&mut all, MANY, |e| e.effects == [2]);
         assert!(all[0].probability < 1.0 / 3.0 + 1e-12, "{}", all[0].probability);
     }
 

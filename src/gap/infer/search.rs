@@ -33,6 +33,8 @@ pub struct Hypothesis {
     pub log_posterior: f64,
     /// The same for each accuracy that the explanation may have.
     pub by_accuracy: ByAccuracy<f64>,
+    /// [`Fit::strain`] for each of them.
+    pub strains: ByAccuracy<f64>,
 }
 
 impl Hypothesis {
@@ -45,11 +47,12 @@ impl Hypothesis {
         let (lead, sharp) = at(WHOLE);
         let all = problem.powers.map(at);
         let by_accuracy = all.each_ref().map(|(believed, _)| *believed);
+        let strains = all.each_ref().map(|(_, fit)| fit.strain);
         let (log_posterior, coarse) = all[STEERING].clone();
         let mean_covariance = mean_covariance(all.map(|(_, fit)| fit));
         let exact = sharp.marginal().curvature;
         let fit = Fit { point: sharp.point, mean_covariance, exact, ..coarse }.marginal();
-        Self { effects, fit, formed, basis, lead, log_posterior, by_accuracy }
+        Self { effects, fit, formed, basis, lead, log_posterior, by_accuracy, strains }
     }
 
     /// The same with its derivatives and functions, fitted anew if they were let go.
@@ -207,7 +210,8 @@ impl Hypothesis {
     /// A set with this fit, which nothing weighed.
     pub fn made_up(effects: &[usize], fit: Fit) -> Self {
         let (formed, none) = (fit.clone(), Default::default());
-        Self { effects: effects.to_vec(), fit, formed, basis: Basis::new(), lead: 0.0, log_posterior: 0.0, by_accuracy: none }
+        let (lead, log_posterior) = (0.0, 0.0);
+        Self { effects: effects.to_vec(), fit, formed, basis: Basis::new(), lead, log_posterior, by_accuracy: none, strains: none }
     }
 }
 

@@ -48,6 +48,8 @@ pub struct Unknown {
     pub log_posterior: f64,
     /// The same for each accuracy that the explanation may have.
     pub by_accuracy: ByAccuracy<f64>,
+    /// [`Fit::strain`] for each of them, if it was fitted.
+    pub strains: ByAccuracy<f64>,
     /// Fit, if it was fitted.
     pub fit: Option<Fit>,
 }
@@ -177,7 +179,7 @@ fn promised(problem: &Problem, of: &Hypothesis, [sharp, coarse]: [&Mode; 2], pla
     let gain = |powers: ByPhase<f64>| coarse.gain(&by, overall(powers) / problem.power());
     let by_accuracy = std::array::from_fn(|c| of.by_accuracy[c] + gain(problem.powers[c]) + log_odds);
     let law = Law { place, basis, log_odds };
-    let unknown = Unknown { effects: of.effects.clone(), law, lead, log_posterior, by_accuracy, fit: None };
+    let unknown = Unknown { effects: of.effects.clone(), law, lead, log_posterior, by_accuracy, strains: Default::default(), fit: None };
     let (own, kept) = (of.formed.own.len(), of.fit.shared.len());
     let known = mode.columns.iter().zip(&changes).map(|(free, law)| {
         let law = law[..states].iter().map(|c| c.times(best.states));
@@ -238,12 +240,13 @@ fn weighed(problem: &Problem, effects: &[usize], law: &Law, all: &Basis, fitted:
     let exact = sharp.marginal().curvature;
     let believed = problem.powers.map(at);
     let by_accuracy = believed.each_ref().map(|(believed, _)| *believed);
+    let strains = believed.each_ref().map(|(_, fit)| fit.strain);
     let (log_posterior, fitted) = believed[STEERING].clone();
     let mean_covariance = mean_covariance(believed.map(|(_, fit)| fit));
     // Functions are eliminated, and their derivatives are let go: there may be hundreds.
     let columns = Arc::new(fitted.columns.iter().map(|c| without_functions(c, &fitted.shared)).collect());
     let fit = Fit { columns, parts: Arc::default(), mean_covariance, exact, ..fitted.marginal() };
-    Unknown { effects: effects.to_vec(), law: law.clone(), lead, log_posterior, by_accuracy, fit: Some(fit) }
+    Unknown { effects: effects.to_vec(), law: law.clone(), lead, log_posterior, by_accuracy, strains, fit: Some(fit) }
 }
 
 /// Derivatives along these shared coordinates and then the own ones, but for those along functions.

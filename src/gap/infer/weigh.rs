@@ -138,9 +138,10 @@ impl Fit {
         let step = bounded_step(problem, &e, &frame, &point)?;
         let cost = misfit + prior(&point) - promise(&e, &step);
         let to = moved(problem, &frame, &e, &point, &step);
+        let strain = to.shared.iter().map(|z| z * z).sum();
         // What a power takes from the recordings is no reason to hand out another car.
         let point = if moves && problem.can_follow(&to) { to } else { self.point.clone() };
-        Some((laplace(cost, &e), Self { point, curvature: e.curvature, ..self.clone() }))
+        Some((laplace(cost, &e), Self { point, strain, curvature: e.curvature, ..self.clone() }))
     }
 }
 
