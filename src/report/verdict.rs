@@ -186,8 +186,8 @@ pub fn confidence(diagnosis: &Value) -> Option<String> {
         _ => "Clear",
     };
     let none = format!(
-        " With a probability of {} % none of the explanations compared holds: they strain the tolerances of the vehicle file.",
-        number(100.0 * beyond, 2)
+        " With a probability of {} none of the explanations compared holds: they strain the tolerances of the vehicle file.",
+        percent(beyond)
     );
     let none = if ahead_of_none < SETTLED { &none } else { "" };
     if behind < EQUAL {
@@ -338,7 +338,7 @@ mod tests {
         ] {
             let said = confidence(&with(beyond)).unwrap();
             assert!(said.starts_with(word) && said.contains("none of the explanations") == none, "{beyond}: {said}");
-            assert!(!none || said.contains(&format!("{} %", 100.0 * beyond)), "{said}");
+            assert!(!none || said.contains(&percent(beyond)), "{said}");
             assert_eq!(settled(&with(beyond)), is_settled, "{beyond}");
         }
     }
