@@ -64,7 +64,10 @@ fuzz_target!(|data: &[u8]| {
     }
     let sealed: Vec<u8> = words::bytes(guid, &payload).collect();
     if take_up(c, &sealed) {
-        assert_eq!(serialized(c), sealed, "a state that was taken up is written as it was read");
+        // A zero may lose its sign: no value is another for that.
+        let same = |a: &u64, b: &u64| a == b || (a | b) << 1 == 0;
+        let again = words::payload(guid, &serialized(c)).expect("our own state");
+        assert!(again.len() == payload.len() && again.iter().zip(&payload).all(|(a, b)| same(a, b)), "a state that was taken up is written as it was read");
         let mut t = 0.0;
         _ = fmi2GetRealStatus(c, LAST_SUCCESSFUL_TIME, &mut t);
         for _ in 0..5 {
