@@ -43,13 +43,10 @@ fn learned_at(car: &Car, place: Subsystem, or_at: &[Subsystem]) -> (Tried, Close
     let problem = prepare::problem(tracks, &vehicle, &tolerances, &with);
     let nominal = problem.nominal();
     let explanation = Explanation {
-        effects: Vec::new(),
         place: Some(place),
-        log_posterior: 0.0,
-        by_accuracy: Default::default(),
-        strains: Default::default(),
         probability: 1.0,
         fit: Some(fit(&problem, Free::default(), &nominal, 0, None)),
+        ..Explanation::default()
     };
     let conclusion = Conclusion {
         verdict: Verdict::Unexplained,

@@ -476,15 +476,7 @@ mod tests {
     }
 
     fn believed(effects: &[usize], probability: f64) -> Explanation {
-        Explanation {
-            effects: effects.to_vec(),
-            place: None,
-            by_accuracy: [0.0; 3],
-            strains: [0.0; 3],
-            log_posterior: 0.0,
-            probability,
-            fit: None,
-        }
+        Explanation { effects: effects.to_vec(), probability, ..Explanation::default() }
     }
 
     #[test]

@@ -115,9 +115,14 @@ fn diagnosed(
     if sensors::may_be_held(&ready.problem.tracks) {
         let campaign = with_inputs_held(campaign);
         let other = Ready::new(&campaign, &vehicle, &work)?;
-        if sensors::rather_held(&other.problem, &ready.problem, found.best()) {
-            (ready, thus) = (other, Some(campaign));
-            found = searched(&ready.problem, None);
+        if sensors::worth_holding(&other.problem, &ready.problem, found.best()) {
+            // Each with what suits it best, which need not be the same.
+            let mut there = searched(&other.problem, Some(&found));
+            exchange(&ready.problem, &mut found);
+            exchange(&other.problem, &mut there);
+            if sensors::rather_held((&other.problem, there.best()), (&ready.problem, found.best())) {
+                (ready, thus, found) = (other, Some(campaign), there);
+            }
         }
     }
     let held = thus.is_some();
@@ -434,15 +439,7 @@ mod tests {
         let moves = effects::find("kiss_point_thermal").unwrap();
         let fitted = |set: Vec<usize>| Hypothesis::fitted(&problem, set, &problem.nominal(), 12, None);
         let mut found = Search::made_up(vec![fitted(vec![moves]), fitted(Vec::new())]);
-        let of = |fit: &Fit| Explanation {
-            effects: vec![moves],
-            place: None,
-            by_accuracy: Default::default(),
-            strains: Default::default(),
-            log_posterior: 0.0,
-            probability: 1.0,
-            fit: Some(fit.clone()),
-        };
+        let of = |fit: &Fit| Explanation { effects: vec![moves], probability: 1.0, fit: Some(fit.clone()), ..Explanation::default() };
         let fit = found.best().fit.clone();
         let mut conclusion = Conclusion {
             verdict: Verdict::Explained,

@@ -268,15 +268,7 @@ mod tests {
     fn concluded(effects: &[&str]) -> Conclusion {
         let effects: Vec<usize> = effects.iter().map(|id| find(id).unwrap()).collect();
         let shares = effects.iter().map(|e| (REGISTRY[*e].effect.subsystem, 1.0 / effects.len() as f64)).collect();
-        let explanation = Explanation {
-            effects: effects.clone(),
-            place: None,
-            by_accuracy: Default::default(),
-            strains: Default::default(),
-            log_posterior: 0.0,
-            probability: 1.0,
-            fit: None,
-        };
+        let explanation = Explanation { effects: effects.clone(), probability: 1.0, ..Explanation::default() };
         let verdict = if effects.is_empty() { Verdict::NoGap } else { Verdict::Explained };
         Conclusion { verdict, probability: 1.0, explanation, effects, unexplained_at: None, shares, or_at: Vec::new(), taken_back: None }
     }

@@ -10,8 +10,8 @@ use super::weigh::log_sum;
 use crate::effects::{REGISTRY, Subsystem};
 use std::f64::consts::LN_2;
 
-/// One explanation with its share of the posterior.
-#[derive(Clone, Debug)]
+/// One explanation with its share of the posterior; nothing wrong, and not weighed, unless more is said.
+#[derive(Clone, Debug, Default)]
 pub struct Explanation {
     /// Effects, by their place in the registry, ascending.
     pub effects: Vec<usize>,
@@ -281,8 +281,7 @@ mod tests {
     use super::*;
 
     fn explanation(effects: &[usize], by_accuracy: ByAccuracy<f64>) -> Explanation {
-        let strains = [0.0; ACCURACIES.len()];
-        Explanation { effects: effects.to_vec(), place: None, by_accuracy, strains, log_posterior: 0.0, probability: 0.0, fit: None }
+        Explanation { effects: effects.to_vec(), by_accuracy, ..Explanation::default() }
     }
 
     /// Tolerances of which none is strained.

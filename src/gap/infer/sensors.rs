@@ -27,11 +27,16 @@ pub fn may_be_held(tracks: &[Track]) -> bool {
     tracks.iter().all(|t| misses(t.speed_interval()) && !t.jitters())
 }
 
-/// Whether recordings whose inputs are held (`held`) are likelier than the same ones whose inputs are not (`straight`), with the effects that suit the latter best.
-pub fn rather_held(held: &Problem, straight: &Problem, best: &Hypothesis) -> bool {
-    let log_det = |p: &Problem| 0.5 * p.filters.iter().map(|f| f.log_det).sum::<f64>();
+/// Whether recordings whose inputs are held (`held`) may be likelier than the same ones whose inputs are not (`straight`): they are so with the effects that suit the latter best.
+pub fn worth_holding(held: &Problem, straight: &Problem, best: &Hypothesis) -> bool {
     let fitted = Hypothesis::fitted(held, best.effects.clone(), &best.fit.point, TOLD_APART, None);
-    fitted.fit.log_evidence - log_det(held) > best.fit.log_evidence - log_det(straight) + WORTH_NATS
+    rather_held((held, &fitted), (straight, best))
+}
+
+/// Whether recordings whose inputs are held are likelier than the same ones whose inputs are not, each with a set of effects.
+pub fn rather_held(held: (&Problem, &Hypothesis), straight: (&Problem, &Hypothesis)) -> bool {
+    let likely = |(p, h): (&Problem, &Hypothesis)| h.fit.log_evidence - 0.5 * p.filters.iter().map(|f| f.log_det).sum::<f64>();
+    likely(held) > likely(straight) + WORTH_NATS
 }
 
 /// Iterations that tell inputs that are held from inputs that are not.
@@ -111,6 +116,20 @@ mod tests {
                 assert_eq!([late(0.99 * least), late(1.01 * least)], [false, true], "side {side}, interval {interval} s");
             }
         }
+    }
+
+    /// Eight nats are what it takes; a filter of greater covariance is one that explains less.
+    #[test]
+    fn inputs_are_held_if_that_is_likelier_by_more_than_a_parameter_costs() {
+        use crate::gap::infer::fit::Fit;
+        let mut straight = crate::gap::model::prepare::Example::read();
+        straight.campaign.recordings.truncate(1);
+        let (straight, _) = straight.problem(&straight.campaign.recordings.iter().collect::<Vec<_>>());
+        let mut wider = straight.clone();
+        wider.filters[0].log_det += 20.0;
+        let of = |log_evidence: f64| Hypothesis::made_up(&[], Fit { log_evidence, ..Fit::made_up(Vec::new()) });
+        let held = |problem: &Problem, by: f64| rather_held((problem, &of(100.0 + by)), (&straight, &of(100.0)));
+        assert_eq!([held(&straight, 7.9), held(&straight, 8.1), held(&wider, 17.9), held(&wider, 18.1)], [false, true, false, true]);
     }
 
     #[test]

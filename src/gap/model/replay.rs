@@ -421,6 +421,17 @@ mod tests {
         assert!(sum.sensed[1] == [0.25] && sum.bench.concat().is_empty() && !sum.is_linear() && Missing::default().is_linear());
     }
 
+    #[test]
+    fn memory_of_a_law_is_that_of_all_its_rows() {
+        let law = Missing {
+            torque: [vec![0.0; 3], Vec::new()],
+            sensed: [Vec::new(), vec![0.0; 2]],
+            way: vec![0.0],
+            ..Missing::of_clutch(vec![0.0])
+        };
+        assert_eq!((law.bytes(), Missing::default().bytes()), (7 * 8, 0));
+    }
+
     /// A push that exceeds the car's own rolling load sets a standing car in motion, unless a law adds more of it than the push has.
     #[test]
     fn a_rolling_load_of_a_law_holds_a_standing_car() {
