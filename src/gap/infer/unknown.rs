@@ -6,10 +6,10 @@
 
 use super::coordinate::Coordinate;
 use super::density::{Baseline, Basis, ByAccuracy, ByPhase, Function, Point, Problem, STEERING, WHOLE, overall};
-use super::fit::{Fit, Free, LOOK, fit, mean_covariance};
+use super::fit::{Fit, Free, fit, mean_covariance};
 use super::form::{are_as_large, forms, of_law};
 use super::linear::{Columns, Frame, Known, Normal, Products, assemble, by_phase, to_powers};
-use super::search::{DRAGGED, Hypothesis, MOST_BYTES, log_prior, moments};
+use super::search::{DRAGGED, Hypothesis, MOST_BYTES, STAY, log_prior, moments};
 use super::weigh::Information;
 use crate::effects::Subsystem;
 use crate::gap::model::column::Column;
@@ -207,7 +207,7 @@ impl Begun {
         let mut basis: Basis = law.basis.iter().chain(&of_effects).cloned().collect();
         let mut start = start.clone();
         start.missing.truncate(count);
-        let begun = fit(problem, Free { effects, basis: Some(&basis) }, &start, LOOK + 2, known);
+        let begun = fit(problem, Free { effects, basis: Some(&basis) }, &start, STAY, known);
         // Effects that the law leaves nothing to do have next to no form either.
         let there = forms(problem, &begun.point, effects);
         if are_as_large(&there, &of_effects) {
@@ -216,7 +216,7 @@ impl Begun {
         basis.splice(count.., there);
         let mut from = begun.point.clone();
         from.missing.truncate(count);
-        let fit = fit(problem, Free { effects, basis: Some(&basis) }, &from, LOOK, begun.known());
+        let fit = fit(problem, Free { effects, basis: Some(&basis) }, &from, STAY, begun.known());
         Self { basis, fit }
     }
 
@@ -224,7 +224,7 @@ impl Begun {
         let count = law.basis.len();
         let form = of_law(problem, &self.fit.point, &self.basis, count);
         let all: Basis = self.basis.into_iter().chain(form).collect();
-        let fitted = fit(problem, Free { effects, basis: Some(&all) }, &self.fit.point, LOOK, self.fit.known_with_law());
+        let fitted = fit(problem, Free { effects, basis: Some(&all) }, &self.fit.point, STAY, self.fit.known_with_law());
         weighed(problem, effects, law, &all, &fitted)
     }
 }
