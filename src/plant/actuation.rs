@@ -429,6 +429,29 @@ mod tests {
             assert_eq!(over_within(&lag(0.004, asymmetry), 0.01), Some(0.008));
         }
     }
+    /// A bearing of limited speed moves evenly until it slows down, exponentially from there, and not at all once it has arrived.
+    #[test]
+    fn a_piece_ends_where_a_bearing_slows_down() {
+        use crate::effects::{null, param::actuator_rate_limit};
+        use crate::plant::{Inputs, Plant, Start};
+        let vehicle = crate::vehicle::Vehicle::paper();
+        let piece = |approach: f64, distance: f64| {
+            let mut p = null();
+            (p[actuator_rate_limit::inverse_speed], p[actuator_rate_limit::approach]) = (0.06, approach);
+            let start = Start { omega_f: 200.0, omega_c: 0.0, theta_c: 25.0, theta_b: 25.0 };
+            let inputs = Inputs { x_to: 2.0, ..Inputs::default() };
+            let plant = Plant::new(&vehicle, &p, &start, &inputs);
+            smooth_for(&Config::new(&vehicle, &p), plant.state(), 2.0 + distance, MAX_SUBSTEP)
+        };
+        for sign in [1.0, -1.0] {
+            for (approach, distance, expected) in [(0.5, 2.0, 0.09), (0.0, 2.0, 0.12), (0.5, 0.2, 0.2 * 0.5 * 0.06)] {
+                let found = piece(approach, sign * distance);
+                assert!((found - expected).abs() < 1e-12, "{approach} {distance}: {found}");
+            }
+        }
+        assert_eq!([piece(0.5, 0.0), piece(0.0, 0.0)], [f64::MAX; 2]);
+    }
+
     /// What was learned of the engine's time constant, if it is 20 ms everywhere, is a lag that is 20 ms longer, of first order as of second.
     #[test]
     fn an_engine_that_was_learned_to_be_slower_throughout_has_a_longer_lag() {

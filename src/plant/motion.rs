@@ -305,3 +305,47 @@ pub fn stored_energy(config: &Config, y: &Motion) -> f64 {
     };
     0.5 * (d.J_f * y[OMEGA_F] * y[OMEGA_F] + disc * y[OMEGA_C] * y[OMEGA_C] + (d.J_c - disc) * y[OMEGA_V] * y[OMEGA_V] + spring)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::{null, param};
+    use crate::vehicle::Vehicle;
+
+    /// Shafts and tyres in series carry one torque: at the sum of what it twists each of them, it is found again, within the soft range and beyond.
+    #[test]
+    fn the_torque_of_shafts_and_tyres_is_found_from_their_common_twist() {
+        let (compliance, angle, slip_per_torque) = (1e-3, 0.02, 3e-4);
+        for share in [1.0, 0.3, 0.0] {
+            let mut p = null();
+            p[param::driveline_compliance::compliance] = compliance;
+            p[param::driveline_compliance::soft_angle] = angle;
+            p[param::driveline_compliance::soft_share] = share;
+            p[param::tyre_slip::slip_per_torque] = slip_per_torque;
+            p[param::tyre_slip::grip] = 60.0;
+            let config = Config::new(&Vehicle::paper(), &p);
+            let end = share * angle / compliance;
+            for torque in [0.5_f64, 5.9, 6.1, 19.0, 30.0, 55.0] {
+                let of_shafts = if torque < end { torque * compliance / share } else { (1.0 - share) * angle + torque * compliance };
+                let of_tyres = config.constants.tyre.deflection(torque);
+                for sign in [1.0, -1.0] {
+                    let mut y = [0.0; N];
+                    (y[TWIST], y[OMEGA_C], y[OMEGA_V]) = (sign * (of_shafts + of_tyres), 12.0, 8.0);
+                    let found = shafts(&config, &y);
+                    let near = |value: f64, expected: f64| (value - sign * expected).abs() < 1e-9 * (1.0 + expected);
+                    assert!(near(found.torque, torque) && near(found.tyres, of_tyres), "{share} {torque}: {found:?}");
+                    assert!(near(found.slip, 10.0 * of_tyres / config.constants.tyre.relaxation), "{share} {torque}: {found:?}");
+                }
+            }
+        }
+        // Lash carries nothing.
+        let mut p = null();
+        p[param::driveline_compliance::compliance] = compliance;
+        p[param::driveline_compliance::soft_angle] = angle;
+        p[param::driveline_compliance::soft_share] = 0.0;
+        p[param::tyre_slip::slip_per_torque] = slip_per_torque;
+        let mut y = [0.0; N];
+        y[TWIST] = 0.9 * angle;
+        assert_eq!(shafts(&Config::new(&Vehicle::paper(), &p), &y).torque, 0.0);
+    }
+}
