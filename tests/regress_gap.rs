@@ -118,7 +118,7 @@ fn logged() -> Vec<(&'static str, Vec<Recording>)> {
             "held",
             each(&|r| {
                 thinned(r);
-                r.held = true;
+                r.control_interval_s = Some(f64::INFINITY);
             }),
         ),
         (

@@ -149,8 +149,8 @@ pub struct Recording {
     pub theta_c: Option<Vec<f64>>,
     /// Whether the driver brakes, held (drives only).
     pub brake: Option<Vec<bool>>,
-    /// Whether the inputs are known to stay from each sample to the next one at any rate. A logger that is slower than the control unit may miss commands in between.
-    pub held: bool,
+    /// Interval at which the control unit is taken to compute, s; none for the usual one. A logger that is slower misses commands: inputs go straight from each sample to the next one. Else they are held.
+    pub control_interval_s: Option<f64>,
     /// Rows at which torque report and command have samples of their own; none where every row has one, or lacks it because it was lost.
     pub input_rows: [Option<Vec<usize>>; 2],
 }
@@ -175,7 +175,7 @@ impl Default for Recording {
             t_fc: None,
             theta_c: None,
             brake: None,
-            held: false,
+            control_interval_s: None,
             input_rows: [None, None],
         }
     }

@@ -10,8 +10,9 @@ use crate::campaign::{self, Campaign, ChannelMap, ReadOptions, Recording};
 use crate::effects::REGISTRY;
 use crate::fmu::{self, Beside, Extras, FmuError, library, ssv};
 use crate::gap::answer::plant_parameters;
-use crate::gap::diagnosis::{Diagnosis, diagnose, with_inputs_held};
+use crate::gap::diagnosis::{Diagnosis, diagnose};
 use crate::gap::map::{HIGH_TORQUE_NM, HOT_DEGC};
+use crate::gap::ready::commanded_every;
 use crate::report::{self, fleet};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -218,8 +219,8 @@ fn files(
     provenance: &[(String, String)],
     libraries: &[library::Library],
 ) -> Result<Vec<(&'static str, Vec<u8>)>, FmuError> {
-    let held = diagnosis.held.then(|| with_inputs_held(campaign));
-    let campaign = held.as_ref().unwrap_or(campaign);
+    let thus = diagnosis.control_interval_s.map(|s| commanded_every(campaign, s));
+    let campaign = thus.as_ref().unwrap_or(campaign);
     let traces = super::laws::traces(campaign, diagnosis);
     let report = report::html(&report::Input {
         name,

@@ -6,7 +6,7 @@ use super::domain::{self, Handed};
 use super::drive::{self, Drive};
 use super::empirical::{self, Tried};
 use super::free::Car;
-use super::held_out::{Split, split};
+use super::held_out::Split;
 use super::infer::density::{Point, Problem};
 use super::infer::exchange::exchange;
 use super::infer::fit::Fit;
@@ -18,12 +18,13 @@ use super::map;
 use super::measure::{self, Closed, Overlay};
 use super::model::filter::Disturbances;
 use super::model::prepare;
-use super::model::tolerance::{ToleranceError, Tolerances};
+use super::model::tolerance::ToleranceError;
 use super::model::track::Track;
 use super::model::unknown_clutch;
 use super::plan::manoeuvre::{Manoeuvre, built_in};
 use super::plan::{Outlook, Planner, outlook};
 use super::progress::{Watch, Work, watched};
+use super::ready::{Read, Ready, commanded_every, control_note, read_with_control_unit};
 use super::retune::{self, Followed};
 use super::verdict::{Conclusion, MISLED, Verdict, conclude};
 use crate::campaign::{Campaign, NO_POSITION, Note, Recording};
@@ -55,8 +56,8 @@ pub struct Diagnosis {
     pub answer: Answer,
     /// The answer as diagnosis.json has it.
     pub json: serde_json::Value,
-    /// Whether the inputs of a slow logger were found to stay from sample to sample.
-    pub held: bool,
+    /// Interval at which the control unit computes, s, if it was found to be another than usual.
+    pub control_interval_s: Option<f64>,
     /// Real, before and after, per recording or engagement.
     pub overlays: Vec<Overlay>,
     /// The drives among the recordings.
@@ -103,37 +104,21 @@ pub fn diagnose_with(
 fn diagnosed(
     campaign: &Campaign,
     vehicle: Vehicle,
-    mut ready: Ready,
+    ready: Ready,
     manoeuvres: Option<Vec<Manoeuvre>>,
     watch: &Watch,
 ) -> Result<Diagnosis, DiagnosisError> {
     let work = ready.problem.work.clone();
     let searched = |problem: &Problem, earlier: Option<&Search>| search(problem, earlier, &|what, _| watch.begin(what));
-    let mut found = searched(&ready.problem, None);
-    // A slow logger misses commands, unless the control unit is as slow.
-    let mut thus = None;
-    if sensors::may_be_held(&ready.problem.tracks) {
-        let campaign = with_inputs_held(campaign);
-        let other = Ready::new(&campaign, &vehicle, &work)?;
-        if sensors::worth_holding(&other.problem, &ready.problem, found.best()) {
-            // Each with what suits it best, which need not be the same.
-            let mut there = searched(&other.problem, Some(&found));
-            exchange(&ready.problem, &mut found);
-            exchange(&other.problem, &mut there);
-            if sensors::rather_held((&other.problem, there.best()), (&ready.problem, found.best())) {
-                (ready, thus, found) = (other, Some(campaign), there);
-            }
-        }
-    }
-    let held = thus.is_some();
+    let found = searched(&ready.problem, None);
+    let Read { ready, mut found, control_interval_s } = read_with_control_unit(campaign, &vehicle, ready, found, &searched)?;
+    let thus = control_interval_s.map(|s| commanded_every(campaign, s));
     let campaign = thus.as_ref().unwrap_or(campaign);
     let Ready { split, mut problem, tolerances, with } = ready;
     let known = |n: &&Note| n.text != NO_POSITION;
     let mut notes: Vec<String> = campaign.notes.iter().filter(known).map(|n| format!("{}: {}", n.recording, n.text)).collect();
     notes.extend(position_note(campaign));
-    if held {
-        notes.push("the commands seem to change only as often as they are logged: inputs are taken as held from sample to sample, which these data make likelier than a logger that misses some".to_owned());
-    }
+    notes.extend(control_interval_s.map(|s| control_note(s).to_owned()));
     // What the first search found of the sensors (how late, how noisy) makes a better filter of the second.
     let late = sensors::late(&problem.car(&found.best().fit.point, None).effects);
     let known = Disturbances { late, ..with };
@@ -245,7 +230,19 @@ fn diagnosed(
     let overlays = overlays(campaign, &split, &problem, point, before, handed);
     let drives = drives(campaign, &split, &problem);
     let (handed, effects) = (*handed.0, *handed.1);
-    Ok(Diagnosis { answer, json, held, overlays, drives, vehicle: handed, effects, validated, nominal: vehicle, outlook, learned })
+    Ok(Diagnosis {
+        answer,
+        json,
+        control_interval_s,
+        overlays,
+        drives,
+        vehicle: handed,
+        effects,
+        validated,
+        nominal: vehicle,
+        outlook,
+        learned,
+    })
 }
 
 /// The fit of the explanation that stands, with its innovations: anew, if they were let go.
@@ -265,35 +262,6 @@ fn weighed(problem: &Problem, found: &mut Search, watch: &Watch) -> Posterior {
     }
     watch.begin("missing laws");
     posterior(problem, found, &far_ahead)
-}
-
-/// A campaign, ready to be fitted.
-pub(super) struct Ready {
-    pub(super) split: Split,
-    pub(super) problem: Problem,
-    tolerances: Tolerances,
-    with: Disturbances,
-}
-
-impl Ready {
-    pub(super) fn new(campaign: &Campaign, vehicle: &Vehicle, work: &Work) -> Result<Self, DiagnosisError> {
-        let split = split(&campaign.recordings);
-        if split.taught.is_empty() {
-            return Err(DiagnosisError::TooFew(campaign.recordings.len()));
-        }
-        let taught: Vec<&Recording> = split.taught.iter().collect();
-        let (tracks, tolerances) = prepare::read(&taught, &campaign.vehicle_json)?;
-        let with = prepare::disturbances(&tracks, &tolerances);
-        let problem = Problem { work: work.clone(), ..prepare::problem(tracks, vehicle, &tolerances, &with) };
-        Ok(Self { split, problem, tolerances, with })
-    }
-}
-
-/// The same campaign, whose inputs stay from sample to sample.
-pub fn with_inputs_held(campaign: &Campaign) -> Campaign {
-    let mut campaign = campaign.clone();
-    campaign.recordings.iter_mut().for_each(|r| r.held = true);
-    campaign
 }
 
 /// The fit of the named effects that the FMU gets. It has no law beside its effects: it gets the numbers that suit best without one. Where the law's absence bends them it gets those

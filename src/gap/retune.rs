@@ -222,11 +222,11 @@ fn squares(errors: &[DVector<f64>]) -> f64 {
 mod tests {
     use super::*;
     use crate::effects::param::kiss_point_thermal::slope;
-    use crate::gap::diagnosis::Ready;
     use crate::gap::infer::search::Hypothesis;
     use crate::gap::measure::{self, Closed};
     use crate::gap::model::prepare::Example;
     use crate::gap::progress::Work;
+    use crate::gap::ready::Ready;
 
     /// A slope that is three standard deviations off comes back where the recordings are followed exactly, and stays where the true car would be far off as well.
     #[test]

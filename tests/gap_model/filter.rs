@@ -1,6 +1,6 @@
 //! What the filter takes for noise is noise, and what it was not shown it does not make up.
 
-use crate::made_up::{answered, example, made_up, mean_square_from, normals, prepared};
+use crate::made_up::{answered, answered_at, example, made_up, mean_square_from, normals, prepared};
 use crate::thinned::every;
 use kisspoint::campaign::Recording;
 use kisspoint::effects::{self, param};
@@ -229,6 +229,33 @@ fn a_command_that_a_slow_logger_misses_is_noise_of_the_torque() {
     }
 }
 
+/// A logger that averages its samples misses commands of a control unit that is faster still, if that is how it is read.
+#[test]
+fn a_command_between_averaged_samples_is_noise_as_well() {
+    let (_, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let mut normal = normals(37);
+    let mut wander = 0.0;
+    let inputs: Vec<[f64; 2]> = (0..3000)
+        .map(|k| {
+            wander = 0.9 * wander + 0.15 * normal();
+            [40.0, 5.4 + 0.0003 * f64::from(k) + wander]
+        })
+        .collect();
+    let moving = |row: usize, now: [f64; 2]| if row == 0 && now == [0.0; 2] { [250.0, 20.0] } else { now };
+    let whole = answered_at(1e3, &Car::nominal(&vehicle), &inputs, 0.06, |_| false, moving);
+    let left = |step: usize, control_interval_s: Option<f64>| {
+        let problem = prepared(&Recording { control_interval_s, ..every(step, &whole) });
+        let n = problem.tracks[0].observations();
+        let all = &problem.all_residuals(&problem.nominal(), None)[0][20..2 * n];
+        all.iter().map(|r| r * r).sum::<f64>() / all.len() as f64
+    };
+    let all = left(1, None);
+    assert!((0.3..1.25).contains(&all), "{all}");
+    let [held, straight] = [None, Some(0.0025)].map(|control| left(5, control));
+    assert!(held > 5.0 * straight && (0.3..2.0).contains(&straight), "{held} {straight}");
+}
+
 /// The bearing's position beside it: what it is just before a sample the last command would tell, which a slow logger has not seen.
 #[test]
 fn a_command_that_a_slow_logger_misses_is_noise_of_the_position() {
@@ -306,9 +333,9 @@ fn torques_of_rows_that_fill_no_observation_belong_to_the_last_one() {
     };
     let problem = prepared(&r);
     let torques = replay::torques(&problem.tracks[0], &problem.filters[0], &Car::nominal(&vehicle), [40.0; 2]);
-    assert_eq!(torques.len(), 10);
-    // Open by the end of the last observation.
-    assert!(torques[8] > 1.0 && torques[9] == 0.0, "{torques:?}");
+    assert_eq!(torques.len(), 107);
+    // Open by the end.
+    assert!(torques[101] > 1.0 && torques[106] == 0.0, "{torques:?}");
 }
 
 #[test]

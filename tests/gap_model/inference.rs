@@ -1,6 +1,7 @@
 //! What the inference finds is what was put in.
 
 use crate::made_up::{example, first, made_up, made_up_under};
+use kisspoint::campaign::Recording;
 use kisspoint::effects::{self, REGISTRY, Subsystem, param};
 use kisspoint::gap::diagnosis::diagnose;
 use kisspoint::gap::infer::coordinate::Coordinate;
@@ -12,7 +13,9 @@ use kisspoint::gap::infer::irregular::irregular;
 use kisspoint::gap::infer::posterior::posterior;
 use kisspoint::gap::infer::pulsation;
 use kisspoint::gap::infer::search::{Hypothesis, search, taken_over};
-use kisspoint::gap::model::replay::Missing;
+use kisspoint::gap::model::replay::{Missing, replay, start};
+use kisspoint::gap::model::tolerance::Car;
+use kisspoint::gap::model::track::Track;
 use kisspoint::gap::model::{missing, prepare, tolerance};
 use kisspoint::gap::verdict::Verdict;
 
@@ -380,30 +383,49 @@ fn an_effect_that_only_came_along_beside_a_law_is_dropped() {
     assert!(beside(&[gain]).unwrap().probability > beside(&both).unwrap().probability);
 }
 
-/// Recordings of the bundled campaign, every so many rows of them, as its nominal car answers them, with what the sensors add to both speeds at these intervals in s.
-fn replayed(names: &[&str], every: usize, held: bool, mut sensors: impl FnMut(f64) -> [f64; 2]) -> kisspoint::campaign::Campaign {
-    use kisspoint::gap::model::replay::{replay, start};
-    use kisspoint::gap::model::tolerance::Car;
-    use kisspoint::gap::model::track::Track;
+/// Recordings of the bundled campaign, and its car.
+fn bundled(names: &[&str]) -> (kisspoint::campaign::Campaign, Car) {
     let mut campaign = kisspoint::campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
     campaign.recordings.retain(|r| names.contains(&r.name.as_str()));
     let car = Car::nominal(&kisspoint::vehicle::Vehicle::from_value(&campaign.vehicle_json).unwrap());
+    (campaign, car)
+}
+
+/// Both speeds and the bearing's position as a car answers the inputs of a recording, with what its sensors add to them at these intervals in s; no other bench channel.
+fn answer(r: &mut Recording, car: &Car, mut sensors: impl FnMut(f64) -> [f64; 3]) {
+    (r.x_to, r.t_fc, r.theta_c) = (None, None, None);
+    let track = Track::new(r);
+    let begin = start(&track, car, 0, track.theta_0, 0.1);
+    let mut found = vec![[0.0; 3]; track.rows()];
+    let interval = 1.0 / r.sample_rate_hz;
+    replay(&track, car, (&begin, 0.0), 0..track.rows(), None, |row, now, _, _| {
+        let added = sensors(interval);
+        found[row] = [now.omega_f + added[0], now.omega_c + added[1], now.x_to_actual + added[2]];
+    });
+    let of = |channel: usize| found.iter().map(|v| v[channel]).collect::<Vec<f64>>();
+    (r.omega_f, r.omega_c, r.x_to) = (of(0), of(1), Some(of(2)));
+}
+
+/// Every so many rows of a recording.
+fn thinned(r: &mut Recording, every: usize) {
+    for v in [&mut r.time, &mut r.omega_f, &mut r.omega_c, &mut r.t_e, &mut r.x_to_cmd, &mut r.theta_h].into_iter().chain(&mut r.x_to) {
+        *v = v.iter().copied().step_by(every).collect();
+    }
+    r.sample_rate_hz /= every as f64;
+}
+
+/// Recordings of the bundled campaign, every so many rows of them, as its nominal car answers them if its control unit computes at this interval in s, with what the sensors add to
+/// both speeds at these intervals in s.
+fn replayed(names: &[&str], every: usize, control: Option<f64>, mut sensors: impl FnMut(f64) -> [f64; 2]) -> kisspoint::campaign::Campaign {
+    let (mut campaign, car) = bundled(names);
     for r in &mut campaign.recordings {
-        for v in [&mut r.time, &mut r.omega_f, &mut r.omega_c, &mut r.t_e, &mut r.x_to_cmd, &mut r.theta_h] {
-            *v = v.iter().copied().step_by(every).collect();
-        }
-        (r.x_to, r.t_fc, r.theta_c, r.held) = (None, None, None, held);
-        r.sample_rate_hz /= every as f64;
-        let track = Track::new(r);
-        let begin = start(&track, &car, 0, track.theta_0, 0.1);
-        let mut speeds = [r.omega_f.clone(), r.omega_c.clone()];
-        let interval = 1.0 / r.sample_rate_hz;
-        replay(&track, &car, (&begin, 0.0), 0..track.rows(), None, |row, now, _, _| {
-            let added = sensors(interval);
-            (speeds[0][row], speeds[1][row]) = (now.omega_f + added[0], now.omega_c + added[1]);
+        (r.x_to, r.control_interval_s) = (None, control);
+        thinned(r, every);
+        answer(r, &car, |interval| {
+            let [f, c] = sensors(interval);
+            [f, c, 0.0]
         });
-        [r.omega_f, r.omega_c] = speeds;
-        r.held = false;
+        (r.x_to, r.control_interval_s) = (None, None);
     }
     campaign
 }
@@ -412,10 +434,32 @@ fn replayed(names: &[&str], every: usize, held: bool, mut sensors: impl FnMut(f6
 #[test]
 fn commands_that_change_only_as_often_as_they_are_logged_are_held() {
     let mut normal = crate::made_up::normals(11);
-    let campaign = replayed(&["r01", "r02", "r03", "r05"], 3, true, |_| [0.1 * normal(), 0.1 * normal()]);
+    let campaign = replayed(&["r01", "r02", "r03", "r05"], 3, Some(f64::INFINITY), |_| [0.1 * normal(), 0.1 * normal()]);
     let found = diagnose(&campaign, &|_, _| {}).unwrap();
-    assert!(found.held && found.answer.verdict == Verdict::NoGap, "{} {:?}", found.held, found.answer.verdict);
+    assert_eq!((found.control_interval_s, found.answer.verdict), (Some(f64::INFINITY), Verdict::NoGap));
     assert!(found.answer.notes.iter().any(|n| n.contains("held from sample to sample")), "{:?}", found.answer.notes);
+}
+
+/// A control unit that commands at 1 kHz, logged at 100 Hz: its commands go on between the samples, which the diagnosis finds out as well.
+#[test]
+fn commands_that_change_between_their_samples_go_on_between_them() {
+    const FASTER: usize = 10;
+    let mut normal = crate::made_up::normals(13);
+    let (mut campaign, car) = bundled(&["r01", "r02", "r03", "r05"]);
+    for r in &mut campaign.recordings {
+        let rows = FASTER * (r.time.len() - 1) + 1;
+        for v in [&mut r.time, &mut r.t_e, &mut r.x_to_cmd, &mut r.theta_h] {
+            let between = |k: usize| v[k / FASTER] + (k % FASTER) as f64 / FASTER as f64 * (v[k.div_ceil(FASTER)] - v[k / FASTER]);
+            *v = (0..rows).map(between).collect();
+        }
+        (r.omega_f, r.omega_c) = ([r.omega_f[0]].repeat(rows), [r.omega_c[0]].repeat(rows));
+        r.sample_rate_hz *= FASTER as f64;
+        answer(r, &car, |_| [0.1 * normal(), 0.1 * normal(), 0.01 * normal()]);
+        thinned(r, FASTER);
+    }
+    let found = diagnose(&campaign, &|_, _| {}).unwrap();
+    assert_eq!((found.control_interval_s, found.answer.verdict), (Some(0.005), Verdict::NoGap));
+    assert!(found.answer.notes.iter().any(|n| n.contains("straight from sample to sample")), "{:?}", found.answer.notes);
 }
 
 /// Noise that remembers for 0.1 s, beside white noise: the recordings are searched again under a filter that knows of it, and the answer says so.
@@ -423,7 +467,7 @@ fn commands_that_change_only_as_often_as_they_are_logged_are_held() {
 fn noise_with_a_memory_is_allowed_for_in_a_second_search() {
     let mut normal = crate::made_up::normals(7);
     let mut slow = [0.0_f64; 2];
-    let campaign = replayed(&["r01", "r03", "r05"], 1, false, |interval| {
+    let campaign = replayed(&["r01", "r03", "r05"], 1, None, |interval| {
         let kept = (-interval / 0.1).exp();
         slow = slow.map(|x| kept * x + 0.15 * (1.0 - kept * kept).sqrt() * normal());
         slow.map(|x| x + 0.1 * normal())
@@ -448,7 +492,7 @@ fn a_memory_has_to_show_and_to_be_worth_its_price() {
         (&["r03"], 0.2),
     ] {
         let (mut normal, mut slow) = (crate::made_up::normals(23), 0.0);
-        let campaign = replayed(names, 1, false, |interval| {
+        let campaign = replayed(names, 1, None, |interval| {
             let kept = (-interval / 0.1_f64).exp();
             slow = kept * slow + size * (1.0 - kept * kept).sqrt() * normal();
             [slow + 0.1 * normal(), 0.1 * normal()]

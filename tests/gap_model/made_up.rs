@@ -64,7 +64,7 @@ pub fn first(count: usize, mut problem: Problem) -> Problem {
     problem
 }
 
-/// A recording of the bundled vehicle as this car answers these inputs (torque, position, brake torque by row), with white noise of so many rad/s.
+/// A recording of the bundled vehicle at 100 Hz as this car answers these inputs (torque, position, brake torque by row), with white noise of so many rad/s.
 pub fn answered(
     car: &Car,
     inputs: &[[f64; 2]],
@@ -72,11 +72,23 @@ pub fn answered(
     brake: impl Fn(usize) -> bool,
     speeds: impl Fn(usize, [f64; 2]) -> [f64; 2],
 ) -> Recording {
+    answered_at(100.0, car, inputs, noise, brake, speeds)
+}
+
+/// The same at another rate, Hz.
+pub fn answered_at(
+    rate: f64,
+    car: &Car,
+    inputs: &[[f64; 2]],
+    noise: f64,
+    brake: impl Fn(usize) -> bool,
+    speeds: impl Fn(usize, [f64; 2]) -> [f64; 2],
+) -> Recording {
     let n = inputs.len();
-    let time: Vec<f64> = (0..n).map(|k| 0.01 * k as f64).collect();
+    let time: Vec<f64> = (0..n).map(|k| k as f64 / rate).collect();
     let mut r = Recording {
         name: "made up".into(),
-        sample_rate_hz: 100.0,
+        sample_rate_hz: rate,
         time,
         theta_c0: 40.0,
         theta_b0: 40.0,

@@ -166,7 +166,7 @@ fn taken_over(r: &realcar::Recording, name: &str, manoeuvre: &str) -> Recording 
         t_fc: r.bench.as_ref().map(|b| b.t_fc_nm.clone()),
         theta_c: r.bench.as_ref().map(|b| b.theta_c_deg_c.clone()),
         brake: r.brake.clone(),
-        held: false,
+        control_interval_s: None,
         input_rows: [None, None],
     }
 }

@@ -1,4 +1,4 @@
-//! Noise of the speed sensors by maximum likelihood, at an explanation of the car; and whether a slow logger misses commands.
+//! Noise of the speed sensors by maximum likelihood, at an explanation of the car; and whether the logger misses commands.
 //!
 //! White noise is known from the recordings alone. Noise with a memory is not: it looks like motion. It is looked for where innovations that should be
 //! white are not, and taken if the innovations' likelihood under the filter that knows of it asks for it. A sensor is a good sensor: its coloured noise is
@@ -7,7 +7,6 @@
 use super::density::{Point, Problem, Residuals, misfit};
 use super::search::Hypothesis;
 use crate::effects::Parameters;
-use crate::gap::model::clock::misses;
 use crate::gap::model::filter::Disturbances;
 use crate::gap::model::noise::Noise;
 use crate::gap::model::prepare;
@@ -19,27 +18,42 @@ const CORRELATED: f64 = 0.08;
 /// Sizes, in white noises, and memories in s that are tried.
 const SIZES: [f64; 3] = [0.5, 1.0, 2.0];
 const MEMORIES_S: [f64; 3] = [0.03, 0.1, 0.3];
-/// Nats that a memory has to gain, two parameters of a sensor, and a control unit as slow as its logger, which is rare.
+/// Nats that a memory has to gain, two parameters of a sensor, and a control unit that is as slow as a slow logger or faster than a quick one, which is rare.
 const WORTH_NATS: f64 = 8.0;
 
-/// Whether a logger is so slow that it may miss commands, or the control unit as slow as it is. Stamps that jitter are no control unit's.
-pub fn may_be_held(tracks: &[Track]) -> bool {
-    tracks.iter().all(|t| misses(t.speed_interval()) && !t.jitters())
+/// Interval of another control unit that may be behind these recordings than the usual one, s, if they could tell: one that is as slow as a slow logger and misses nothing, or
+/// one that computes between the samples of a quick logger. Twice as often stands for all faster ones, whose commands that puts off by less than a quarter of an interval.
+/// Stamps that jitter are no control unit's.
+pub fn other_control_interval(tracks: &[Track]) -> Option<f64> {
+    let missing = tracks.iter().filter(|t| t.misses_commands()).count();
+    let shortest = tracks.iter().map(Track::speed_interval).fold(f64::INFINITY, f64::min);
+    let other = if missing == 0 { Some(0.5 * shortest) } else { (missing == tracks.len()).then_some(f64::INFINITY) };
+    other.filter(|_| !tracks.iter().any(Track::jitters))
 }
 
-/// Whether recordings whose inputs are held (`held`) may be likelier than the same ones whose inputs are not (`straight`): they are so with the effects that suit the latter best.
-pub fn worth_holding(held: &Problem, straight: &Problem, best: &Hypothesis) -> bool {
-    let fitted = Hypothesis::fitted(held, best.effects.clone(), &best.fit.point, TOLD_APART, None);
-    rather_held((held, &fitted), (straight, best))
+/// Whether the recordings may be likelier with another control unit's inputs: they are so with the effects that suit the usual one's best.
+pub fn worth_another(other: &Problem, usual: &Problem, best: &Hypothesis) -> bool {
+    // Timing is known as well as the logger allows, which is another matter there.
+    let mut start = best.fit.point.clone();
+    start.shared.iter_mut().zip(usual.shared.iter().zip(&other.shared)).for_each(|(z, (of, to))| *z *= of.sigma / to.sigma);
+    let fitted = Hypothesis::fitted(other, best.effects.clone(), &start, TOLD_APART, None);
+    rather_other((other, &fitted), (usual, best))
 }
 
-/// Whether recordings whose inputs are held are likelier than the same ones whose inputs are not, each with a set of effects.
-pub fn rather_held(held: (&Problem, &Hypothesis), straight: (&Problem, &Hypothesis)) -> bool {
+/// Whether the recordings are likelier with another control unit's inputs, each reading with a set of effects.
+pub fn rather_other(other: (&Problem, &Hypothesis), usual: (&Problem, &Hypothesis)) -> bool {
     let likely = |(p, h): (&Problem, &Hypothesis)| h.fit.log_evidence - 0.5 * p.filters.iter().map(|f| f.log_det).sum::<f64>();
-    likely(held) > likely(straight) + WORTH_NATS
+    likely(other) > likely(usual) + WORTH_NATS && (!other.0.tracks.iter().any(Track::misses_commands) || explains_more(other, usual))
 }
 
-/// Iterations that tell inputs that are held from inputs that are not.
+/// The same where the other reading leaves more open, which makes it likelier wherever something is wrong: it has to explain more under filters that leave as much open in both.
+fn explains_more((other, best): (&Problem, &Hypothesis), (usual, best_there): (&Problem, &Hypothesis)) -> bool {
+    let as_open = Problem { filters: other.filters.clone(), powers: other.powers, ..usual.clone() };
+    let fitted = Hypothesis::fitted(&as_open, best_there.effects.clone(), &best_there.fit.point, TOLD_APART, None);
+    best.fit.log_evidence > fitted.fit.log_evidence + WORTH_NATS
+}
+
+/// Iterations that tell control units apart.
 const TOLD_APART: usize = 4;
 
 /// Disturbances with the noise that the innovations at `point` ask for; none if they are as they should be.
@@ -107,6 +121,7 @@ pub fn late(effects: &Parameters) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::campaign::Recording;
 
     #[test]
     fn a_sensor_is_late_for_the_lock_by_three_hundredths_of_a_second_or_one_and_a_half_samples() {
@@ -118,18 +133,43 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_slow_logger_may_be_as_slow_as_its_control_unit_and_a_quick_one_slower() {
+        let every = |interval: f64, jitter: f64| {
+            let time = (0..200).map(|k| interval * (f64::from(k) + jitter * f64::from(k % 3))).collect();
+            let input = vec![0.0; 200];
+            let [omega_f, omega_c, t_e, x_to_cmd, theta_h] = std::array::from_fn(|_| input.clone());
+            Track::new(&Recording {
+                time,
+                sample_rate_hz: 1.0 / interval,
+                omega_f,
+                omega_c,
+                t_e,
+                x_to_cmd,
+                theta_h,
+                ..Recording::default()
+            })
+        };
+        for (interval, other) in [(0.001, 0.0005), (0.01, 0.005), (0.02, f64::INFINITY), (0.05, f64::INFINITY)] {
+            let found = other_control_interval(&[every(interval, 0.0)]).unwrap();
+            assert!(found == other || (found - other).abs() < 1e-9, "{interval}: {found}");
+            assert_eq!(other_control_interval(&[every(interval, 0.0), every(interval, 0.1)]), None, "stamps jitter");
+        }
+        assert_eq!(other_control_interval(&[every(0.01, 0.0), every(0.02, 0.0)]), None, "one of each");
+    }
+
     /// Eight nats are what it takes; a filter of greater covariance is one that explains less.
     #[test]
-    fn inputs_are_held_if_that_is_likelier_by_more_than_a_parameter_costs() {
+    fn a_control_unit_is_another_if_that_is_likelier_by_more_than_a_parameter_costs() {
         use crate::gap::infer::fit::Fit;
-        let mut straight = crate::gap::model::prepare::Example::read();
-        straight.campaign.recordings.truncate(1);
-        let (straight, _) = straight.problem(&straight.campaign.recordings.iter().collect::<Vec<_>>());
-        let mut wider = straight.clone();
+        let mut usual = crate::gap::model::prepare::Example::read();
+        usual.campaign.recordings.truncate(1);
+        let (usual, _) = usual.problem(&usual.campaign.recordings.iter().collect::<Vec<_>>());
+        let mut wider = usual.clone();
         wider.filters[0].log_det += 20.0;
         let of = |log_evidence: f64| Hypothesis::made_up(&[], Fit { log_evidence, ..Fit::made_up(Vec::new()) });
-        let held = |problem: &Problem, by: f64| rather_held((problem, &of(100.0 + by)), (&straight, &of(100.0)));
-        assert_eq!([held(&straight, 7.9), held(&straight, 8.1), held(&wider, 17.9), held(&wider, 18.1)], [false, true, false, true]);
+        let other = |problem: &Problem, by: f64| rather_other((problem, &of(100.0 + by)), (&usual, &of(100.0)));
+        assert_eq!([other(&usual, 7.9), other(&usual, 8.1), other(&wider, 17.9), other(&wider, 18.1)], [false, true, false, true]);
     }
 
     #[test]

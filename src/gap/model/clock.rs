@@ -3,7 +3,7 @@
 use crate::campaign::Recording;
 use std::ops::Range;
 
-/// Interval at which control units compute, s: what a faster logger holds is exact, what a slower one misses lies between its samples.
+/// Interval at which control units usually compute, s: what a faster logger holds is exact, what a slower one misses lies between its samples.
 pub const CONTROL_INTERVAL_S: f64 = 0.01;
 
 /// Interval of the observations, s: faster samples are averaged over it, and so are the predictions of each of them.
@@ -25,9 +25,14 @@ pub struct Tick {
 /// Control intervals up to which an interval is one, and above which it is two or more.
 pub const LONGEST_TICK: f64 = 1.5;
 
-/// Whether a logger of this interval in s is slower than the control unit, and may miss its commands.
-pub fn misses(interval: f64) -> bool {
-    interval > LONGEST_TICK * CONTROL_INTERVAL_S
+/// Whether a logger of this interval in s is slower than a control unit of that one, and misses its commands.
+pub fn misses(interval: f64, control: f64) -> bool {
+    interval > LONGEST_TICK * control
+}
+
+/// Interval at which a recording's control unit is taken to compute, s.
+pub fn control_interval(r: &Recording) -> f64 {
+    r.control_interval_s.unwrap_or(CONTROL_INTERVAL_S)
 }
 
 /// Typical interval of these stamps, s.
@@ -107,11 +112,11 @@ impl Input {
         self.own.as_ref().map_or(sample, |own| own[sample])
     }
 
-    /// Value at a time after `row` and before the next one, from the values of the samples: that of the last sample if it holds, else on the way to the next one.
-    pub fn at(&self, values: &[f64], time: &[f64], row: usize, t: f64, held: bool) -> f64 {
+    /// Value at a time after `row` and before the next one, from the values of the samples: that of the last sample, or on the way to the next one if the control unit is faster than that.
+    pub fn at(&self, values: &[f64], time: &[f64], row: usize, t: f64, control: f64) -> f64 {
         let sample = self.sample(row);
         let (Some(a), next) = (values.get(sample), values.get(sample + 1)) else { return 0.0 };
-        let Some(b) = next.filter(|_| !held && misses(self.interval)) else { return *a };
+        let Some(b) = next.filter(|_| misses(self.interval, control)) else { return *a };
         let (from, to) = (time[self.row(sample)], time[self.row(sample + 1)]);
         a + (t - from) / (to - from) * (b - a)
     }
@@ -119,7 +124,8 @@ impl Input {
 
 /// Ticks between rows, and the first tick of each row.
 pub fn ticks(r: &Recording, step: f64, [report, command]: [&Input; 2]) -> (Vec<Tick>, Vec<usize>) {
-    let slow = [report, command].iter().any(|i| misses(i.interval)) && !r.held;
+    let control = control_interval(r);
+    let slow = [report, command].iter().any(|i| misses(i.interval, control));
     let rows = r.time.len();
     let of = |input: &Input, values: &[f64]| -> Vec<f64> {
         if values.is_empty() { Vec::new() } else { input.own_rows(rows).map(|row| values[row]).collect() }
@@ -130,13 +136,13 @@ pub fn ticks(r: &Recording, step: f64, [report, command]: [&Input; 2]) -> (Vec<T
         of_row.push(ticks.len());
         let next = (k + 1).min(rows - 1);
         let length = if next > k { r.time[next] - r.time[k] } else { step };
-        let count = if slow { (length / CONTROL_INTERVAL_S).round().max(1.0) as usize } else { 1 };
+        let count = if slow { (length / control).round().max(1.0) as usize } else { 1 };
         for part in 0..count {
             let time = r.time[k] + part as f64 / count as f64 * length;
             ticks.push(Tick {
                 time,
-                t_e: report.at(&reports, &r.time, k, time, r.held),
-                x_to: command.at(&commands, &r.time, k, time, r.held),
+                t_e: report.at(&reports, &r.time, k, time, control),
+                x_to: command.at(&commands, &r.time, k, time, control),
                 theta_h: r.theta_h[k],
             });
         }

@@ -20,7 +20,7 @@ use super::noise::Noise;
 use super::replay::HIDDEN;
 use super::tolerance::{LATE_SIGMAS, Wander};
 use super::track::{Channel, Track};
-use super::unseen::{self, PACE_OBSERVATIONS, interval, slope};
+use super::unseen::{self, PACE_OBSERVATIONS, interval, slope, unseen};
 use crate::plant::Phase;
 use crate::vehicle::Vehicle;
 use nalgebra::{SMatrix, SVector};
@@ -135,7 +135,7 @@ pub struct Filter {
 /// Error of the disc temperature that lasts for about a second, K: the housing air is noted in steps.
 const LASTING_TEMPERATURE_K: f64 = 0.1;
 
-/// Runs the covariance along a recording. `torque` is the clutch torque in N·m by observation: the share of [`Disturbances::clutch`] refers to it, and what it
+/// Runs the covariance along a recording. `torque` is the clutch torque in N·m at the logger's samples ([`replay::torques`](super::replay::torques)): the share of [`Disturbances::clutch`] refers to it, and what it
 /// may have done between slow samples follows from how it bends.
 pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f64]) -> Filter {
     let n = track.observations();
@@ -179,18 +179,16 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     let braking = |k: usize| marked(k.saturating_sub(1)) || marked(k) || marked(k + 1);
     let stationary = |k: usize| -> [(usize, Wander); 5] {
         let load = if braking(k) { BRAKES } else { with.load };
-        let clutch = Wander { sigma: with.clutch.sigma * torque.get(k).map_or(0.0, |t| t.abs()), ..with.clutch };
+        let clutch =
+            Wander { sigma: with.clutch.sigma * torque.get(unseen::samples_of(track, k).end - 1).map_or(0.0, |t| t.abs()), ..with.clutch };
         [(ENGINE, with.report), (LOAD, load), (CLUTCH, clutch), (NOISE_F, colour[0]), (NOISE_C, colour[1])]
     };
     for (place, process) in stationary(0) {
         p[(place, place)] = process.sigma.powi(2);
     }
-    let report: Vec<f64> = (0..n).map(|k| track.ticks[track.tick_of_row[track.rows_of(k).start]].t_e).collect();
-    let command: Vec<f64> = (0..n).map(|k| track.ticks[track.tick_of_row[track.rows_of(k).start]].x_to).collect();
-    let report_bends = unseen::bends(track, &report, |_| true);
-    let torque_bends = unseen::bends(track, torque, |k| !locked[k]);
-    let command_bends = unseen::bends(track, &command, |_| true);
-    let impulse = |bends: &[f64], k: usize| bends[k] * interval(track, k).powi(2) / 6.0;
+    let unseen_report = unseen(track, &unseen::at_samples(track, |t| t.t_e), |_| true);
+    let unseen_torque = unseen(track, torque, |k| !locked[k]);
+    let unseen_command = unseen(track, &unseen::at_samples(track, |t| t.x_to), |_| true);
     for k in 0..n {
         let mut gain = Gain { interval: interval(track, k), ..Gain::default() };
         let pinned = unknown.is_some() && !locked[k];
@@ -227,7 +225,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
         torque_variance.push(h.dot(&(p * h)));
         // To the next observation.
         let dt = gain.interval;
-        let report_impulse = with.report_noise.powi(2) * dt * (dt / track.reports_in(k) as f64) + impulse(&report_bends, k);
+        let report_impulse = with.report_noise.powi(2) * dt * (dt / track.reports_in(k) as f64) + unseen_report.integral[k];
         let mut f = Covariance::identity();
         let mut decay = [1.0; STATES];
         let mut q = Covariance::zeros();
@@ -268,7 +266,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
             f[(OMEGA_F, CLUTCH)] /= j_f;
             f[(OMEGA_C, LOAD)] /= j_c;
             f[(OMEGA_C, CLUTCH)] /= j_c;
-            let unseen = impulse(&torque_bends, k);
+            let unseen = unseen_torque.integral[k];
             q[(OMEGA_F, OMEGA_F)] = (report_impulse + unseen) / (j_f * j_f);
             q[(OMEGA_C, OMEGA_C)] = unseen / (j_c * j_c);
             q[(OMEGA_F, OMEGA_C)] = -unseen / (j_f * j_c);
@@ -285,8 +283,8 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
             gains[k].decay[LOAD] = 0.0;
         }
     }
-    let of_torque = unseen::before_samples(track, &torque_bends).iter().zip(&torque_variance).map(|(a, b)| a + b).collect();
-    let beyond = [unseen::before_samples(track, &command_bends), of_torque, vec![0.0; n]];
+    let of_torque = unseen_torque.before.iter().zip(&torque_variance).map(|(a, b)| a + b).collect();
+    let beyond = [unseen_command.before, of_torque, vec![0.0; n]];
     let bench = bench(track, with, &locked, &beyond, &mut samples, &mut log_det);
     let phase = |k: usize| match (locked[k], closed(k)) {
         (true, _) => Phase::Locked,

@@ -52,8 +52,7 @@ pub fn logger(tracks: &[Track]) -> Logger {
     let mut all: Vec<f64> = tracks.iter().map(Track::speed_interval).collect();
     all.sort_by(f64::total_cmp);
     let interval_s = all.get(all.len() / 2).copied().unwrap_or(CONTROL_INTERVAL_S);
-    let slow = interval_s > 1.2 * CONTROL_INTERVAL_S && !tracks.iter().all(|t| t.held);
-    let loose = slow || tracks.iter().any(Track::jitters);
+    let loose = tracks.iter().any(|t| t.misses_commands() || t.jitters());
     Logger { interval_s, loose }
 }
 

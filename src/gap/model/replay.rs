@@ -6,6 +6,7 @@ use super::filter::{Filter, STATES, state};
 use super::tolerance::{Car, Signal};
 use super::track::{Channel, Track};
 use super::unknown_clutch;
+use super::unseen::sample_of;
 use crate::effects::param;
 use crate::plant::events::common_speed;
 use crate::plant::{Inputs, Outputs, Plant, Start, sensed};
@@ -279,11 +280,11 @@ pub fn innovations_in(steps: Steps, track: &Track, filter: &Filter, car: &Car, t
     corrected_in(steps, track, filter, car, theta, missing, |_, _, _| {})
 }
 
-/// Clutch torque in N·m by observation in a corrected replay.
+/// Clutch torque in N·m at the logger's samples in a corrected replay.
 pub fn torques(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Vec<f64> {
-    let mut all = vec![0.0; track.observations()];
+    let mut all = vec![0.0; sample_of(track, track.rows() - 1) + 1];
     corrected(track, filter, car, theta, None, |row, now, _| {
-        all[track.observation_of(row)] = now.t_fc;
+        all[sample_of(track, row)] = now.t_fc;
     });
     all
 }

@@ -2,11 +2,12 @@
 //!
 //! Nothing is resampled. Rows are the stamps at which something was recorded; a channel that has no sample there is NaN. An input is held from one sample to
 //! the next. A logger that is slower than the control unit misses commands in between: such an interval is cut into ticks along which the input
-//! goes from one sample to the next, as a command that changes at every tick would. A slow control unit misses nothing ([`Recording::held`]).
+//! goes from one sample to the next, as a command that changes at every tick would. How fast the control unit is may be said otherwise
+//! ([`Recording::control_interval_s`]).
 //!
 //! Channels may have clocks of their own, as messages of a bus do: their rows come in bursts, and an observation holds a burst.
 
-use super::clock::{Input, Tick, first_rows, has_several_clocks, mean_interval, ticks};
+use super::clock::{Input, Tick, control_interval, first_rows, has_several_clocks, mean_interval, misses, ticks};
 use super::unknown_clutch::UnknownClutch;
 use crate::campaign::Recording;
 use std::borrow::Cow;
@@ -88,8 +89,8 @@ pub struct Track {
     speed_interval: f64,
     /// Whether channels have clocks of their own.
     several_clocks: bool,
-    /// [`Recording::held`].
-    pub held: bool,
+    /// Interval at which the control unit is taken to compute, s.
+    pub control_interval: f64,
     /// Whether no position was recorded. Bench channels then say nothing either.
     pub position_free: bool,
     /// What takes the place of the clutch where no position was recorded, once it has been looked for ([`unknown_clutch::find`](super::unknown_clutch::find)).
@@ -127,7 +128,7 @@ impl Track {
             inputs: [report, command],
             speed_interval: if several_clocks { step } else { mean_interval(&r.time) },
             several_clocks,
-            held: r.held,
+            control_interval: control_interval(r),
             position_free,
             unknown_clutch: None,
         }
@@ -138,7 +139,7 @@ impl Track {
         let report = &self.inputs[0];
         for row in 0..self.rows() {
             for k in self.tick_of_row[row]..self.tick_of_row[row + 1] {
-                self.ticks[k].t_e = report.at(torque, &self.time, row, self.ticks[k].time, self.held);
+                self.ticks[k].t_e = report.at(torque, &self.time, row, self.ticks[k].time, self.control_interval);
             }
         }
     }
@@ -216,6 +217,11 @@ impl Track {
     /// Typical interval of the speeds, s.
     pub fn speed_interval(&self) -> f64 {
         self.speed_interval
+    }
+
+    /// Whether the logger is slower than the control unit, and misses commands.
+    pub fn misses_commands(&self) -> bool {
+        misses(self.speed_interval, self.control_interval)
     }
 
     /// Stamps of the logger's clock: those of the flywheel speed where channels have clocks of their own.
