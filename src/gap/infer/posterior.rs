@@ -185,7 +185,7 @@ fn departure(with_neither: f64, with_it: f64, with_other: f64) -> f64 {
 /// Least square of a departure that counts: fits do not end nearer to their modes.
 const LEAST_DEPARTURE: f64 = 1e-3;
 
-/// Logarithm of how much more probable than an explanation it is that none of those compared holds, if the squares of that one's tolerances, so many, come to this.
+/// Logarithm of how much more probable than the leading explanation it is that none of those compared holds, if the squares of that one's tolerances, so many, come to this.
 ///
 /// No more than one missing law is compared. Two of them in two subsystems have the prior odds of their places; what they would leave beside the explanation's effects is not
 /// worked out, and taken to be as much as the explanation leaves, with tolerances as those of cars are: their squares come to their number.
@@ -209,8 +209,8 @@ fn average_of(all: &mut [Explanation], tolerances: usize, is_fitted: impl Fn(&Ex
         // What was not fitted is only promised: it weighs no more than the best that was, and half as much if it would.
         let weight = |(e, fitted): (&Explanation, &bool)| (e.by_accuracy[c] - most).min(0.0) - if *fitted { 0.0 } else { LN_2 };
         let logs: Vec<f64> = all.iter().zip(&fitted).map(weight).collect();
-        let none = all.iter().zip(&logs).zip(&fitted).filter(|(_, f)| **f).map(|((e, log), _)| log + strained(e.strains[c], tolerances));
-        let none = none.fold(f64::NEG_INFINITY, f64::max);
+        let leader = (0..all.len()).filter(|&k| fitted[k]).max_by(|&a, &b| logs[a].total_cmp(&logs[b]));
+        let none = leader.map_or(f64::NEG_INFINITY, |k| logs[k] + strained(all[k].strains[c], tolerances));
         let sum = log_sum(&[log_sum(&logs), none]);
         beyond += (none - sum).exp() / ACCURACIES.len() as f64;
         shares.iter_mut().zip(logs).for_each(|(s, l)| s.push(l - sum));
@@ -306,6 +306,8 @@ mod tests {
         let expected = odds * 20.0_f64.exp();
         assert!((beyond - expected / (1.0 + expected)).abs() < 1e-9 && (first - 1.0 / (1.0 + expected)).abs() < 1e-9, "{beyond} {first}");
         assert!(of([4.0, 4.0]).0 < 1e-5);
+        // What a better explanation does not strain needs no such law.
+        assert!(of([4.0, 18.0 + 80.0]).0 < 1e-5);
     }
 
     /// What an effect does to a thousandth is no law of its own; one that does twice as much as the effect pays its half, and one that an effect does nothing for pays nothing.
