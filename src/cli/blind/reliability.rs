@@ -1,7 +1,8 @@
 //! What claimed probabilities and intervals are worth.
 //!
 //! Every effect that an answer names with a probability is a claim that it is there. Claims in bins of probability against the share that
-//! is true; calibration error Σ n_b/n · abs(mean claim − share true) over the bins; Brier score: mean of (claim − truth)².
+//! is true; calibration error Σ n_b/n · abs(mean claim − share true) over the bins; Brier score: mean of (claim − truth)². So few claims are off by chance as well: what the
+//! calibration error of claims would be that are right, each by itself, with the probability that they claim, stands beside it.
 //!
 //! Every parameter that has a true value in the library's terms is a claim that its 95 % interval holds that value.
 
@@ -12,6 +13,22 @@ use std::collections::BTreeMap;
 
 /// Edges of the bins.
 const EDGES: [f64; 8] = [0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0];
+
+/// Steps of one claim in which errors by chance are counted.
+const STEPS: f64 = 100.0;
+
+fn bin_of(p: f64) -> usize {
+    EDGES[1..].iter().position(|edge| p < *edge).unwrap_or(EDGES.len() - 2)
+}
+
+/// Distribution of the sum of two numbers from theirs, from 0 on.
+fn sum_of(a: &[f64], b: &[f64]) -> Vec<f64> {
+    let mut sum = vec![0.0; a.len() + b.len() - 1];
+    for (i, x) in a.iter().enumerate().filter(|(_, x)| **x > 0.0) {
+        b.iter().enumerate().for_each(|(j, y)| sum[i + j] += x * y);
+    }
+    sum
+}
 
 /// One bin of claims.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -29,6 +46,8 @@ pub struct Bin {
 pub struct Reliability {
     /// By probability.
     pub bins: [Bin; 7],
+    /// Every claim's probability.
+    pub claimed: Vec<f64>,
     /// Sum of squared errors of the claims.
     pub squares: f64,
     /// Intervals that hold the true value, of how many; by parameter.
@@ -57,8 +76,8 @@ pub fn of(outcomes: &[Outcome]) -> Reliability {
 
 impl Reliability {
     fn claim(&mut self, p: f64, is_true: bool) {
-        let k = EDGES[1..].iter().position(|edge| p < *edge).unwrap_or(EDGES.len() - 2);
-        let bin = &mut self.bins[k];
+        self.claimed.push(p);
+        let bin = &mut self.bins[bin_of(p)];
         bin.count += 1;
         bin.claimed += p;
         bin.hits += usize::from(is_true);
@@ -66,13 +85,41 @@ impl Reliability {
     }
 
     fn claims(&self) -> usize {
-        self.bins.iter().map(|b| b.count).sum()
+        self.claimed.len()
     }
 
     /// Calibration error; none without claims.
     pub fn calibration_error(&self) -> Option<f64> {
         let n = self.claims();
         (n > 0).then(|| self.bins.iter().map(|b| (b.claimed - b.hits as f64).abs()).sum::<f64>() / n as f64)
+    }
+
+    /// Calibration error that the same claims would have by chance if they were calibrated: its mean, and what 95 % of such claims stay below; none without claims.
+    pub fn error_by_chance(&self) -> Option<[f64; 2]> {
+        let n = self.claims();
+        if n == 0 {
+            return None;
+        }
+        // Of Σ abs(claimed − true) over the bins, in steps of 1/STEPS.
+        let mut error = vec![1.0];
+        for k in 0..self.bins.len() {
+            let mut hits = vec![1.0];
+            for p in self.claimed.iter().filter(|p| bin_of(**p) == k) {
+                hits = sum_of(&hits, &[1.0 - p, *p]);
+            }
+            let off = |true_ones: usize| ((self.bins[k].claimed - true_ones as f64).abs() * STEPS).round() as usize;
+            let mut of_bin = vec![0.0; (0..hits.len()).map(off).max().unwrap_or(0) + 1];
+            hits.iter().enumerate().for_each(|(true_ones, chance)| of_bin[off(true_ones)] += chance);
+            error = sum_of(&error, &of_bin);
+        }
+        let unit = 1.0 / (STEPS * n as f64);
+        let mean: f64 = error.iter().enumerate().map(|(k, chance)| k as f64 * chance).sum();
+        let mut below = 0.0;
+        let most = error.iter().take_while(|chance| {
+            below += **chance;
+            below < 0.95
+        });
+        Some([mean * unit, most.count() as f64 * unit])
     }
 
     /// Brier score; none without claims.
@@ -93,7 +140,7 @@ impl Reliability {
         let parameters: serde_json::Map<String, Value> =
             self.coverage.iter().map(|(name, (hits, count))| (name.clone(), json!({"covered": hits, "count": count}))).collect();
         json!({
-            "bins": bins.map(bin).collect::<Vec<_>>(), "calibration_error": self.calibration_error(), "brier": self.brier(),
+            "bins": bins.map(bin).collect::<Vec<_>>(), "calibration_error": self.calibration_error(), "calibration_error_by_chance": self.error_by_chance(), "brier": self.brier(),
             "coverage": {"covered": hits, "count": count, "interval": (count > 0).then(|| wilson(hits as f64, count)), "parameters": parameters},
         })
     }
@@ -101,9 +148,9 @@ impl Reliability {
     /// The tables for people.
     pub fn as_text(&self) -> String {
         let mut text = String::new();
-        if let (Some(error), Some(brier)) = (self.calibration_error(), self.brier()) {
+        if let (Some(error), Some([mean, most]), Some(brier)) = (self.calibration_error(), self.error_by_chance(), self.brier()) {
             text += &format!(
-                "probability claimed for a named effect: {} claims, calibration error {error:.3}, Brier score {brier:.3}\n",
+                "probability claimed for a named effect: {} claims, calibration error {error:.3} (calibrated claims as few as these: {mean:.3} in the mean, at most {most:.3} in 95 % of cases), Brier score {brier:.3}\n",
                 self.claims()
             );
             for (b, edges) in self.bins.iter().zip(EDGES.windows(2)).filter(|(b, _)| b.count > 0) {
@@ -143,6 +190,19 @@ mod tests {
         (0..4).for_each(|_| liar.claim(1.0, false));
         assert_eq!((liar.calibration_error(), liar.brier()), (Some(1.0), Some(1.0)));
         assert_eq!(liar.bins[6].count, 4);
-        assert_eq!(Reliability::default().calibration_error(), None);
+        assert_eq!((Reliability::default().calibration_error(), Reliability::default().error_by_chance()), (None, None));
+    }
+
+    /// Two claims of 75 %: both true (9 of 16), one (6 of 16) or none is an error of 0.25, 0.25 or 0.75 each. Beside one claim of 40 %, which is off by 0.6 or 0.4.
+    #[test]
+    fn few_claims_are_off_by_chance() {
+        let mut few = Reliability::default();
+        (0..2).for_each(|_| few.claim(0.75, true));
+        let [mean, most] = few.error_by_chance().unwrap();
+        assert!((mean - (15.0 * 0.25 + 0.75) / 16.0).abs() < 1e-9 && (most - 0.75).abs() < 1e-9, "{mean} {most}");
+        few.claim(0.4, true);
+        let [mean, _] = few.error_by_chance().unwrap();
+        let expected = (2.0 * (15.0 * 0.25 + 0.75) / 16.0 + 0.4 * 0.6 + 0.6 * 0.4) / 3.0;
+        assert!((mean - expected).abs() < 1e-9, "{mean} {expected}");
     }
 }
