@@ -87,10 +87,14 @@ impl Fit {
         FORM * self.form_size * (self.point.effects[parameter] - PARAMETERS[parameter].null)
     }
 
+    /// Sum of squares of the shared nuisances.
+    pub fn squares(&self) -> f64 {
+        self.point.shared.iter().map(|z| z * z).sum()
+    }
+
     /// Mean square of the shared nuisances.
     pub fn pull(&self) -> f64 {
-        let z = &self.point.shared;
-        z.iter().map(|z| z * z).sum::<f64>() / z.len().max(1) as f64
+        self.squares() / self.point.shared.len().max(1) as f64
     }
 
     /// Whether the fit strains its tolerances.
