@@ -1,7 +1,6 @@
 //! What the filter takes for noise is noise, and what it was not shown it does not make up.
 
-use crate::made_up::{answered, answered_at, example, made_up, mean_square_from, normals, prepared};
-use crate::thinned::every;
+use crate::made_up::{answered, example, made_up, mean_square_from, normals, prepared};
 use kisspoint::campaign::Recording;
 use kisspoint::effects::{self, param};
 use kisspoint::gap::infer::density::{Problem, misfit};
@@ -206,86 +205,6 @@ fn a_wheel_that_shows_nothing_yet_stands_nearly_still() {
     let hidden = prepare::problem(problem.tracks, &problem.vehicle, &tolerances, &with);
     assert!(hidden.tracks.iter().any(|t| t.measured[Channel::OmegaC as usize][0].is_nan()), "some begin at rest");
     assert!(misfit_of(&hidden) < 1.1 * whole, "{} {whole}", misfit_of(&hidden));
-}
-
-#[test]
-fn a_command_that_a_slow_logger_misses_is_noise_of_the_torque() {
-    let (_, vehicle_json) = example();
-    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
-    let mut normal = normals(23);
-    let mut wander = 0.0;
-    // A slow closing, with a command that goes its own way from tick to tick.
-    let inputs: Vec<[f64; 2]> = (0..150)
-        .map(|k| {
-            wander = 0.9 * wander + 0.08 * normal();
-            [40.0, 5.3 + 0.005 * k as f64 + wander]
-        })
-        .collect();
-    let moving = |row: usize, now: [f64; 2]| if row == 0 && now == [0.0; 2] { [150.0, 20.0] } else { now };
-    let whole = answered(&Car::nominal(&vehicle), &inputs, 0.1, |_| false, moving);
-    for step in [1, 2, 5] {
-        let left = mean_square_from(&prepared(&every(step, &whole)), effects::null(), 0.1);
-        assert!((0.3..1.25).contains(&left), "every {step}: {left}");
-    }
-}
-
-/// A logger that averages its samples misses commands of a control unit that is faster still, if that is how it is read.
-#[test]
-fn a_command_between_averaged_samples_is_noise_as_well() {
-    let (_, vehicle_json) = example();
-    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
-    let mut normal = normals(37);
-    let mut wander = 0.0;
-    let inputs: Vec<[f64; 2]> = (0..3000)
-        .map(|k| {
-            wander = 0.9 * wander + 0.15 * normal();
-            [40.0, 5.4 + 0.0003 * f64::from(k) + wander]
-        })
-        .collect();
-    let moving = |row: usize, now: [f64; 2]| if row == 0 && now == [0.0; 2] { [250.0, 20.0] } else { now };
-    let whole = answered_at(1e3, &Car::nominal(&vehicle), &inputs, 0.06, |_| false, moving);
-    let left = |step: usize, control_interval_s: Option<f64>| {
-        let problem = prepared(&Recording { control_interval_s, ..every(step, &whole) });
-        let n = problem.tracks[0].observations();
-        let all = &problem.all_residuals(&problem.nominal(), None)[0][20..2 * n];
-        all.iter().map(|r| r * r).sum::<f64>() / all.len() as f64
-    };
-    let all = left(1, None);
-    assert!((0.3..1.25).contains(&all), "{all}");
-    let [held, straight] = [None, Some(0.0025)].map(|control| left(5, control));
-    assert!(held > 5.0 * straight && (0.3..2.0).contains(&straight), "{held} {straight}");
-}
-
-/// The bearing's position beside it: what it is just before a sample the last command would tell, which a slow logger has not seen.
-#[test]
-fn a_command_that_a_slow_logger_misses_is_noise_of_the_position() {
-    let (_, vehicle_json) = example();
-    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
-    let mut normal = normals(29);
-    let mut command = 5.3;
-    let inputs: Vec<[f64; 2]> = (0..300)
-        .map(|_| {
-            command += 0.05 * normal() - 0.02 * (command - 5.3);
-            [40.0, command]
-        })
-        .collect();
-    let moving = |row: usize, now: [f64; 2]| if row == 0 && now == [0.0; 2] { [250.0, 20.0] } else { now };
-    let mut whole = answered(&Car::nominal(&vehicle), &inputs, 0.1, |_| false, moving);
-    // A bearing that follows at once, seen just before the next command.
-    whole.x_to = Some((0..300_usize).map(|k| inputs[k.saturating_sub(1)][1] + 0.015 * normal()).collect());
-    for step in [1, 2, 5] {
-        let r = every(step, &whole);
-        let mut problem = prepared(&r);
-        // A command that goes any way hides the noise from its neighbours: here it is told, not found.
-        let mut with = prepare::disturbances(&problem.tracks, &prepare::read(&[&r], &vehicle_json).unwrap().1);
-        with.noise[Channel::XTo as usize].white = 0.015;
-        problem.filters = problem.tracks.iter().map(|t| prepare::filter_of(t, &vehicle, &with)).collect();
-        let n = problem.tracks[0].observations();
-        let all = &problem.all_residuals(&problem.nominal(), None)[0][2 * n + 2..3 * n];
-        let left = all.iter().map(|r| r * r).sum::<f64>() / all.len() as f64;
-        // How far a command goes is known from two bends alone, which leaves more than one; unallowed for it would be six and more.
-        assert!((0.5..2.5).contains(&left), "every {step}: {left}");
-    }
 }
 
 /// Even samples whose stamps are up to 4.5 ms off, or samples at such times: either is no gap.

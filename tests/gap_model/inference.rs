@@ -1,9 +1,7 @@
 //! What the inference finds is what was put in.
 
 use crate::made_up::{example, first, made_up, made_up_under};
-use kisspoint::campaign::Recording;
 use kisspoint::effects::{self, REGISTRY, Subsystem, param};
-use kisspoint::gap::diagnosis::diagnose;
 use kisspoint::gap::infer::coordinate::Coordinate;
 use kisspoint::gap::infer::density::{Basis, Problem, WHOLE, cost, misfit};
 use kisspoint::gap::infer::exchange::exchange;
@@ -13,11 +11,8 @@ use kisspoint::gap::infer::irregular::irregular;
 use kisspoint::gap::infer::posterior::posterior;
 use kisspoint::gap::infer::pulsation;
 use kisspoint::gap::infer::search::{Hypothesis, search, taken_over};
-use kisspoint::gap::model::replay::{Missing, replay, start};
-use kisspoint::gap::model::tolerance::Car;
-use kisspoint::gap::model::track::Track;
+use kisspoint::gap::model::replay::Missing;
 use kisspoint::gap::model::{missing, prepare, tolerance};
-use kisspoint::gap::verdict::Verdict;
 
 #[test]
 fn an_effect_that_is_there_is_found_and_one_more_is_not_believed() {
@@ -381,149 +376,4 @@ fn an_effect_that_only_came_along_beside_a_law_is_dropped() {
         weights.explanations.iter().map(|e| (&e.effects, e.place)).collect::<Vec<_>>()
     );
     assert!(beside(&[gain]).unwrap().probability > beside(&both).unwrap().probability);
-}
-
-/// Recordings of the bundled campaign, and its car.
-fn bundled(names: &[&str]) -> (kisspoint::campaign::Campaign, Car) {
-    let mut campaign = kisspoint::campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
-    campaign.recordings.retain(|r| names.contains(&r.name.as_str()));
-    let car = Car::nominal(&kisspoint::vehicle::Vehicle::from_value(&campaign.vehicle_json).unwrap());
-    (campaign, car)
-}
-
-/// Both speeds and the bearing's position as a car answers the inputs of a recording, with what its sensors add to them at these intervals in s; no other bench channel.
-fn answer(r: &mut Recording, car: &Car, mut sensors: impl FnMut(f64) -> [f64; 3]) {
-    (r.x_to, r.t_fc, r.theta_c) = (None, None, None);
-    let track = Track::new(r);
-    let begin = start(&track, car, 0, track.theta_0, 0.1);
-    let mut found = vec![[0.0; 3]; track.rows()];
-    let interval = 1.0 / r.sample_rate_hz;
-    replay(&track, car, (&begin, 0.0), 0..track.rows(), None, |row, now, _, _| {
-        let added = sensors(interval);
-        found[row] = [now.omega_f + added[0], now.omega_c + added[1], now.x_to_actual + added[2]];
-    });
-    let of = |channel: usize| found.iter().map(|v| v[channel]).collect::<Vec<f64>>();
-    (r.omega_f, r.omega_c, r.x_to) = (of(0), of(1), Some(of(2)));
-}
-
-/// Every so many rows of a recording.
-fn thinned(r: &mut Recording, every: usize) {
-    for v in [&mut r.time, &mut r.omega_f, &mut r.omega_c, &mut r.t_e, &mut r.x_to_cmd, &mut r.theta_h].into_iter().chain(&mut r.x_to) {
-        *v = v.iter().copied().step_by(every).collect();
-    }
-    r.sample_rate_hz /= every as f64;
-}
-
-/// Recordings of the bundled campaign, every so many rows of them, as its nominal car answers them if its control unit computes at this interval in s, with what the sensors add to
-/// both speeds at these intervals in s.
-fn replayed(names: &[&str], every: usize, control: Option<f64>, mut sensors: impl FnMut(f64) -> [f64; 2]) -> kisspoint::campaign::Campaign {
-    let (mut campaign, car) = bundled(names);
-    for r in &mut campaign.recordings {
-        (r.x_to, r.control_interval_s) = (None, control);
-        thinned(r, every);
-        answer(r, &car, |interval| {
-            let [f, c] = sensors(interval);
-            [f, c, 0.0]
-        });
-        (r.x_to, r.control_interval_s) = (None, None);
-    }
-    campaign
-}
-
-/// A control unit that commands at 33 Hz, logged at 33 Hz: its commands stay from sample to sample, and the diagnosis finds that out by itself.
-#[test]
-fn commands_that_change_only_as_often_as_they_are_logged_are_held() {
-    let mut normal = crate::made_up::normals(11);
-    let campaign = replayed(&["r01", "r02", "r03", "r05"], 3, Some(f64::INFINITY), |_| [0.1 * normal(), 0.1 * normal()]);
-    let found = diagnose(&campaign, &|_, _| {}).unwrap();
-    assert_eq!((found.control_interval_s, found.answer.verdict), (Some(f64::INFINITY), Verdict::NoGap));
-    assert!(found.answer.notes.iter().any(|n| n.contains("held from sample to sample")), "{:?}", found.answer.notes);
-}
-
-/// A control unit that commands at 1 kHz, logged at 100 Hz: its commands go on between the samples, which the diagnosis finds out as well.
-#[test]
-fn commands_that_change_between_their_samples_go_on_between_them() {
-    const FASTER: usize = 10;
-    let mut normal = crate::made_up::normals(13);
-    let (mut campaign, car) = bundled(&["r01", "r02", "r03", "r05"]);
-    for r in &mut campaign.recordings {
-        let rows = FASTER * (r.time.len() - 1) + 1;
-        for v in [&mut r.time, &mut r.t_e, &mut r.x_to_cmd, &mut r.theta_h] {
-            let between = |k: usize| v[k / FASTER] + (k % FASTER) as f64 / FASTER as f64 * (v[k.div_ceil(FASTER)] - v[k / FASTER]);
-            *v = (0..rows).map(between).collect();
-        }
-        (r.omega_f, r.omega_c) = ([r.omega_f[0]].repeat(rows), [r.omega_c[0]].repeat(rows));
-        r.sample_rate_hz *= FASTER as f64;
-        answer(r, &car, |_| [0.1 * normal(), 0.1 * normal(), 0.01 * normal()]);
-        thinned(r, FASTER);
-    }
-    let found = diagnose(&campaign, &|_, _| {}).unwrap();
-    assert_eq!((found.control_interval_s, found.answer.verdict), (Some(0.005), Verdict::NoGap));
-    assert!(found.answer.notes.iter().any(|n| n.contains("straight from sample to sample")), "{:?}", found.answer.notes);
-}
-
-/// Noise that remembers for 0.1 s, beside white noise: the recordings are searched again under a filter that knows of it, and the answer says so.
-#[test]
-fn noise_with_a_memory_is_allowed_for_in_a_second_search() {
-    let mut normal = crate::made_up::normals(7);
-    let mut slow = [0.0_f64; 2];
-    let campaign = replayed(&["r01", "r03", "r05"], 1, None, |interval| {
-        let kept = (-interval / 0.1).exp();
-        slow = slow.map(|x| kept * x + 0.15 * (1.0 - kept * kept).sqrt() * normal());
-        slow.map(|x| x + 0.1 * normal())
-    });
-    let answer = diagnose(&campaign, &|_, _| {}).unwrap().answer;
-    let said = |words: &str| answer.notes.iter().any(|n| n.contains(words));
-    assert!(answer.verdict == Verdict::NoGap && said("correlated in time"), "{:?} {:?}", answer.verdict, answer.notes);
-}
-
-/// A memory of a sensor's noise is taken from a correlation of neighbouring innovations of 0.08 on, if it is worth the 8 nats that each of its two parameters costs.
-#[test]
-fn a_memory_has_to_show_and_to_be_worth_its_price() {
-    use kisspoint::gap::infer::sensors::{minus_log_likelihood, refined};
-    use kisspoint::gap::model::noise::Noise;
-    let (mut weak, mut cheap) = (0, 0);
-    for (names, size) in [
-        (&["r01", "r02", "r03", "r04", "r05", "r06"][..], 0.06),
-        (&["r01", "r02", "r03", "r04", "r05", "r06"], 0.08),
-        (&["r03"], 0.08),
-        (&["r03"], 0.09),
-        (&["r03"], 0.1),
-        (&["r03"], 0.2),
-    ] {
-        let (mut normal, mut slow) = (crate::made_up::normals(23), 0.0);
-        let campaign = replayed(names, 1, None, |interval| {
-            let kept = (-interval / 0.1_f64).exp();
-            slow = kept * slow + size * (1.0 - kept * kept).sqrt() * normal();
-            [slow + 0.1 * normal(), 0.1 * normal()]
-        });
-        let all: Vec<&kisspoint::campaign::Recording> = campaign.recordings.iter().collect();
-        let (tracks, tolerances) = prepare::read(&all, &campaign.vehicle_json).unwrap();
-        let with = prepare::disturbances(&tracks, &tolerances);
-        let problem =
-            prepare::problem(tracks, &kisspoint::vehicle::Vehicle::from_value(&campaign.vehicle_json).unwrap(), &tolerances, &with);
-        let point = problem.nominal();
-        let residuals = problem.all_residuals(&point, None);
-        let (mut products, mut squares) = (0.0, 0.0);
-        for (filter, r) in problem.filters.iter().zip(&residuals) {
-            let v: Vec<f64> = (0..filter.gains.len()).map(|k| r[2 * k].clamp(-4.0, 4.0)).collect();
-            products += v.windows(2).map(|w| w[0] * w[1]).sum::<f64>();
-            squares += v.iter().map(|x| x * x).sum::<f64>();
-        }
-        let correlation = products / squares;
-        let tried = [0.5, 1.0, 2.0].into_iter().flat_map(|size| [0.03, 0.1, 0.3].map(|memory_s| (size, memory_s)));
-        let costs = tried.flat_map(|(size, memory_s)| {
-            [1.0, 0.8].map(|share| {
-                let (mut changed, white) = (with, with.noise[0].white);
-                changed.noise[0] = Noise { white: share * white, coloured: size * white, memory_s };
-                minus_log_likelihood(&problem, &point, &changed)
-            })
-        });
-        let nats = 0.5 * (minus_log_likelihood(&problem, &point, &with) - costs.fold(f64::INFINITY, f64::min));
-        let taken = refined(&problem, &point, &residuals, &with).is_some_and(|found| found.noise[0].coloured > 0.0);
-        assert_eq!(taken, correlation >= 0.08 && nats > 8.0, "{names:?}, {size} rad/s: {correlation}, {nats} nats");
-        weak += u32::from(taken && correlation < 0.24);
-        cheap += u32::from(taken && nats < 24.0);
-    }
-    assert!(weak > 0 && cheap > 0, "{weak} {cheap}");
 }

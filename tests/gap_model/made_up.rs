@@ -100,16 +100,23 @@ pub fn answered_at(
         brake: (0..n).any(&brake).then(|| (0..n).map(&brake).collect()),
         ..Recording::default()
     };
-    let track = Track::new(&r);
     let mut normal = normals(17);
-    let begin = start(&track, car, 0, track.theta_0, 0.1);
-    let mut found = [vec![0.0; n], vec![0.0; n]];
-    replay(&track, car, (&begin, 0.0), 0..n, None, |row, now, _, _| {
-        let truth = speeds(row, [now.omega_f, now.omega_c]);
-        (found[0][row], found[1][row]) = (truth[0] + noise * normal(), truth[1] + noise * normal());
-    });
-    [r.omega_f, r.omega_c] = found;
+    for (row, [omega_f, omega_c, _]) in shown(&r, car).into_iter().enumerate() {
+        let truth = speeds(row, [omega_f, omega_c]);
+        (r.omega_f[row], r.omega_c[row]) = (truth[0] + noise * normal(), truth[1] + noise * normal());
+    }
     r
+}
+
+/// Both speeds, rad/s, and the bearing's position, mm, in every row as this car answers the inputs of a recording from its first speeds on.
+pub fn shown(r: &Recording, car: &Car) -> Vec<[f64; 3]> {
+    let track = Track::new(r);
+    let begin = start(&track, car, 0, track.theta_0, 0.1);
+    let mut shown = vec![[0.0; 3]; track.rows()];
+    replay(&track, car, (&begin, 0.0), 0..track.rows(), None, |row, now, _, _| {
+        shown[row] = [now.omega_f, now.omega_c, now.x_to_actual];
+    });
+    shown
 }
 
 pub fn prepared(recording: &Recording) -> Problem {

@@ -3,6 +3,7 @@
 mod filter;
 mod inference;
 mod laws;
+mod logger;
 mod made_up;
 mod residual_map;
 #[path = "../thinned/mod.rs"]

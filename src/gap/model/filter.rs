@@ -179,8 +179,8 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     let braking = |k: usize| marked(k.saturating_sub(1)) || marked(k) || marked(k + 1);
     let stationary = |k: usize| -> [(usize, Wander); 5] {
         let load = if braking(k) { BRAKES } else { with.load };
-        let clutch =
-            Wander { sigma: with.clutch.sigma * torque.get(unseen::samples_of(track, k).end - 1).map_or(0.0, |t| t.abs()), ..with.clutch };
+        let transmitted = torque.get(unseen::samples_of(track, k).end - 1).map_or(0.0, |t| t.abs());
+        let clutch = Wander { sigma: with.clutch.sigma * transmitted, ..with.clutch };
         [(ENGINE, with.report), (LOAD, load), (CLUTCH, clutch), (NOISE_F, colour[0]), (NOISE_C, colour[1])]
     };
     for (place, process) in stationary(0) {

@@ -29,10 +29,14 @@ pub fn sample_of(track: &Track, row: usize) -> usize {
     if track.averages() { row } else { track.observation_of(row) }
 }
 
+/// First row of a sample.
+fn row_of(track: &Track, sample: usize) -> usize {
+    if track.averages() { sample } else { track.rows_of(sample).start }
+}
+
 /// An input, sample by sample.
 pub fn at_samples(track: &Track, input: impl Fn(&Tick) -> f64) -> Vec<f64> {
-    let row = |sample: usize| if track.averages() { sample } else { track.rows_of(sample).start };
-    (0..samples(track)).map(|sample| input(&track.ticks[track.tick_of_row[row(sample)]])).collect()
+    (0..samples(track)).map(|sample| input(&track.ticks[track.tick_of_row[row_of(track, sample)]])).collect()
 }
 
 /// What a signal may have done between the samples of a slow logger, beyond the straight line from each to the next, observation by observation.
@@ -49,8 +53,8 @@ pub struct Unseen {
 /// middle of its neighbours, δ² = s² T/2. The integral between two samples, given both, has the variance s² T³/12 = δ² T²/6. The
 /// signal itself has s² T u (1 − u) = 2 δ² u (1 − u) at the share u of the way.
 pub fn unseen(track: &Track, signal: &[f64], counts: impl Fn(usize) -> bool) -> Unseen {
-    let observation = |sample: usize| if track.averages() { track.observation_of(sample) } else { sample };
-    let time = |sample: usize| track.time[if track.averages() { sample } else { track.rows_of(sample).start }];
+    let observation = |sample: usize| track.observation_of(row_of(track, sample));
+    let time = |sample: usize| track.time[row_of(track, sample)];
     let length = |sample: usize| if sample + 1 < samples(track) { time(sample + 1) } else { track.duration() } - time(sample);
     let off = |i: usize| {
         let known = i > 0 && i + 1 < signal.len() && (i - 1..=i + 1).all(|j| counts(observation(j)));

@@ -1,0 +1,220 @@
+//! What a logger and its sensors do to a car's signals is told from what the car does: commands between samples, noise with a memory.
+
+use crate::made_up::{answered, answered_at, example, mean_square_from, normals, prepared, shown};
+use crate::thinned::every;
+use kisspoint::campaign::{self, Campaign, Recording};
+use kisspoint::effects;
+use kisspoint::gap::diagnosis::diagnose;
+use kisspoint::gap::infer::sensors::{minus_log_likelihood, refined};
+use kisspoint::gap::model::noise::Noise;
+use kisspoint::gap::model::prepare;
+use kisspoint::gap::model::tolerance::Car;
+use kisspoint::gap::model::track::Channel;
+use kisspoint::gap::verdict::Verdict;
+use kisspoint::vehicle::Vehicle;
+use std::path::Path;
+
+/// Inputs of a clutch that closes slowly from 5.3 mm on, with a command that goes its own way from row to row by so many mm: torque, position.
+fn wandering(rows: u32, seed: u64, closes: f64, wanders: f64) -> Vec<[f64; 2]> {
+    let (mut normal, mut wander) = (normals(seed), 0.0);
+    let mut row = |k: u32| {
+        wander = 0.9 * wander + wanders * normal();
+        [40.0, 5.3 + closes * f64::from(k) + wander]
+    };
+    (0..rows).map(&mut row).collect()
+}
+
+#[test]
+fn a_command_that_a_slow_logger_misses_is_noise_of_the_torque() {
+    let (_, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let moving = |row: usize, now: [f64; 2]| if row == 0 && now == [0.0; 2] { [150.0, 20.0] } else { now };
+    let whole = answered(&Car::nominal(&vehicle), &wandering(150, 23, 0.005, 0.08), 0.1, |_| false, moving);
+    for step in [1, 2, 5] {
+        let left = mean_square_from(&prepared(&every(step, &whole)), effects::null(), 0.1);
+        assert!((0.3..1.25).contains(&left), "every {step}: {left}");
+    }
+}
+
+/// A logger that averages its samples misses commands of a control unit that is faster still, if that is how it is read.
+#[test]
+fn a_command_between_averaged_samples_is_noise_as_well() {
+    let (_, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let moving = |row: usize, now: [f64; 2]| if row == 0 && now == [0.0; 2] { [250.0, 20.0] } else { now };
+    let whole = answered_at(1e3, &Car::nominal(&vehicle), &wandering(3000, 37, 3e-4, 0.15), 0.06, |_| false, moving);
+    let left = |step: usize, control_interval_s: Option<f64>| {
+        let problem = prepared(&Recording { control_interval_s, ..every(step, &whole) });
+        let n = problem.tracks[0].observations();
+        let all = &problem.all_residuals(&problem.nominal(), None)[0][20..2 * n];
+        all.iter().map(|r| r * r).sum::<f64>() / all.len() as f64
+    };
+    let all = left(1, None);
+    assert!((0.3..1.25).contains(&all), "{all}");
+    let [held, straight] = [None, Some(0.0025)].map(|control| left(5, control));
+    assert!(held > 5.0 * straight && (0.3..2.0).contains(&straight), "{held} {straight}");
+}
+
+/// The bearing's position beside it: what it is just before a sample the last command would tell, which a slow logger has not seen.
+#[test]
+fn a_command_that_a_slow_logger_misses_is_noise_of_the_position() {
+    let (_, vehicle_json) = example();
+    let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
+    let mut normal = normals(29);
+    let mut command = 5.3;
+    let inputs: Vec<[f64; 2]> = (0..300)
+        .map(|_| {
+            command += 0.05 * normal() - 0.02 * (command - 5.3);
+            [40.0, command]
+        })
+        .collect();
+    let moving = |row: usize, now: [f64; 2]| if row == 0 && now == [0.0; 2] { [250.0, 20.0] } else { now };
+    let mut whole = answered(&Car::nominal(&vehicle), &inputs, 0.1, |_| false, moving);
+    // A bearing that follows at once, seen just before the next command.
+    whole.x_to = Some((0..300_usize).map(|k| inputs[k.saturating_sub(1)][1] + 0.015 * normal()).collect());
+    for step in [1, 2, 5] {
+        let r = every(step, &whole);
+        let mut problem = prepared(&r);
+        // A command that goes any way hides the noise from its neighbours: here it is told, not found.
+        let mut with = prepare::disturbances(&problem.tracks, &prepare::read(&[&r], &vehicle_json).unwrap().1);
+        with.noise[Channel::XTo as usize].white = 0.015;
+        problem.filters = problem.tracks.iter().map(|t| prepare::filter_of(t, &vehicle, &with)).collect();
+        let n = problem.tracks[0].observations();
+        let all = &problem.all_residuals(&problem.nominal(), None)[0][2 * n + 2..3 * n];
+        let left = all.iter().map(|r| r * r).sum::<f64>() / all.len() as f64;
+        // How far a command goes is known from two bends alone, which leaves more than one; unallowed for it would be six and more.
+        assert!((0.5..2.5).contains(&left), "every {step}: {left}");
+    }
+}
+
+/// Recordings of the bundled campaign, and its car.
+fn bundled(names: &[&str]) -> (Campaign, Car) {
+    let mut campaign = campaign::read(Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
+    campaign.recordings.retain(|r| names.contains(&r.name.as_str()));
+    let car = Car::nominal(&Vehicle::from_value(&campaign.vehicle_json).unwrap());
+    (campaign, car)
+}
+
+/// Both speeds and the bearing's position as a car answers the inputs of a recording, with what its sensors add to them at these intervals in s; no other bench channel.
+fn answer(r: &mut Recording, car: &Car, mut sensors: impl FnMut(f64) -> [f64; 3]) {
+    let interval = 1.0 / r.sample_rate_hz;
+    let mut sensed = |now: [f64; 3]| {
+        let added = sensors(interval);
+        std::array::from_fn(|channel| now[channel] + added[channel])
+    };
+    let found: Vec<[f64; 3]> = shown(r, car).into_iter().map(&mut sensed).collect();
+    let of = |channel: usize| found.iter().map(|v| v[channel]).collect::<Vec<f64>>();
+    (r.omega_f, r.omega_c, r.x_to) = (of(0), of(1), Some(of(2)));
+    (r.t_fc, r.theta_c) = (None, None);
+}
+
+/// Recordings of the bundled campaign, every so many rows of them, as its nominal car answers them if its control unit computes at this interval in s, with what the sensors add to
+/// both speeds at these intervals in s.
+fn replayed(names: &[&str], step: usize, control: Option<f64>, mut sensors: impl FnMut(f64) -> [f64; 2]) -> Campaign {
+    let (mut campaign, car) = bundled(names);
+    for r in &mut campaign.recordings {
+        (r.x_to, r.control_interval_s) = (None, control);
+        *r = every(step, r);
+        answer(r, &car, |interval| {
+            let [f, c] = sensors(interval);
+            [f, c, 0.0]
+        });
+        (r.x_to, r.control_interval_s) = (None, None);
+    }
+    campaign
+}
+
+/// A control unit that commands at 33 Hz, logged at 33 Hz: its commands stay from sample to sample, and the diagnosis finds that out by itself.
+#[test]
+fn commands_that_change_only_as_often_as_they_are_logged_are_held() {
+    let mut normal = normals(11);
+    let campaign = replayed(&["r01", "r02", "r03", "r05"], 3, Some(f64::INFINITY), |_| [0.1 * normal(), 0.1 * normal()]);
+    let found = diagnose(&campaign, &|_, _| {}).unwrap();
+    assert_eq!((found.control_interval_s, found.answer.verdict), (Some(f64::INFINITY), Verdict::NoGap));
+    assert!(found.answer.notes.iter().any(|n| n.contains("held from sample to sample")), "{:?}", found.answer.notes);
+}
+
+/// A control unit that commands at 1 kHz, logged at 100 Hz: its commands go on between the samples, which the diagnosis finds out as well.
+#[test]
+fn commands_that_change_between_their_samples_go_on_between_them() {
+    const FASTER: usize = 10;
+    let mut normal = normals(13);
+    let (mut campaign, car) = bundled(&["r01", "r02", "r03", "r05"]);
+    for r in &mut campaign.recordings {
+        let rows = FASTER * (r.time.len() - 1) + 1;
+        for v in [&mut r.time, &mut r.t_e, &mut r.x_to_cmd, &mut r.theta_h] {
+            let between = |k: usize| v[k / FASTER] + (k % FASTER) as f64 / FASTER as f64 * (v[k.div_ceil(FASTER)] - v[k / FASTER]);
+            *v = (0..rows).map(between).collect();
+        }
+        (r.omega_f, r.omega_c) = ([r.omega_f[0]].repeat(rows), [r.omega_c[0]].repeat(rows));
+        r.sample_rate_hz *= FASTER as f64;
+        answer(r, &car, |_| [0.1 * normal(), 0.1 * normal(), 0.01 * normal()]);
+        *r = every(FASTER, r);
+    }
+    let found = diagnose(&campaign, &|_, _| {}).unwrap();
+    assert_eq!((found.control_interval_s, found.answer.verdict), (Some(0.005), Verdict::NoGap));
+    assert!(found.answer.notes.iter().any(|n| n.contains("straight from sample to sample")), "{:?}", found.answer.notes);
+}
+
+/// Noise that remembers for 0.1 s, beside white noise: the recordings are searched again under a filter that knows of it, and the answer says so.
+#[test]
+fn noise_with_a_memory_is_allowed_for_in_a_second_search() {
+    let mut normal = normals(7);
+    let mut slow = [0.0_f64; 2];
+    let campaign = replayed(&["r01", "r03", "r05"], 1, None, |interval| {
+        let kept = (-interval / 0.1).exp();
+        slow = slow.map(|x| kept * x + 0.15 * (1.0 - kept * kept).sqrt() * normal());
+        slow.map(|x| x + 0.1 * normal())
+    });
+    let answer = diagnose(&campaign, &|_, _| {}).unwrap().answer;
+    let said = |words: &str| answer.notes.iter().any(|n| n.contains(words));
+    assert!(answer.verdict == Verdict::NoGap && said("correlated in time"), "{:?} {:?}", answer.verdict, answer.notes);
+}
+
+/// A memory of a sensor's noise is taken from a correlation of neighbouring innovations of 0.08 on, if it is worth the 8 nats that each of its two parameters costs.
+#[test]
+fn a_memory_has_to_show_and_to_be_worth_its_price() {
+    let (mut weak, mut cheap) = (0, 0);
+    for (names, size) in [
+        (&["r01", "r02", "r03", "r04", "r05", "r06"][..], 0.06),
+        (&["r01", "r02", "r03", "r04", "r05", "r06"], 0.08),
+        (&["r03"], 0.08),
+        (&["r03"], 0.09),
+        (&["r03"], 0.1),
+        (&["r03"], 0.2),
+    ] {
+        let (mut normal, mut slow) = (normals(23), 0.0);
+        let campaign = replayed(names, 1, None, |interval| {
+            let kept = (-interval / 0.1_f64).exp();
+            slow = kept * slow + size * (1.0 - kept * kept).sqrt() * normal();
+            [slow + 0.1 * normal(), 0.1 * normal()]
+        });
+        let all: Vec<&Recording> = campaign.recordings.iter().collect();
+        let (tracks, tolerances) = prepare::read(&all, &campaign.vehicle_json).unwrap();
+        let with = prepare::disturbances(&tracks, &tolerances);
+        let problem = prepare::problem(tracks, &Vehicle::from_value(&campaign.vehicle_json).unwrap(), &tolerances, &with);
+        let point = problem.nominal();
+        let residuals = problem.all_residuals(&point, None);
+        let (mut products, mut squares) = (0.0, 0.0);
+        for (filter, r) in problem.filters.iter().zip(&residuals) {
+            let v: Vec<f64> = (0..filter.gains.len()).map(|k| r[2 * k].clamp(-4.0, 4.0)).collect();
+            products += v.windows(2).map(|w| w[0] * w[1]).sum::<f64>();
+            squares += v.iter().map(|x| x * x).sum::<f64>();
+        }
+        let correlation = products / squares;
+        let tried = [0.5, 1.0, 2.0].into_iter().flat_map(|size| [0.03, 0.1, 0.3].map(|memory_s| (size, memory_s)));
+        let costs = tried.flat_map(|(size, memory_s)| {
+            [1.0, 0.8].map(|share| {
+                let (mut changed, white) = (with, with.noise[0].white);
+                changed.noise[0] = Noise { white: share * white, coloured: size * white, memory_s };
+                minus_log_likelihood(&problem, &point, &changed)
+            })
+        });
+        let nats = 0.5 * (minus_log_likelihood(&problem, &point, &with) - costs.fold(f64::INFINITY, f64::min));
+        let taken = refined(&problem, &point, &residuals, &with).is_some_and(|found| found.noise[0].coloured > 0.0);
+        assert_eq!(taken, correlation >= 0.08 && nats > 8.0, "{names:?}, {size} rad/s: {correlation}, {nats} nats");
+        weak += u32::from(taken && correlation < 0.24);
+        cheap += u32::from(taken && nats < 24.0);
+    }
+    assert!(weak > 0 && cheap > 0, "{weak} {cheap}");
+}
