@@ -2,13 +2,14 @@
 
 use super::output::{Colour, coloured, folded, width};
 use crate::gap::diagnosis::Diagnosis;
-use crate::report::text::{estimate, number, unit};
+use crate::report::open_questions::of_recording;
+use crate::report::text::{capitalised, estimate, number, unit};
 use crate::report::{Input, doubts, names, verdict};
 use serde_json::Value;
 use std::io::IsTerminal;
 use std::path::Path;
 
-/// The headline, how far off a free replay is, the effects with their parameters, what is in doubt, and where the files are.
+/// The headline, how far off a free replay is, the effects with their parameters, what is in doubt, what was taken for granted of all recordings, and where the files are.
 pub fn summary(diagnosis: &Diagnosis, out: Option<&Path>) -> String {
     let terminal = std::io::stdout().is_terminal();
     let json = &diagnosis.json;
@@ -39,6 +40,9 @@ pub fn summary(diagnosis: &Diagnosis, out: Option<&Path>) -> String {
     }
     rest.extend(verdict::confidence(json).map(|said| format!("  {said}")));
     rest.extend(doubts.iter().map(|d| format!("  {} {}", if d.grave { "!" } else { "-" }, d.text())));
+    // What was done to a recording was said when it was read.
+    let of_all = diagnosis.answer.notes.iter().filter(|note| of_recording(note).is_none());
+    rest.extend(of_all.map(|note| format!("  - {}.", capitalised(note).trim_end_matches('.'))));
     rest.extend(out.map(|out| format!("  written: {}", out.join("report.html").display())));
     lines.extend(rest.iter().map(|line| folded(line, wide, "  ")));
     lines.join("\n") + "\n"

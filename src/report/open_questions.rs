@@ -32,11 +32,16 @@ pub fn section(diagnosis: &Value) -> String {
     out
 }
 
+/// Recording and words of a note that is of one recording.
+pub fn of_recording(note: &str) -> Option<(&str, &str)> {
+    note.split_once(": ").filter(|(head, _)| !head.contains(' '))
+}
+
 /// Notes as they come; what was done to several recordings alike stands there once.
 fn notes(all: &[&str]) -> Vec<String> {
     let mut groups: Vec<(&str, Vec<&str>)> = Vec::new();
     for note in all {
-        let (recording, what) = note.split_once(": ").filter(|(head, _)| !head.contains(' ')).unwrap_or(("", note));
+        let (recording, what) = of_recording(note).unwrap_or(("", note));
         match groups.iter_mut().find(|g| g.0 == what) {
             Some(group) => group.1.push(recording),
             None => groups.push((what, vec![recording])),

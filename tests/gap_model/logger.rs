@@ -154,6 +154,9 @@ fn commands_that_change_between_their_samples_go_on_between_them() {
     let found = diagnose(&campaign, &|_, _| {}).unwrap();
     assert_eq!((found.control_interval_s, found.answer.verdict), (Some(0.005), Verdict::NoGap));
     assert!(found.answer.notes.iter().any(|n| n.contains("straight from sample to sample")), "{:?}", found.answer.notes);
+    // Folded to the width of a terminal.
+    let told = kisspoint::cli::summary::summary(&found, None).split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(told.contains("- The commands seem to change more often than they are logged"), "{told}");
 }
 
 /// Noise that remembers for 0.1 s, beside white noise: the recordings are searched again under a filter that knows of it, and the answer says so.
