@@ -43,10 +43,16 @@ pub fn worth_another(other: &Problem, usual: &Problem, best: &Hypothesis) -> boo
 /// Whether the recordings are likelier with another control unit's inputs, each reading with a set of effects.
 pub fn rather_other(other: (&Problem, &Hypothesis), usual: (&Problem, &Hypothesis)) -> bool {
     let likely = |(p, h): (&Problem, &Hypothesis)| h.fit.log_evidence - 0.5 * p.filters.iter().map(|f| f.log_det).sum::<f64>();
-    // Inputs that run on between their samples leave more open, which makes them likelier wherever something is wrong. If they do run on, held ones are late, and tolerances pay for it.
-    let relief = usual.1.fit.squares() - other.1.fit.squares();
-    let leaves_more_open = other.0.tracks.iter().any(Track::misses_commands);
-    likely(other) > likely(usual) + WORTH_NATS && (!leaves_more_open || 0.5 * relief > WORTH_NATS)
+    likely(other) > likely(usual) + WORTH_NATS && (!other.0.tracks.iter().any(Track::misses_commands) || explains_more(other, usual))
+}
+
+/// The same where the other reading leaves more open, which makes it likelier wherever something is wrong: under filters that leave as much open in both it has to be likelier as well, and
+/// to strain tolerances less, for held commands are late if they do run on between their samples.
+fn explains_more((other, best): (&Problem, &Hypothesis), (usual, best_there): (&Problem, &Hypothesis)) -> bool {
+    let as_open = Problem { filters: other.filters.clone(), powers: other.powers, ..usual.clone() };
+    let held = Hypothesis::fitted(&as_open, best_there.effects.clone(), &best_there.fit.point, TOLD_APART, None).fit;
+    let relief = 0.5 * (held.squares() - best.fit.squares());
+    best.fit.log_evidence > held.log_evidence + WORTH_NATS && relief > WORTH_NATS
 }
 
 /// Iterations that tell control units apart.
