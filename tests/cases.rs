@@ -84,12 +84,12 @@ fn a_slow_control_unit_is_told_from_a_slow_logger() {
     };
     let held = |found: &Diagnosis| {
         let said = found.json["notes"].as_array().unwrap().iter().any(|n| n.as_str().unwrap().contains("held from sample to sample"));
-        assert_eq!(said, found.control_interval_s == Some(f64::INFINITY));
+        assert_eq!(said, found.read.recordings[0].control_interval_s == Some(f64::INFINITY));
         said
     };
     assert!(held(first()), "50 Hz, every command logged");
     assert!(!held(&diagnose(&read("6", 2), &|_, _| {}).unwrap()), "50 Hz, every second command logged");
-    assert_eq!(diagnose(&read("6", 1), &|_, _| {}).unwrap().control_interval_s, None, "100 Hz, every command logged");
+    assert_eq!(diagnose(&read("6", 1), &|_, _| {}).unwrap().read.recordings[0].control_interval_s, None, "100 Hz, every command logged");
 }
 
 /// A bearing that is elsewhere than the law of the actuator has it shows in a sensor of its position, a torque of the clutch in a transducer.

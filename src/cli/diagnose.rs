@@ -12,7 +12,6 @@ use crate::fmu::{self, Beside, Extras, FmuError, library, ssv};
 use crate::gap::answer::plant_parameters;
 use crate::gap::diagnosis::{Diagnosis, diagnose};
 use crate::gap::map::{HIGH_TORQUE_NM, HOT_DEGC};
-use crate::gap::ready::commanded_every;
 use crate::report::{self, fleet};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -159,7 +158,7 @@ fn one(
     bar.say(&format!("{label}report"));
     let shown = name(path).display().to_string();
     if let Some(out) = out {
-        let mut files = files(&campaign, &diagnosis, &shown, &provenance(&campaign, options), libraries)?;
+        let mut files = files(&diagnosis, &shown, &provenance(&campaign, options), libraries)?;
         if evidence {
             files.push(("evidence.ssp", super::evidence::archive(&diagnosis.json, &files, &campaign)?));
         }
@@ -213,14 +212,12 @@ fn provenance(campaign: &Campaign, options: &ReadOptions) -> Vec<(String, String
 }
 
 fn files(
-    campaign: &Campaign,
     diagnosis: &Diagnosis,
     name: &str,
     provenance: &[(String, String)],
     libraries: &[library::Library],
 ) -> Result<Vec<(&'static str, Vec<u8>)>, FmuError> {
-    let thus = diagnosis.control_interval_s.map(|s| commanded_every(campaign, s));
-    let campaign = thus.as_ref().unwrap_or(campaign);
+    let campaign = &diagnosis.read;
     let traces = super::laws::traces(campaign, diagnosis);
     let report = report::html(&report::Input {
         name,

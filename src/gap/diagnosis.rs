@@ -24,7 +24,7 @@ use super::model::unknown_clutch;
 use super::plan::manoeuvre::{Manoeuvre, built_in};
 use super::plan::{Outlook, Planner, outlook};
 use super::progress::{Watch, Work, watched};
-use super::ready::{Read, Ready, commanded_every, control_note, read_with_control_unit};
+use super::ready::{Fresh, Read, Ready, commanded_every, control_note, read_with_control_unit, read_without_stale};
 use super::retune::{self, Followed};
 use super::verdict::{Conclusion, MISLED, Verdict, conclude};
 use crate::campaign::{Campaign, NO_POSITION, Note, Recording};
@@ -56,8 +56,8 @@ pub struct Diagnosis {
     pub answer: Answer,
     /// The answer as diagnosis.json has it.
     pub json: serde_json::Value,
-    /// Interval at which the control unit computes, s, if it was found to be another than usual.
-    pub control_interval_s: Option<f64>,
+    /// The campaign as it was read: without what is stale in it, with the control unit that suits it.
+    pub read: Campaign,
     /// Real, before and after, per recording or engagement.
     pub overlays: Vec<Overlay>,
     /// The drives among the recordings.
@@ -110,10 +110,10 @@ fn diagnosed(
 ) -> Result<Diagnosis, DiagnosisError> {
     let work = ready.problem.work.clone();
     let searched = |problem: &Problem, earlier: Option<&Search>| search(problem, earlier, &|what, _| watch.begin(what));
-    let found = searched(&ready.problem, None);
-    let Read { ready, mut found, control_interval_s } = read_with_control_unit(campaign, &vehicle, ready, found, &searched)?;
-    let thus = control_interval_s.map(|s| commanded_every(campaign, s));
-    let campaign = thus.as_ref().unwrap_or(campaign);
+    let Fresh { campaign, ready, found, stale } = read_without_stale(campaign, &vehicle, ready, &searched)?;
+    let Read { ready, mut found, control_interval_s } = read_with_control_unit(&campaign, &vehicle, ready, found, &searched)?;
+    let read = control_interval_s.map_or(campaign.clone(), |s| commanded_every(&campaign, s));
+    let campaign = &read;
     let Ready { split, mut problem, tolerances, with } = ready;
     let known = |n: &&Note| n.text != NO_POSITION;
     let mut notes: Vec<String> = campaign.notes.iter().filter(known).map(|n| format!("{}: {}", n.recording, n.text)).collect();
@@ -150,6 +150,10 @@ fn diagnosed(
             conclusion.leave(&left);
             notes.push(format!("whatever else is wrong, something irregular is left: {}; it is allowed for", left.what));
         }
+    }
+    for left in &stale {
+        conclusion.leave(left);
+        notes.push(format!("stale samples: {}; they are left out", left.what));
     }
     let point = &conclusion.explanation.fit.as_ref().expect("the best was fitted").point.clone();
     notes.extend(temperature_notes(&problem, point));
@@ -230,19 +234,7 @@ fn diagnosed(
     let overlays = overlays(campaign, &split, &problem, point, before, handed);
     let drives = drives(campaign, &split, &problem);
     let (handed, effects) = (*handed.0, *handed.1);
-    Ok(Diagnosis {
-        answer,
-        json,
-        control_interval_s,
-        overlays,
-        drives,
-        vehicle: handed,
-        effects,
-        validated,
-        nominal: vehicle,
-        outlook,
-        learned,
-    })
+    Ok(Diagnosis { answer, json, read, overlays, drives, vehicle: handed, effects, validated, nominal: vehicle, outlook, learned })
 }
 
 /// The fit of the explanation that stands, with its innovations: anew, if they were let go.

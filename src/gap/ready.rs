@@ -1,16 +1,20 @@
-//! A campaign, ready to be fitted; and how its inputs are read between their samples, which depends on how often the control unit computes.
+//! A campaign, ready to be fitted; what is left out of it because it is stale; and how its inputs are read between their samples, which depends on how often the control unit computes.
 
 use super::diagnosis::DiagnosisError;
 use super::held_out::{Split, split};
-use super::infer::density::Problem;
+use super::infer::density::{ACCURACIES, Problem, misfit};
 use super::infer::exchange::exchange;
-use super::infer::search::Search;
-use super::infer::sensors;
+use super::infer::irregular::{self, Irregular};
+use super::infer::search::{Hypothesis, Search};
+use super::infer::sensors::{self, TOLD_APART};
 use super::model::filter::Disturbances;
 use super::model::prepare;
+use super::model::stale::{Stale, log_prior, stale};
 use super::model::tolerance::Tolerances;
+use super::model::track::{Channel, Track};
 use super::progress::Work;
 use crate::campaign::{Campaign, Recording};
+use crate::effects::Subsystem;
 use crate::vehicle::Vehicle;
 
 /// A campaign, ready to be fitted.
@@ -32,6 +36,100 @@ impl Ready {
         let with = prepare::disturbances(&tracks, &tolerances);
         let problem = Problem { work: work.clone(), ..prepare::problem(tracks, vehicle, &tolerances, &with) };
         Ok(Self { split, problem, tolerances, with })
+    }
+}
+
+/// A campaign without what is stale in it, and what was found with that.
+pub(super) struct Fresh {
+    pub(super) campaign: Campaign,
+    pub(super) ready: Ready,
+    pub(super) found: Search,
+    /// Speeds of which samples were left out.
+    pub(super) stale: Vec<Irregular>,
+}
+
+/// Searches. Samples of a speed that seem to be stale are left out if the recordings are likelier without them: at the car of the file by so much that no explanation is likely to make up for it,
+/// and then beside the explanation that suits them best without.
+pub(super) fn read_without_stale(
+    campaign: &Campaign,
+    vehicle: &Vehicle,
+    ready: Ready,
+    searched: &dyn Fn(&Problem, Option<&Search>) -> Search,
+) -> Result<Fresh, DiagnosisError> {
+    let (mut campaign, mut ready, mut stale) = (campaign.clone(), ready, Vec::new());
+    let (mut found, mut earlier): (Option<Search>, Option<Search>) = (None, None);
+    for speed in [Channel::OmegaF, Channel::OmegaC] {
+        let Some(standstill) = Standstill::of(&ready, speed) else { continue };
+        let without = standstill.left_out_of(&campaign);
+        let other = Ready::new(&without, vehicle, &ready.problem.work)?;
+        let nominal = ready.problem.nominal();
+        let cost = |r: &Ready| sensors::minus_log_likelihood(&r.problem, &nominal, &r.with);
+        // Nothing is explained there yet: only what the least exact explanation would leave counts.
+        let least =
+            irregular::probability(&ready.problem, 0.5 * (cost(&ready) - cost(&other)) + standstill.log_density)[ACCURACIES.len() - 1];
+        if least < 0.5 {
+            continue;
+        }
+        let there = searched(&other.problem, found.as_ref());
+        let best = there.best();
+        let here = Hypothesis::fitted(&ready.problem, best.effects.clone(), &best.fit.point, TOLD_APART, None);
+        let gain = sensors::log_likelihood(&other.problem, best) + standstill.log_density - sensors::log_likelihood(&ready.problem, &here);
+        let probability = irregular::probability(&ready.problem, gain).iter().sum::<f64>() / ACCURACIES.len() as f64;
+        if probability > 0.5 {
+            let explained = 0.5 * (misfit(&other.problem.all_residuals(&nominal, None)) - best.fit.misfit()).max(0.0);
+            let (what, with) = (standstill.words(&ready.problem.tracks), other.with);
+            stale.push(Irregular { places: vec![Subsystem::Sensors], what, share: gain / (gain + explained), probability, with });
+            (campaign, ready, found) = (without, other, Some(there));
+        } else {
+            earlier = Some(there);
+        }
+    }
+    earlier.iter_mut().for_each(Search::let_go_of_all);
+    let found = found.unwrap_or_else(|| searched(&ready.problem, earlier.as_ref()));
+    Ok(Fresh { campaign, ready, found, stale })
+}
+
+/// Where a speed may stand still.
+struct Standstill {
+    speed: Channel,
+    white: f64,
+    /// By recording of the fit.
+    taught: Vec<Stale>,
+    /// Logarithm of the density of the samples, and of the places at which it stands still.
+    log_density: f64,
+}
+
+impl Standstill {
+    fn of(ready: &Ready, speed: Channel) -> Option<Self> {
+        let (tracks, white) = (&ready.problem.tracks, ready.with.noise[speed as usize].white);
+        let taught: Vec<Stale> = tracks.iter().map(|t| stale(&t.time, &t.measured[speed as usize], white)).collect();
+        let times: usize = taught.iter().map(|s| s.groups.len()).sum();
+        let samples = tracks.iter().map(|t| t.measured[speed as usize].iter().filter(|v| v.is_finite()).count()).sum();
+        let own: f64 = tracks.iter().zip(&taught).map(|(t, s)| s.minus_log_density(t, speed, white)).sum();
+        (times > 0).then(|| Self { speed, white, taught, log_density: log_prior(times, samples) - 0.5 * own })
+    }
+
+    /// What was held out is left out by itself.
+    fn left_out_of(&self, campaign: &Campaign) -> Campaign {
+        let mut campaign = campaign.clone();
+        for r in &mut campaign.recordings {
+            let values = if self.speed == Channel::OmegaF { &mut r.omega_f } else { &mut r.omega_c };
+            let all = stale(&r.time, values, self.white);
+            all.groups.iter().flat_map(|(rows, _)| rows).for_each(|&row| values[row] = f64::NAN);
+        }
+        campaign
+    }
+
+    fn words(&self, tracks: &[Track]) -> String {
+        let name = if self.speed == Channel::OmegaF { "flywheel" } else { "disc" };
+        let times: usize = self.taught.iter().map(|s| s.groups.len()).sum();
+        let samples: usize = self.taught.iter().map(Stale::samples).sum();
+        let interval = tracks.iter().map(Track::speed_interval).fold(f64::INFINITY, f64::min);
+        let seconds = samples as f64 * interval;
+        format!(
+            "the {name} speed repeats what it showed before, {times} times, for {:.2} s in the mean ({samples} samples)",
+            seconds / times as f64
+        )
     }
 }
 

@@ -130,7 +130,7 @@ fn commands_that_change_only_as_often_as_they_are_logged_are_held() {
     let mut normal = normals(11);
     let campaign = replayed(&["r01", "r02", "r03", "r05"], 3, Some(f64::INFINITY), |_| [0.1 * normal(), 0.1 * normal()]);
     let found = diagnose(&campaign, &|_, _| {}).unwrap();
-    assert_eq!((found.control_interval_s, found.answer.verdict), (Some(f64::INFINITY), Verdict::NoGap));
+    assert_eq!((found.read.recordings[0].control_interval_s, found.answer.verdict), (Some(f64::INFINITY), Verdict::NoGap));
     assert!(found.answer.notes.iter().any(|n| n.contains("held from sample to sample")), "{:?}", found.answer.notes);
 }
 
@@ -152,11 +152,77 @@ fn commands_that_change_between_their_samples_go_on_between_them() {
         *r = every(FASTER, r);
     }
     let found = diagnose(&campaign, &|_, _| {}).unwrap();
-    assert_eq!((found.control_interval_s, found.answer.verdict), (Some(0.005), Verdict::NoGap));
+    assert_eq!((found.read.recordings[0].control_interval_s, found.answer.verdict), (Some(0.005), Verdict::NoGap));
     assert!(found.answer.notes.iter().any(|n| n.contains("straight from sample to sample")), "{:?}", found.answer.notes);
     // Folded to the width of a terminal.
     let told = kisspoint::cli::summary::summary(&found, None).split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(told.contains("- The commands seem to change more often than they are logged"), "{told}");
+}
+
+/// The disc speed repeats what it showed, for so many rows of every so many; `again` is what its noise adds to that.
+fn repeated(campaign: &mut Campaign, rows: usize, every: usize, mut again: impl FnMut() -> f64) {
+    for r in &mut campaign.recordings {
+        for k in (0..r.omega_c.len()).filter(|k| k % every >= every - rows) {
+            r.omega_c[k] = r.omega_c[k - k % every + every - rows - 1] + again();
+        }
+    }
+}
+
+/// A sensor whose messages are lost for 80 ms at a time: a gap in the sensors, whose samples are left out, and no effect of the car's.
+#[test]
+fn a_speed_that_repeats_itself_is_left_out_and_is_a_gap_in_the_sensors() {
+    let mut normal = normals(17);
+    let mut campaign = replayed(&["r01", "r02", "r03", "r05"], 1, None, |_| [0.1 * normal(), 0.1 * normal()]);
+    repeated(&mut campaign, 8, 70, || 0.0);
+    let found = diagnose(&campaign, &|_, _| {}).unwrap();
+    let answer = &found.answer;
+    assert_eq!((answer.verdict, answer.place.unexplained_at), (Verdict::Unexplained, Some("sensors")), "{:?}", answer.notes);
+    assert!(answer.which.effects.is_empty() && answer.notes.iter().any(|n| n.contains("the disc speed repeats what it showed before")));
+    // All of them where the car has moved on meanwhile, and hardly any other.
+    let (mut stale, mut left_out, mut fresh) = (0, 0, 0);
+    for (was, is) in campaign.recordings.iter().zip(&found.read.recordings) {
+        for begin in (0..was.omega_c.len().saturating_sub(72)).step_by(70) {
+            let gone = (begin..begin + 70).filter(|k| is.omega_c[*k].is_nan());
+            let (repeats, others): (Vec<usize>, Vec<usize>) = gone.partition(|k| k % 70 >= 62);
+            if (was.omega_c[begin + 70] - was.omega_c[begin + 69]).abs() > 2.0 {
+                (stale, left_out) = (stale + 8, left_out + repeats.len());
+            }
+            fresh += others.len();
+        }
+    }
+    assert!(stale > 50 && left_out == stale && 10 * fresh < stale, "{left_out} of {stale}, and {fresh}");
+}
+
+/// Beside such a sensor the effect of the bundled campaign, which is another car's than the plant's, is named as ever.
+#[test]
+fn an_effect_beside_a_speed_that_repeats_itself_is_named() {
+    let (mut campaign, _) = bundled(&["r01", "r02", "r03", "r04", "r05", "r06", "r07", "r08", "r09"]);
+    let mut normal = normals(19);
+    repeated(&mut campaign, 6, 90, || 0.15 * normal());
+    let answer = diagnose(&campaign, &|_, _| {}).unwrap().answer;
+    let named: Vec<&str> = answer.which.effects.iter().map(|e| e.id).collect();
+    assert_eq!(
+        (answer.verdict, named, answer.place.unexplained_at),
+        (Verdict::PartlyExplained, vec!["kiss_point_thermal"], Some("sensors"))
+    );
+}
+
+/// Shafts that twist let the disc leap, too: that is the car, and no sample is left out.
+#[test]
+fn a_disc_that_leaps_behind_soft_shafts_is_not_stale() {
+    let mut normal = normals(31);
+    let (mut campaign, mut car) = bundled(&["r01", "r02", "r03", "r05"]);
+    car.effects[effects::param::driveline_compliance::compliance] = 0.011;
+    car.effects[effects::param::driveline_compliance::damping] = 0.3;
+    for r in &mut campaign.recordings {
+        r.x_to = None;
+        answer(r, &car, |_| [0.1 * normal(), 0.1 * normal(), 0.0]);
+        r.x_to = None;
+    }
+    let found = diagnose(&campaign, &|_, _| {}).unwrap();
+    let named: Vec<&str> = found.answer.which.effects.iter().map(|e| e.id).collect();
+    assert_eq!((found.answer.verdict, named), (Verdict::Explained, vec!["driveline_compliance"]));
+    assert!(found.read.recordings.iter().all(|r| r.omega_c.iter().all(|v| v.is_finite())));
 }
 
 /// Noise that remembers for 0.1 s, beside white noise: the recordings are searched again under a filter that knows of it, and the answer says so.

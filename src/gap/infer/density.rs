@@ -35,8 +35,8 @@ pub const STEERING: usize = 0;
 /// One for each of [`ACCURACIES`].
 pub type ByAccuracy<T> = [T; ACCURACIES.len()];
 
-/// Substep in s below which a plant is too fast to be replayed again and again.
-const LEAST_SUBSTEP_S: f64 = 2e-4;
+/// Substep below which a plant is too fast to be replayed again and again, relative to that of the car as its file gives it: what settles ten times as fast is not seen.
+const LEAST_SUBSTEP: f64 = 0.1;
 
 /// Own unknowns of a recording that come before its own nuisances: temperatures of disc and body.
 pub const TEMPERATURES: usize = 2;
@@ -195,8 +195,8 @@ impl Problem {
 
     /// Whether the plant there is slow enough for replays: a wild step may ask for inertias or shafts that no car has.
     pub fn can_follow(&self, point: &Point) -> bool {
-        let car = self.car(point, None);
-        Config::new(&car.vehicle, &car.effects).pace.longest_substep(replay::SUBSTEP_S) > LEAST_SUBSTEP_S
+        let substep = |car: &Car| Config::new(&car.vehicle, &car.effects).pace.longest_substep(replay::SUBSTEP_S);
+        substep(&self.car(point, None)) >= LEAST_SUBSTEP * substep(&Car::nominal(&self.vehicle))
     }
 
     /// Innovations of recording `k`.

@@ -4,7 +4,7 @@
 //! place, a first-order Gauss–Markov process of unknown size and memory. It enters the filter, and the likelihood of the innovations, Σ ρ(e) + ln det S, says
 //! where it is, how large and how lasting. Under that filter effects count for what they explain beyond it.
 
-use super::density::{PHASES, Point, Problem, Residuals, misfit};
+use super::density::{ByAccuracy, PHASES, Point, Problem, Residuals, misfit, overall};
 use super::sensors::minus_log_likelihood;
 use super::unknown::PLACE_PRIOR;
 use crate::effects::Subsystem;
@@ -106,6 +106,14 @@ impl At {
             Self::Disc => format!("{:.2} rad/s of the disc speed", with.sensors[1].sigma),
         }
     }
+}
+
+/// Probability that something is irregular in one place, from the nats by which the whole likelihood is in favour of it, for each accuracy that explanations may have.
+pub fn probability(problem: &Problem, gain: f64) -> ByAccuracy<f64> {
+    problem.powers.map(|powers| {
+        let lead = overall(powers) * gain + (PLACE_PRIOR / (1.0 - PLACE_PRIOR)).ln();
+        1.0 / (1.0 + (-lead).exp())
+    })
 }
 
 /// Nats that innovations gain if those of each phase of the clutch may have a variance of their own, with the likelihood to the powers that steer the search.

@@ -42,8 +42,13 @@ pub fn worth_another(other: &Problem, usual: &Problem, best: &Hypothesis) -> boo
 
 /// Whether the recordings are likelier with another control unit's inputs, each reading with a set of effects.
 pub fn rather_other(other: (&Problem, &Hypothesis), usual: (&Problem, &Hypothesis)) -> bool {
-    let likely = |(p, h): (&Problem, &Hypothesis)| h.fit.log_evidence - 0.5 * p.filters.iter().map(|f| f.log_det).sum::<f64>();
-    likely(other) > likely(usual) + WORTH_NATS && (!other.0.tracks.iter().any(Track::misses_commands) || explains_more(other, usual))
+    log_likelihood(other.0, other.1) > log_likelihood(usual.0, usual.1) + WORTH_NATS
+        && (!other.0.tracks.iter().any(Track::misses_commands) || explains_more(other, usual))
+}
+
+/// Logarithm of the likelihood of what is read of the recordings, all that a set of effects leaves open integrated out, up to a constant.
+pub fn log_likelihood(problem: &Problem, set: &Hypothesis) -> f64 {
+    set.fit.log_evidence - 0.5 * problem.filters.iter().map(|f| f.log_det).sum::<f64>()
 }
 
 /// The same where the other reading leaves more open, which makes it likelier wherever something is wrong: under filters that leave as much open in both it has to be likelier as well, and
@@ -55,8 +60,8 @@ fn explains_more((other, best): (&Problem, &Hypothesis), (usual, best_there): (&
     best.fit.log_evidence > held.log_evidence + WORTH_NATS && relief > WORTH_NATS
 }
 
-/// Iterations that tell control units apart.
-const TOLD_APART: usize = 4;
+/// Iterations that tell two readings apart.
+pub const TOLD_APART: usize = 4;
 
 /// Disturbances with the noise that the innovations at `point` ask for; none if they are as they should be.
 pub fn refined(problem: &Problem, point: &Point, residuals: &[Residuals], with: &Disturbances) -> Option<Disturbances> {

@@ -7,6 +7,7 @@ pub mod missing;
 pub mod noise;
 pub mod prepare;
 pub mod replay;
+pub mod stale;
 pub mod tolerance;
 pub mod track;
 pub mod unknown_clutch;

@@ -1,0 +1,144 @@
+//! Stale samples: a speed that repeats what it showed before while the car goes on, as where messages are lost or a counter is not updated.
+//!
+//! A speed is the integral of torques: it may bend, but not leap. A leap off the line through the two samples after it, by more than noise can make, ends a row of samples that agree with each
+//! other: then these may be stale. What they look like says no more than that, for twisted shafts let a disc leap as well; whether they are is a matter of how much likelier the recordings
+//! are without them ([`ready`](crate::gap::ready)). Their own density is that of noise around what they repeat.
+
+use super::track::{Channel, Track};
+use std::f64::consts::PI;
+
+/// Standard deviations of noise by which a leap has to be off the line after it: where millions of samples are looked at, none is so by chance.
+const LEAP: f64 = 5.0;
+/// Standard deviations of noise within which samples repeat each other.
+const ALIKE: f64 = 4.0;
+
+/// Rows of a recording at which a speed may be stale, one group for each time it stands still.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Stale {
+    /// Rows, in order, and the value that they repeat, rad/s.
+    pub groups: Vec<(Vec<usize>, f64)>,
+}
+
+/// Looks for them in a speed with this white noise, rad/s.
+pub fn stale(time: &[f64], speed: &[f64], white: f64) -> Stale {
+    let known: Vec<usize> = (0..speed.len()).filter(|&k| speed[k].is_finite()).collect();
+    let at = |k: usize| (time[known[k]], speed[known[k]]);
+    let leaps = |k: usize| {
+        let [(t, v), (t1, v1), (t2, v2)] = [k, k + 1, k + 2].map(at);
+        let far = (t1 - t) / (t2 - t1);
+        // Noise of the three, as the line through the two later ones takes it here.
+        let off = LEAP * white * (1.0 + (1.0 + far).powi(2) + far * far).sqrt();
+        (v1 - v).abs() > ALIKE * white && (v - v1 + far * (v2 - v1)).abs() > off
+    };
+    let mut groups = Vec::new();
+    for last in (1..known.len().saturating_sub(2)).filter(|&k| leaps(k)) {
+        let (mut first, mut sum, mut count) = (last, at(last).1, 1.0);
+        while first > 0 && (at(first - 1).1 - sum / count).abs() <= ALIKE * white {
+            first -= 1;
+            sum += at(first).1;
+            count += 1.0;
+        }
+        // The first of them is what the others repeat.
+        if first < last {
+            groups.push((known[first + 1..=last].to_vec(), sum / count));
+        }
+    }
+    Stale { groups }
+}
+
+impl Stale {
+    /// Number of samples.
+    pub fn samples(&self) -> usize {
+        self.groups.iter().map(|(rows, _)| rows.len()).sum()
+    }
+
+    /// Minus twice the logarithm of their density, without the constant that every sample has, as observations of a track that means them: noise of this size around what they repeat.
+    pub fn minus_log_density(&self, track: &Track, speed: Channel, white: f64) -> f64 {
+        let of = |(rows, value): &(Vec<usize>, f64)| {
+            let mut sum = 0.0;
+            let mut from = 0;
+            while from < rows.len() {
+                let observation = track.observation_of(rows[from]);
+                let to = from + rows[from..].iter().take_while(|row| track.observation_of(**row) == observation).count();
+                // An observation that keeps a sample is one without these as well.
+                let count = (to - from) as f64;
+                if track.mean(speed, observation).1 == to - from {
+                    let mean = rows[from..to].iter().map(|&row| track.measured[speed as usize][row]).sum::<f64>() / count;
+                    let variance = white * white / count;
+                    sum += (mean - value).powi(2) / variance + variance.ln();
+                }
+                from = to;
+            }
+            sum
+        };
+        self.groups.iter().map(of).sum()
+    }
+}
+
+/// Logarithm of the prior probability of the places at which a signal stands still that often among so many samples: any number of times is as likely as any other, and so are the places of
+/// beginnings and ends.
+pub fn log_prior(times: usize, samples: usize) -> f64 {
+    let (n, k) = (samples as f64, (2 * times).min(samples) as f64);
+    // Stirling's formula, of which the next term is less than a twelfth.
+    let log_factorial = |x: f64| if x > 0.0 { x * x.ln() - x + 0.5 * (2.0 * PI * x).ln() } else { 0.0 };
+    log_factorial(k) + log_factorial(n - k) - log_factorial(n) - (n + 1.0).ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::campaign::Recording;
+
+    /// A speed that rises, repeats itself, and has a bend without a leap; noise that alternates.
+    fn speed() -> (Vec<f64>, Vec<f64>) {
+        let time: Vec<f64> = (0..200).map(|k| 0.01 * f64::from(k)).collect();
+        let noise = |k: usize| [0.1, -0.1, 0.05, -0.05][k % 4];
+        let true_speed = |t: f64| if t < 1.0 { 60.0 * t } else { 60.0 - 80.0 * (t - 1.0) };
+        let mut speed: Vec<f64> = time.iter().enumerate().map(|(k, t)| true_speed(*t) + noise(k)).collect();
+        for (from, to) in [(31, 40), (120, 123)] {
+            (from..to).for_each(|k| speed[k] = true_speed(time[from - 1]) + noise(k));
+        }
+        (time, speed)
+    }
+
+    #[test]
+    fn samples_that_repeat_one_before_end_with_a_leap() {
+        let (time, mut values) = speed();
+        let found = stale(&time, &values, 0.1);
+        let rows: Vec<Vec<usize>> = found.groups.iter().map(|g| g.0.clone()).collect();
+        assert_eq!(rows, [(31..40).collect::<Vec<_>>(), (120..123).collect()]);
+        assert!((found.groups[0].1 - 18.0).abs() < 0.05 && found.samples() == 12);
+        // Rows without a sample are passed over.
+        (0..200).filter(|k| k % 3 == 1 || *k == 35).for_each(|k| values[k] = f64::NAN);
+        let rows: Vec<usize> = stale(&time, &values, 0.1).groups.into_iter().flat_map(|g| g.0).collect();
+        assert_eq!(rows, [32, 33, 36, 38, 39, 120, 122]);
+        // With so much noise a leap of 6 rad/s is none.
+        assert_eq!(stale(&time, &speed().1, 1.0), Stale::default());
+    }
+
+    /// Noise around their mean, one observation each; or several samples in one.
+    #[test]
+    fn stale_samples_have_the_density_of_noise() {
+        let (time, omega_c) = speed();
+        let track = Track::new(&Recording {
+            sample_rate_hz: 100.0,
+            omega_f: vec![0.0; 200],
+            t_e: vec![0.0; 200],
+            x_to_cmd: vec![0.0; 200],
+            theta_h: vec![25.0; 200],
+            time,
+            omega_c,
+            ..Recording::default()
+        });
+        let one = Stale { groups: vec![(vec![31, 32, 33], 18.0)] };
+        let expected = [-0.05_f64, 0.1, -0.1].iter().map(|x| (x / 0.2).powi(2) + 0.04_f64.ln()).sum::<f64>();
+        assert!((one.minus_log_density(&track, Channel::OmegaC, 0.2) - expected).abs() < 1e-9);
+    }
+
+    #[test]
+    fn any_number_of_standstills_is_as_likely_and_so_is_any_place() {
+        // Of ten samples four begin or end one: 210 ways, and eleven numbers.
+        assert!((log_prior(2, 10) + (210.0_f64 * 11.0).ln()).abs() < 0.05, "{}", log_prior(2, 10));
+        assert!((log_prior(0, 10) + 11.0_f64.ln()).abs() < 1e-9 && log_prior(100, 10) < 0.0);
+    }
+}
