@@ -125,7 +125,7 @@ fn aligned(input: &Input, retuned: bool) -> String {
             write!(drawing, "<path class=\"{class} thin\" d=\"{}\"/>", path(points.iter().map(|p| (x.at(p.0), y.at(p.1)))))
                 .expect("a String takes any text");
             let curve = if *class == "c-real" { "car" } else { "model" };
-            for p in points.iter().step_by(1 + points.len() / 100) {
+            for p in points.iter().filter(|p| p.1.is_finite()).step_by(1 + points.len() / 100) {
                 writeln!(csv, "{recording},{curve},{},{}", plain(p.0), plain(p.1)).expect("a String takes any text");
             }
         }
