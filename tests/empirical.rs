@@ -57,6 +57,7 @@ fn learned_at(car: &Car, place: Subsystem, or_at: &[Subsystem]) -> (Tried, Close
         shares: vec![(place, 1.0)],
         or_at: or_at.to_vec(),
         taken_back: None,
+        irregular: Vec::new(),
     };
     let null = effects::null();
     let held_out = &campaign.recordings[split.judge];

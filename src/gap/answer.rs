@@ -218,6 +218,9 @@ pub struct Where {
     pub unexplained_at: Option<&'static str>,
     /// Subsystems in which it may lie instead.
     pub ambiguous_with: Vec<&'static str>,
+    /// What is irregular, in words with its size; left out if nothing is.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub irregular: Vec<String>,
     /// Posterior probability that a law is missing, by subsystem.
     pub missing_law: BTreeMap<&'static str, Real>,
 }

@@ -129,6 +129,7 @@ fn place(f: &Findings) -> Where {
         family_wise_error: Real(FAMILY_WISE_ERROR),
         unexplained_at: c.unexplained_at.map(Subsystem::id),
         ambiguous_with: c.or_at.iter().map(|s| s.id()).collect(),
+        irregular: c.irregular.clone(),
         missing_law: Subsystem::ALL.iter().map(|s| (s.id(), Real(f.posterior.of_place(*s)))).collect(),
     }
 }

@@ -152,8 +152,11 @@ fn diagnosed(
         }
     }
     for left in &stale {
-        conclusion.leave(left);
-        notes.push(format!("stale samples: {}; they are left out", left.what));
+        let few = if left.probability > 0.5 { "" } else { ", as few as a logger may lose" };
+        notes.push(format!("stale samples: {}; they are left out{few}", left.what));
+        if few.is_empty() {
+            conclusion.leave(left);
+        }
     }
     let point = &conclusion.explanation.fit.as_ref().expect("the best was fitted").point.clone();
     notes.extend(temperature_notes(&problem, point));
@@ -410,6 +413,7 @@ mod tests {
             shares: Vec::new(),
             or_at: Vec::new(),
             taken_back: None,
+            irregular: Vec::new(),
         };
         assert_eq!(fitted_whole(&problem, &found, &conclusion).residuals, fit.residuals);
         found.let_go_of_all();

@@ -9,7 +9,7 @@ use super::infer::search::{Hypothesis, Search};
 use super::infer::sensors::{self, TOLD_APART};
 use super::model::filter::Disturbances;
 use super::model::prepare;
-use super::model::stale::{Stale, log_prior, stale};
+use super::model::stale::{Stale, log_odds_of_fault, log_prior, stale};
 use super::model::tolerance::Tolerances;
 use super::model::track::{Channel, Track};
 use super::progress::Work;
@@ -44,7 +44,7 @@ pub(super) struct Fresh {
     pub(super) campaign: Campaign,
     pub(super) ready: Ready,
     pub(super) found: Search,
-    /// Speeds of which samples were left out.
+    /// Speeds of which samples were left out, each with the probability that the sensor is at fault, and not a logger that loses messages.
     pub(super) stale: Vec<Irregular>,
 }
 
@@ -78,6 +78,7 @@ pub(super) fn read_without_stale(
         if probability > 0.5 {
             let explained = 0.5 * (misfit(&other.problem.all_residuals(&nominal, None)) - best.fit.misfit()).max(0.0);
             let (what, with) = (standstill.words(&ready.problem.tracks), other.with);
+            let probability = probability * standstill.probability_of_fault();
             stale.push(Irregular { places: vec![Subsystem::Sensors], what, share: gain / (gain + explained), probability, with });
             (campaign, ready, found) = (without, other, Some(there));
         } else {
@@ -97,16 +98,18 @@ struct Standstill {
     taught: Vec<Stale>,
     /// Logarithm of the density of the samples, and of the places at which it stands still.
     log_density: f64,
+    /// Samples of the speed.
+    samples: usize,
 }
 
 impl Standstill {
     fn of(ready: &Ready, speed: Channel) -> Option<Self> {
         let (tracks, white) = (&ready.problem.tracks, ready.with.noise[speed as usize].white);
         let taught: Vec<Stale> = tracks.iter().map(|t| stale(&t.time, &t.measured[speed as usize], white)).collect();
-        let times: usize = taught.iter().map(|s| s.groups.len()).sum();
+        let times: usize = taught.iter().map(Stale::times).sum();
         let samples = tracks.iter().map(|t| t.measured[speed as usize].iter().filter(|v| v.is_finite()).count()).sum();
         let own: f64 = tracks.iter().zip(&taught).map(|(t, s)| s.minus_log_density(t, speed, white)).sum();
-        (times > 0).then(|| Self { speed, white, taught, log_density: log_prior(times, samples) - 0.5 * own })
+        (times > 0).then(|| Self { speed, white, taught, log_density: log_prior(times, samples) - 0.5 * own, samples })
     }
 
     /// What was held out is left out by itself.
@@ -120,15 +123,27 @@ impl Standstill {
         campaign
     }
 
+    /// How often it stands still, and the samples of that.
+    fn extent(&self) -> [f64; 2] {
+        let sum = |of: fn(&Stale) -> usize| self.taught.iter().map(of).sum::<usize>() as f64;
+        [sum(Stale::times), sum(Stale::samples)]
+    }
+
+    /// That the sensor stands still more often than messages are lost, which has the prior of a missing law.
+    fn probability_of_fault(&self) -> f64 {
+        let [times, stale] = self.extent();
+        irregular::posterior(log_odds_of_fault(times, self.samples as f64 * times / stale))
+    }
+
     fn words(&self, tracks: &[Track]) -> String {
         let name = if self.speed == Channel::OmegaF { "flywheel" } else { "disc" };
-        let times: usize = self.taught.iter().map(|s| s.groups.len()).sum();
-        let samples: usize = self.taught.iter().map(Stale::samples).sum();
+        let [times, stale] = self.extent();
         let interval = tracks.iter().map(Track::speed_interval).fold(f64::INFINITY, f64::min);
-        let seconds = samples as f64 * interval;
+        let often = if times == 1.0 { "once, for".to_owned() } else { format!("{times} times, on average for") };
         format!(
-            "the {name} speed repeats what it showed before, {times} times, for {:.2} s in the mean ({samples} samples)",
-            seconds / times as f64
+            "the {name} speed repeats what it showed before, {often} {:.2} s ({stale} of {} samples)",
+            stale * interval / times,
+            self.samples
         )
     }
 }

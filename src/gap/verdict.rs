@@ -59,6 +59,8 @@ pub struct Conclusion {
     pub or_at: Vec<Subsystem>,
     /// Effects that were taken back.
     pub taken_back: Option<TakenBack>,
+    /// What is irregular, in words with its size.
+    pub irregular: Vec<String>,
 }
 
 /// Effects that would account for the innovations, with which the car follows the recordings of the fit worse than without.
@@ -92,7 +94,17 @@ pub fn conclude(problem: &Problem, search: &Search, posterior: &Posterior) -> Co
     let or_at =
         if matches!(verdict, Verdict::NoGap | Verdict::InputsDoNotFit) { Vec::new() } else { doubted(&posterior.explanations, &shown) };
     let shares = if strange { Vec::new() } else { shares };
-    Conclusion { verdict, probability, explanation: best, effects: named, unexplained_at, shares, or_at, taken_back: None }
+    Conclusion {
+        verdict,
+        probability,
+        explanation: best,
+        effects: named,
+        unexplained_at,
+        shares,
+        or_at,
+        taken_back: None,
+        irregular: Vec::new(),
+    }
 }
 
 /// What an explanation amounts to that has effects or none, some that are named or none, and a missing law or none.
@@ -133,6 +145,7 @@ impl Conclusion {
         if self.verdict == Verdict::InputsDoNotFit {
             return;
         }
+        self.irregular.push(irregular.what.clone());
         self.verdict = if self.effects.is_empty() { Verdict::Unexplained } else { Verdict::PartlyExplained };
         if self.effects.is_empty() && self.unexplained_at.is_none() {
             self.probability = irregular.probability;
@@ -270,7 +283,17 @@ mod tests {
         let shares = effects.iter().map(|e| (REGISTRY[*e].effect.subsystem, 1.0 / effects.len() as f64)).collect();
         let explanation = Explanation { effects: effects.clone(), probability: 1.0, ..Explanation::default() };
         let verdict = if effects.is_empty() { Verdict::NoGap } else { Verdict::Explained };
-        Conclusion { verdict, probability: 1.0, explanation, effects, unexplained_at: None, shares, or_at: Vec::new(), taken_back: None }
+        Conclusion {
+            verdict,
+            probability: 1.0,
+            explanation,
+            effects,
+            unexplained_at: None,
+            shares,
+            or_at: Vec::new(),
+            taken_back: None,
+            irregular: Vec::new(),
+        }
     }
 
     #[test]

@@ -80,7 +80,9 @@ fn lead(diagnosis: &Value) -> String {
         let all: Vec<&str> = std::iter::once(id).chain(texts(place, "ambiguous_with")).collect();
         format!(" <span class=\"pill warn\"><span aria-hidden=\"true\">◐</span> Unaccounted for: something in {}</span>", or_places(&all))
     });
-    format!("<p>{primary}{remainder}</p>\n")
+    let irregular = texts(place, "irregular");
+    let irregular = if irregular.is_empty() { String::new() } else { format!(" What is irregular: {}.", escape(&irregular.join("; "))) };
+    format!("<p>{primary}{remainder}{irregular}</p>\n")
 }
 
 /// Names that occur, known ones first.

@@ -177,7 +177,12 @@ fn a_speed_that_repeats_itself_is_left_out_and_is_a_gap_in_the_sensors() {
     let found = diagnose(&campaign, &|_, _| {}).unwrap();
     let answer = &found.answer;
     assert_eq!((answer.verdict, answer.place.unexplained_at), (Verdict::Unexplained, Some("sensors")), "{:?}", answer.notes);
-    assert!(answer.which.effects.is_empty() && answer.notes.iter().any(|n| n.contains("the disc speed repeats what it showed before")));
+    let what = &answer.place.irregular;
+    assert!(
+        answer.which.effects.is_empty() && what.len() == 1 && what[0].starts_with("the disc speed repeats what it showed before"),
+        "{what:?}"
+    );
+    assert!(answer.notes.iter().any(|n| n.contains(&what[0])), "{:?}", answer.notes);
     // All of them where the car has moved on meanwhile, and hardly any other.
     let (mut stale, mut left_out, mut fresh) = (0, 0, 0);
     for (was, is) in campaign.recordings.iter().zip(&found.read.recordings) {
@@ -191,6 +196,22 @@ fn a_speed_that_repeats_itself_is_left_out_and_is_a_gap_in_the_sensors() {
         }
     }
     assert!(stale > 50 && left_out == stale && 10 * fresh < stale, "{left_out} of {stale}, and {fresh}");
+}
+
+/// Every logger loses a message now and then: what it repeats is left out and said, and is no gap.
+#[test]
+fn a_few_messages_that_are_lost_are_no_gap() {
+    let mut normal = normals(37);
+    let mut campaign = replayed(&["r01", "r02", "r03", "r05"], 1, None, |_| [0.1 * normal(), 0.1 * normal()]);
+    let steepest = |v: &[f64]| (1..v.len() - 5).max_by(|a, b| (v[a + 5] - v[*a]).total_cmp(&(v[b + 5] - v[*b]))).unwrap();
+    for r in &mut campaign.recordings[..2] {
+        let from = steepest(&r.omega_c);
+        (1..5).for_each(|k| r.omega_c[from + k] = r.omega_c[from]);
+    }
+    let found = diagnose(&campaign, &|_, _| {}).unwrap();
+    assert_eq!((found.answer.verdict, found.answer.place.irregular.len()), (Verdict::NoGap, 0), "{:?}", found.answer.notes);
+    assert!(found.answer.notes.iter().any(|n| n.contains("left out, as few as a logger may lose")), "{:?}", found.answer.notes);
+    assert!(found.read.recordings.iter().flat_map(|r| &r.omega_c).filter(|v| v.is_nan()).count() >= 8);
 }
 
 /// Beside such a sensor the effect of the bundled campaign, which is another car's than the plant's, is named as ever.

@@ -41,6 +41,16 @@ fn the_name_of_a_campaign_is_text_wherever_it_stands() {
 }
 
 #[test]
+fn what_is_irregular_stands_where_the_gap_lies() {
+    let mut diagnosis = campaign::campaign().diagnosis;
+    let said = |diagnosis: &Value| visible(&render(diagnosis, &[])).contains("What is irregular: ");
+    assert!(!said(&diagnosis));
+    diagnosis["where"]["irregular"] = json!(["the disc speed repeats <what> it showed", "10 N·m on the car's side"]);
+    let text = visible(&render(&diagnosis, &[]));
+    assert!(text.contains("What is irregular: the disc speed repeats &lt;what&gt; it showed; 10 N·m on the car&#39;s side."), "{text}");
+}
+
+#[test]
 fn the_answers_of_a_campaign_are_all_there() {
     let made = campaign::campaign();
     let page = page_of(&made, &made.provenance);

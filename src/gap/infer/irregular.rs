@@ -108,12 +108,14 @@ impl At {
     }
 }
 
+/// Probability of what has the prior of a missing law in one place, and this logarithm of the odds that the recordings give it.
+pub fn posterior(log_odds: f64) -> f64 {
+    1.0 / (1.0 + (-log_odds - (PLACE_PRIOR / (1.0 - PLACE_PRIOR)).ln()).exp())
+}
+
 /// Probability that something is irregular in one place, from the nats by which the whole likelihood is in favour of it, for each accuracy that explanations may have.
 pub fn probability(problem: &Problem, gain: f64) -> ByAccuracy<f64> {
-    problem.powers.map(|powers| {
-        let lead = overall(powers) * gain + (PLACE_PRIOR / (1.0 - PLACE_PRIOR)).ln();
-        1.0 / (1.0 + (-lead).exp())
-    })
+    problem.powers.map(|powers| posterior(overall(powers) * gain))
 }
 
 /// Nats that innovations gain if those of each phase of the clutch may have a variance of their own, with the likelihood to the powers that steer the search.

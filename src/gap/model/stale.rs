@@ -5,6 +5,7 @@
 //! are without them ([`ready`](crate::gap::ready)). Their own density is that of noise around what they repeat.
 
 use super::track::{Channel, Track};
+use crate::gap::infer::weigh::log_sum;
 use std::f64::consts::PI;
 
 /// Standard deviations of noise by which a leap has to be off the line after it: where millions of samples are looked at, none is so by chance.
@@ -47,6 +48,11 @@ pub fn stale(time: &[f64], speed: &[f64], white: f64) -> Stale {
 }
 
 impl Stale {
+    /// How often it stands still.
+    pub fn times(&self) -> usize {
+        self.groups.len()
+    }
+
     /// Number of samples.
     pub fn samples(&self) -> usize {
         self.groups.iter().map(|(rows, _)| rows.len()).sum()
@@ -82,6 +88,18 @@ pub fn log_prior(times: usize, samples: usize) -> f64 {
     // Stirling's formula, of which the next term is less than a twelfth.
     let log_factorial = |x: f64| if x > 0.0 { x * x.ln() - x + 0.5 * (2.0 * PI * x).ln() } else { 0.0 };
     log_factorial(k) + log_factorial(n - k) - log_factorial(n) - (n + 1.0).ln()
+}
+
+/// Share of its messages that a logger may lose and fill with the last one: more than that is the sensor.
+const LOST: f64 = 0.01;
+
+/// Logarithm of how much likelier it is to stand still that often in so many stretches of that length with a sensor that does so as often as may be than with a logger that loses no more than
+/// [`LOST`]; any share is as likely with either.
+pub fn log_odds_of_fault(times: f64, stretches: f64) -> f64 {
+    const STEPS: u32 = 1000;
+    let log_likelihood = |share: f64| times * share.ln() + (stretches - times) * (1.0 - share).ln();
+    let mean = |to: f64| log_sum(&(0..STEPS).map(|k| log_likelihood(to * (f64::from(k) + 0.5) / f64::from(STEPS))).collect::<Vec<_>>());
+    mean(1.0) - mean(LOST)
 }
 
 #[cfg(test)]
@@ -133,6 +151,16 @@ mod tests {
         let one = Stale { groups: vec![(vec![31, 32, 33], 18.0)] };
         let expected = [-0.05_f64, 0.1, -0.1].iter().map(|x| (x / 0.2).powi(2) + 0.04_f64.ln()).sum::<f64>();
         assert!((one.minus_log_density(&track, Channel::OmegaC, 0.2) - expected).abs() < 1e-9);
+    }
+
+    /// One in a thousand is what loggers lose, one in ten is a sensor; a few are no evidence.
+    #[test]
+    fn a_sensor_is_at_fault_if_it_stands_still_more_often_than_messages_are_lost() {
+        // With none, 1/(n + 1) against what is left of (1 − (1 − c)^(n + 1))/(c (n + 1)).
+        let none = (0.01 / (1.0 - 0.99_f64.powi(301))).ln();
+        assert!((log_odds_of_fault(0.0, 300.0) - none).abs() < 0.01, "{} {none}", log_odds_of_fault(0.0, 300.0));
+        let odds = [(1.0, 1000.0), (5.0, 1000.0), (10.0, 1000.0), (20.0, 1000.0), (100.0, 1000.0)].map(|(m, n)| log_odds_of_fault(m, n));
+        assert!(odds.is_sorted() && odds[1] < -4.0 && odds[2] < -3.0 && odds[3] > 0.0 && odds[4] > 100.0, "{odds:?}");
     }
 
     #[test]
