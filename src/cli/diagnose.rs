@@ -158,7 +158,7 @@ fn one(
     bar.say(&format!("{label}report"));
     let shown = name(path).display().to_string();
     if let Some(out) = out {
-        let mut files = files(&diagnosis, &shown, &provenance(&campaign, options), libraries)?;
+        let mut files = files(&diagnosis, &shown, &provenance(&campaign, diagnosis.read.recordings.len(), options), libraries)?;
         if evidence {
             files.push(("evidence.ssp", super::evidence::archive(&diagnosis.json, &files, &campaign)?));
         }
@@ -185,7 +185,7 @@ fn curves_json(diagnosis: &Diagnosis) -> String {
 }
 
 /// What a reader needs to repeat the answer, or to doubt it.
-fn provenance(campaign: &Campaign, options: &ReadOptions) -> Vec<(String, String)> {
+fn provenance(campaign: &Campaign, used: usize, options: &ReadOptions) -> Vec<(String, String)> {
     let recordings = &campaign.recordings;
     let mut rates: Vec<f64> = recordings.iter().map(|r| r.sample_rate_hz).collect();
     rates.sort_by(f64::total_cmp);
@@ -201,7 +201,7 @@ fn provenance(campaign: &Campaign, options: &ReadOptions) -> Vec<(String, String
     let tolerances = campaign.vehicle_json["tolerance"].as_object().map_or(0, serde_json::Map::len);
     let facts = [
         ("kisspoint", env!("CARGO_PKG_VERSION").to_owned()),
-        ("recordings", format!("{} used at {}, {} left out", recordings.len(), rates.join(" and "), campaign.left_out.len())),
+        ("recordings", format!("{used} used at {}, {} left out", rates.join(" and "), campaign.left_out.len() + recordings.len() - used)),
         ("bench channels", if bench.is_empty() { "none".to_owned() } else { bench.join(", ") }),
         ("candidates", format!("{} effects, up to three at a time, with {tolerances} declared tolerances free", REGISTRY.len())),
         ("channel map", if options.channel_map.is_some() { "yes" } else { "none: the files have the standard channel names" }.to_owned()),

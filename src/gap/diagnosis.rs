@@ -5,6 +5,7 @@ use super::compose::{self, Findings};
 use super::domain::{self, Handed};
 use super::drive::{self, Drive};
 use super::empirical::{self, Tried};
+use super::enough::{enough_of, most_samples};
 use super::free::Car;
 use super::held_out::Split;
 use super::infer::density::{Point, Problem};
@@ -56,7 +57,7 @@ pub struct Diagnosis {
     pub answer: Answer,
     /// The answer as diagnosis.json has it.
     pub json: serde_json::Value,
-    /// The campaign as it was read: without what is stale in it, with the control unit that suits it.
+    /// The campaign as it was read: without recordings beyond those that are believed and what is stale in it, with the control unit that suits it.
     pub read: Campaign,
     /// Real, before and after, per recording or engagement.
     pub overlays: Vec<Overlay>,
@@ -96,15 +97,21 @@ pub fn diagnose_with(
     let vehicle = Vehicle::from_value(&campaign.vehicle_json)?;
     progress("noise and tolerances", 0.0);
     let work = Work::default();
-    let ready = Ready::new(campaign, &vehicle, &work)?;
+    let mut ready = Ready::new(campaign, &vehicle, &work)?;
+    let part = enough_of(campaign, &ready, most_samples());
+    if let Some((part, _)) = &part {
+        ready = Ready::new(part, &vehicle, &work)?;
+    }
+    let (campaign, note) = part.as_ref().map_or((campaign, None), |(part, note)| (part, Some(note.clone())));
     let rows = ready.problem.tracks.iter().map(Track::rows).sum();
-    watched(progress, &work, rows, |watch| diagnosed(campaign, vehicle, ready, manoeuvres, watch))
+    watched(progress, &work, rows, |watch| diagnosed(campaign, vehicle, ready, note, manoeuvres, watch))
 }
 
 fn diagnosed(
     campaign: &Campaign,
     vehicle: Vehicle,
     ready: Ready,
+    note: Option<String>,
     manoeuvres: Option<Vec<Manoeuvre>>,
     watch: &Watch,
 ) -> Result<Diagnosis, DiagnosisError> {
@@ -117,6 +124,7 @@ fn diagnosed(
     let Ready { split, mut problem, tolerances, with } = ready;
     let known = |n: &&Note| n.text != NO_POSITION;
     let mut notes: Vec<String> = campaign.notes.iter().filter(known).map(|n| format!("{}: {}", n.recording, n.text)).collect();
+    notes.extend(note);
     notes.extend(position_note(campaign));
     notes.extend(control_interval_s.map(|s| control_note(s).to_owned()));
     // What the first search found of the sensors (how late, how noisy) makes a better filter of the second.

@@ -29,6 +29,10 @@ pub const HUBER: f64 = 4.0;
 /// Shares of what an effect changes in the recordings to which it and its form may describe what a real one changes.
 pub const ACCURACIES: [f64; 3] = [0.02, 0.04, 0.08];
 
+/// Share of its standard deviation by which an innovation of a healthy car may be off because a replay is not the car: what inputs do between samples, a driver whose torque answers to the
+/// noise of a speed, stamps.
+pub const REPLAY: f64 = 0.01;
+
 /// The one by which a search is steered.
 pub const STEERING: usize = 0;
 
@@ -120,7 +124,7 @@ impl Problem {
     /// Allows for explanations that are not exact. What the car as its file gives it leaves unexplained, G, is explained by laws that are right to a share c of what they
     /// change, one of [`ACCURACIES`]; the recordings then are as far as R = ½ c² G nats from what even the true explanation predicts. A posterior that is given data of such a
     /// distance, and not the data themselves, has the likelihood to the power of 1/(1 + R) (Miller and Dunson 2019, "Robust Bayesian inference via coarsening"). Each phase
-    /// of the clutch has a power of its own: a law that acts in one of them is inexact there.
+    /// of the clutch has a power of its own: a law that acts in one of them is inexact there. The replay of a healthy car is not exact either: ½ ([`REPLAY`])² nats a sample.
     pub fn coarsen(&mut self) {
         let here = self.all_residuals(&self.nominal(), None);
         let misfits = self.misfits(&here);
@@ -128,7 +132,8 @@ impl Problem {
         for (r, residuals) in here.iter().enumerate() {
             residuals.iter().enumerate().filter(|(_, x)| **x != 0.0).for_each(|(i, _)| samples[self.phase(r, i)] += 1.0);
         }
-        self.powers = coarsened(EXACT, std::array::from_fn(|p| misfits[p] - samples[p]));
+        let of_replay = samples.map(|n| 1.0 / (1.0 + 0.5 * REPLAY.powi(2) * n));
+        self.powers = coarsened([of_replay; ACCURACIES.len()], std::array::from_fn(|p| misfits[p] - samples[p]));
     }
 
     /// The powers by which a search is steered.
@@ -267,6 +272,20 @@ impl Problem {
             return difference(self.driven(k, to, law, Steps::Rows), &self.driven(k, from.point, from.law.as_ref(), Steps::Rows));
         }
         difference(self.driven(k, to, law, from.steps), &from.driven)
+    }
+
+    /// One of its recordings by itself.
+    pub fn of_recording(&self, k: usize) -> Self {
+        Self {
+            tracks: vec![self.tracks[k].clone()],
+            filters: vec![self.filters[k].clone()],
+            states: vec![self.states[k].clone()],
+            vehicle: self.vehicle,
+            shared: self.shared.clone(),
+            own: self.own.clone(),
+            powers: self.powers,
+            work: self.work.clone(),
+        }
     }
 
     /// Samples of all recordings.

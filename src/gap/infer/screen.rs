@@ -131,6 +131,19 @@ pub fn screen_for_limits(problem: &Problem, anchor: &Anchor, further: &[(usize, 
     screen_at(problem, anchor, further, For::Limits(&|_, _| LIMIT_SHARES.to_vec()))
 }
 
+/// What recordings say of tolerances, in their standard deviations, and of the starts of effects, in units of these, own unknowns eliminated and without any prior.
+pub fn information_of_starts(problem: &Problem, anchor: &Anchor) -> DMatrix<f64> {
+    let screening = screen_at(problem, anchor, &[], For::Limits(&|_, _| vec![MIDDLE_SHARE]));
+    let Information { curvature, cross, gram } = screening.information;
+    let (s, m) = (curvature.nrows(), gram.nrows());
+    let mut all = DMatrix::zeros(s + m, s + m);
+    all.view_mut((0, 0), (s, s)).copy_from(&curvature);
+    all.view_mut((0, s), (s, m)).copy_from(&(&cross / MIDDLE_SHARE));
+    all.view_mut((s, 0), (m, s)).copy_from(&(cross.transpose() / MIDDLE_SHARE));
+    all.view_mut((s, s), (m, m)).copy_from(&(gram / MIDDLE_SHARE.powi(2)));
+    all
+}
+
 /// The detection limit of each effect that is not free at the anchor. Each start is replayed at the middle share, and where its limit is nearer to another one, at that one.
 pub fn limits(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)]) -> Vec<Limit> {
     let of_starts = |s: Screening| s.limits_of_starts(&s.information);

@@ -9,7 +9,7 @@ use super::density::{Baseline, Basis, ByAccuracy, ByPhase, Function, Point, Prob
 use super::fit::{Fit, Free, fit, mean_covariance};
 use super::form::{are_as_large, forms, of_law};
 use super::linear::{Columns, Frame, Known, Normal, Products, assemble, by_phase, to_powers};
-use super::search::{DRAGGED, Hypothesis, MOST_BYTES, STAY, log_prior, moments};
+use super::search::{DRAGGED, Hypothesis, MOST_BYTES, STAY, log_prior, moment, moments};
 use super::weigh::Information;
 use crate::effects::Subsystem;
 use crate::gap::model::column::Column;
@@ -33,6 +33,8 @@ pub struct Law {
     basis: Basis,
     /// Logarithm of its prior odds: of one in this place, and of as many sizes as say as much as this one.
     log_odds: f64,
+    /// Size of its functions of states, in sizes of a fault worth the name.
+    size: f64,
 }
 
 /// A missing law in one place, beside a set of effects.
@@ -178,7 +180,7 @@ fn promised(problem: &Problem, of: &Hypothesis, [sharp, coarse]: [&Mode; 2], pla
     let by = DVector::from_fn(changes[0].len(), |f, _| if f < states { best.states } else { best.time });
     let gain = |powers: ByPhase<f64>| coarse.gain(&by, overall(powers) / problem.power());
     let by_accuracy = std::array::from_fn(|c| of.by_accuracy[c] + gain(problem.powers[c]) + log_odds);
-    let law = Law { place, basis, log_odds };
+    let law = Law { place, basis, log_odds, size: best.states };
     let unknown = Unknown { effects: of.effects.clone(), law, lead, log_posterior, by_accuracy, strains: Default::default(), fit: None };
     let (own, kept) = (of.formed.own.len(), of.fit.shared.len());
     let known = mode.columns.iter().zip(&changes).map(|(free, law)| {
@@ -234,7 +236,7 @@ fn weighed(problem: &Problem, effects: &[usize], law: &Law, all: &Basis, fitted:
     let prior = log_prior(effects.len()) + law.log_odds;
     let at = |powers| {
         let (evidence, fit) = fitted.weighed(problem, all, law.basis.len(), powers);
-        (evidence + prior + moments(&fit, effects), fit)
+        (evidence + prior + moments(&fit, effects) + moment_of_law(&fit, law), fit)
     };
     let (lead, sharp) = at(WHOLE);
     let exact = sharp.marginal().curvature;
@@ -247,6 +249,26 @@ fn weighed(problem: &Problem, effects: &[usize], law: &Law, all: &Basis, fitted:
     let columns = Arc::new(fitted.columns.iter().map(|c| without_functions(c, &fitted.shared)).collect());
     let fit = Fit { columns, parts: Arc::default(), mean_covariance, exact, ..fitted.marginal() };
     Unknown { effects: effects.to_vec(), law: law.clone(), lead, log_posterior, by_accuracy, strains, fit: Some(fit) }
+}
+
+/// Nats by which the evidence of a law changes because a law that is missing is not small, as those of effects do ([`moments`]). Its size is what it changes in the innovations over what
+/// it would be expected to change, were each of its functions as large as a fault worth the name: amplitudes alone do not tell, for functions may cancel each other.
+fn moment_of_law(fit: &Fit, law: &Law) -> f64 {
+    let Some(covariance) = fit.covariance() else { return f64::NEG_INFINITY };
+    let is_of_law = |c: &Coordinate| matches!(c, Coordinate::Missing(k) if *k < law.basis.len());
+    let of: Vec<usize> = (0..fit.shared.len()).filter(|&i| is_of_law(&fit.shared[i])).collect();
+    let part = |all: &DMatrix<f64>| all.select_rows(&of).select_columns(&of);
+    let amplitudes = DVector::from_fn(of.len(), |i, _| fit.shared[of[i]].get(&fit.point, 0));
+    let mean_squares = &amplitudes * amplitudes.transpose() + part(&covariance);
+    let products = fit.parts.iter().flatten().fold(DMatrix::zeros(of.len(), of.len()), |sum, (p, _)| sum + part(p));
+    let expected = products.trace();
+    // What changes nothing is not told from anything.
+    if expected == 0.0 {
+        return 0.0;
+    }
+    let square = products.component_mul(&mean_squares).sum() / expected;
+    // Its prior has that size already.
+    moment(square * law.size.powi(2)) - 2.0 * law.size.ln()
 }
 
 /// Derivatives along these shared coordinates and then the own ones, but for those along functions.
@@ -400,6 +422,25 @@ impl<'a> Mode<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Two functions that change the same: alike they are a law, against each other they are none.
+    #[test]
+    fn a_law_that_changes_next_to_nothing_is_negligible() {
+        let of = |amplitudes: [f64; 2], size: f64| {
+            let made_up = Fit::made_up(vec![Coordinate::Missing(0), Coordinate::Missing(1)]);
+            let products = |p: f64| (DMatrix::from_element(2, 2, p), DVector::zeros(2));
+            let parts = Arc::new(vec![[products(1e4), products(0.0), products(3e4)]]);
+            let point = Point { missing: amplitudes.to_vec(), ..made_up.point.clone() };
+            let fit = Fit { point, parts, curvature: DMatrix::identity(2, 2) * 1e8, ..made_up };
+            let basis = vec![Arc::from([Missing::default()]), Arc::from([Missing::default()])];
+            moment_of_law(&fit, &Law { place: Subsystem::Engine, basis, log_odds: 0.0, size })
+        };
+        // (a + b)² over two functions: one of half a fault each is half a fault's square.
+        let expected = |square: f64, size: f64| square.ln() - 0.01 / (square * size * size);
+        assert!((of([0.5, 0.5], 1.0) - expected(0.5, 1.0)).abs() < 1e-3 && (of([0.5, 0.5], 4.0) - expected(0.5, 4.0)).abs() < 1e-3);
+        assert!((of([0.1, 0.0], 1.0) - expected(0.005, 1.0)).abs() < 1e-3);
+        assert!(of([1.0, -1.0], 1.0) < -1e5);
+    }
 
     #[test]
     fn derivatives_along_functions_are_left_out() {

@@ -1,0 +1,131 @@
+//! How much of a long log is fitted: as many recordings as are believed, those that say most.
+//!
+//! A replay is exact to a share of the noise ([`REPLAY`]), so n samples of one phase of the clutch are believed like n/(1 + ½ ε² n) exact ones, which never are more than 2/ε². Recordings are taken,
+//! one after the other, that add most to what the others say of tolerances and effects (the logarithm of the determinant of their information: D-optimal design), until two thirds
+//! of that is reached.
+
+use super::infer::density::{PHASES, Problem, REPLAY};
+use super::infer::screen::{Anchor, information_of_starts};
+use super::prose::listed;
+use super::ready::Ready;
+use crate::campaign::Campaign;
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+/// Share of what any number of samples would be believed to say.
+const ENOUGH: f64 = 2.0 / 3.0;
+
+/// Samples of both speeds and the bench channels that say as much.
+pub fn most_samples() -> usize {
+    (PHASES as f64 * 2.0 / REPLAY.powi(2) * ENOUGH / (1.0 - ENOUGH)) as usize
+}
+
+/// A campaign with no more recordings than are believed, the one that judges among them, and what is to be said of the others; none if all of them are.
+pub(super) fn enough_of(campaign: &Campaign, ready: &Ready, most: usize) -> Option<(Campaign, String)> {
+    let judge = &campaign.recordings[ready.split.judge].name;
+    let tracks = &ready.problem.tracks;
+    let taken = enough(&ready.problem, tracks.iter().position(|t| t.name == *judge), most)?;
+    let is_taken = |name: &str| name == judge || taken.iter().any(|&r| tracks[r].name == name);
+    let (used, unused): (Vec<_>, Vec<_>) = campaign.recordings.iter().cloned().partition(|r| is_taken(&r.name));
+    let names: Vec<&str> = unused.iter().map(|r| r.name.as_str()).collect();
+    let note = format!(
+        "{} of {} recordings are used, those that say most of tolerances and effects: a replay is exact to {} % of the noise, so more samples than these would not be believed. Not used: {}",
+        used.len(),
+        campaign.recordings.len(),
+        100.0 * REPLAY,
+        listed(&names, " and ")
+    );
+    Some((Campaign { recordings: used, ..campaign.clone() }, note))
+}
+
+/// The recordings of a fit that say as much as is believed, `first` among them; none if all of them do not say more.
+fn enough(problem: &Problem, first: Option<usize>, most: usize) -> Option<Vec<usize>> {
+    if problem.samples() <= most {
+        return None;
+    }
+    let said: Vec<DMatrix<f64>> = (0..problem.tracks.len()).into_par_iter().map(|r| says(problem, r)).collect::<Option<_>>()?;
+    let samples = |r: usize| problem.filters[r].samples.max(1);
+    let log_det = |m: &DMatrix<f64>| -> f64 { m.clone().cholesky().map_or(0.0, |l| 2.0 * l.l_dirty().diagonal().map(f64::ln).sum()) };
+    let (mut taken, mut room) = (Vec::new(), most);
+    let mut all = DMatrix::identity(said[0].nrows(), said[0].nrows());
+    let mut now = 0.0;
+    // What a recording adds only falls as others are taken, so that what it added before bounds it.
+    let mut adds: Vec<(usize, f64)> = (0..said.len()).map(|r| (r, f64::INFINITY)).collect();
+    let mut next = first;
+    loop {
+        adds.retain(|(r, _)| samples(*r) <= room || Some(*r) == next);
+        let most_promising = || (0..adds.len()).max_by(|a, b| adds[*a].1.total_cmp(&adds[*b].1).then(b.cmp(a)));
+        let Some(place) = next.map_or_else(most_promising, |r| adds.iter().position(|a| a.0 == r)) else { break };
+        let r = adds[place].0;
+        let with = &all + &said[r];
+        let there = log_det(&with);
+        let add = (there - now) / samples(r) as f64;
+        if next.is_none() && adds.iter().any(|(other, bound)| *other != r && *bound > add) {
+            adds[place].1 = add;
+            continue;
+        }
+        adds.swap_remove(place);
+        taken.push(r);
+        room = room.saturating_sub(samples(r));
+        (all, now, next) = (with, there, None);
+    }
+    taken.sort_unstable();
+    (taken.len() < said.len()).then_some(taken)
+}
+
+/// What a recording says of tolerances, in their standard deviations, and of the starts of effects, in units of these, its own unknowns eliminated.
+fn says(problem: &Problem, r: usize) -> Option<DMatrix<f64>> {
+    let alone = problem.of_recording(r);
+    let anchor = Anchor::new(&alone, &alone.nominal(), &[], None, None)?;
+    Some(information_of_starts(&alone, &anchor))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gap::model::prepare::Example;
+
+    /// Nearly as much is said as by the best choice of all that there is room for, and more than by recordings in their order.
+    #[test]
+    fn recordings_are_taken_that_say_what_others_do_not() {
+        let example = Example::read();
+        let all: Vec<_> = example.campaign.recordings.iter().collect();
+        let (problem, _) = example.problem(&all);
+        let samples = |of: &[usize]| of.iter().map(|&r| problem.filters[r].samples).sum::<usize>();
+        assert_eq!(enough(&problem, None, problem.samples()), None);
+        let said: Vec<DMatrix<f64>> = (0..all.len()).map(|r| says(&problem, r).unwrap()).collect();
+        let worth = |of: &[usize]| {
+            let none = DMatrix::identity(said[0].nrows(), said[0].nrows());
+            of.iter().fold(none, |sum, &r| sum + &said[r]).cholesky().unwrap().l().diagonal().map(f64::ln).sum()
+        };
+        let most = problem.samples() / 3;
+        let taken = enough(&problem, None, most).unwrap();
+        let choices = (1..1_usize << all.len()).map(|bits| (0..all.len()).filter(|r| bits >> r & 1 == 1).collect::<Vec<_>>());
+        let best = choices.filter(|c| samples(c) <= most).map(|c| worth(&c)).fold(0.0, f64::max);
+        assert!(samples(&taken) <= most && worth(&taken) > 0.95 * best, "{taken:?}: {} of {best}", worth(&taken));
+        // What judges is kept in any case.
+        assert_eq!(enough(&problem, Some(2), 1).unwrap(), [2]);
+    }
+
+    /// The campaign keeps the recording that judges, and says which others are not used.
+    #[test]
+    fn what_is_not_used_is_said() {
+        let Example { campaign, vehicle } = Example::read();
+        let ready = Ready::new(&campaign, &vehicle, &Default::default()).unwrap();
+        let (part, note) = enough_of(&campaign, &ready, ready.problem.samples() / 2).unwrap();
+        let judge = &campaign.recordings[ready.split.judge].name;
+        assert!(part.recordings.iter().any(|r| r.name == *judge) && part.recordings.len() < campaign.recordings.len());
+        assert!(note.starts_with(&format!("{} of {} recordings are used", part.recordings.len(), campaign.recordings.len())), "{note}");
+        let named = note.split_once("Not used: ").unwrap().1;
+        let is_named = |name: &str| named.split(", ").flat_map(|n| n.split(" and ")).any(|n| n == name);
+        assert!(campaign.recordings.iter().all(|r| is_named(&r.name) != part.recordings.iter().any(|p| p.name == r.name)), "{note}");
+    }
+
+    /// Two thirds of what may be believed: a power of a third in each phase.
+    #[test]
+    fn as_many_samples_are_enough_as_are_believed() {
+        let of_phase = most_samples() as f64 / PHASES as f64;
+        let power = 1.0 / (1.0 + 0.5 * REPLAY.powi(2) * of_phase);
+        assert!((power - 1.0 / 3.0).abs() < 1e-3, "{power}");
+    }
+}
