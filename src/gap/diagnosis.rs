@@ -5,7 +5,7 @@ use super::compose::{self, Findings};
 use super::domain::{self, Handed};
 use super::drive::{self, Drive};
 use super::empirical::{self, Tried};
-use super::enough::{enough_of, most_samples};
+use super::enough::{MOST_SAMPLES, enough_of};
 use super::free::Car;
 use super::held_out::Split;
 use super::infer::density::{Point, Problem};
@@ -98,7 +98,7 @@ pub fn diagnose_with(
     progress("noise and tolerances", 0.0);
     let work = Work::default();
     let mut ready = Ready::new(campaign, &vehicle, &work)?;
-    let part = enough_of(campaign, &ready, most_samples());
+    let part = enough_of(campaign, &ready, MOST_SAMPLES);
     if let Some((part, _)) = &part {
         ready = Ready::new(part, &vehicle, &work)?;
     }

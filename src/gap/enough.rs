@@ -1,10 +1,10 @@
-//! How much of a long log is fitted: as many recordings as are believed, those that say most.
+//! How much of a long log is fitted: as many recordings as a diagnosis has time for, those that say most.
 //!
-//! A replay is exact to a share of the noise ([`REPLAY`]), so n samples of one phase of the clutch are believed like n/(1 + ½ ε² n) exact ones, which never are more than 2/ε². Recordings are taken,
-//! one after the other, that add most to what the others say of tolerances and effects (the logarithm of the determinant of their information: D-optimal design), until two thirds
-//! of that is reached.
+//! Time and memory grow with the samples, and what these say does not: a replay is exact to a share ε of the noise ([`of_replay`](super::infer::density::of_replay)), so n samples of one phase of the clutch are believed like
+//! n/(1 + ½ ε² n) exact ones. Up to [`MOST_SAMPLES`], recordings are taken, one after the other, that add most to what the others say of tolerances and effects (the logarithm of the
+//! determinant of their information: D-optimal design).
 
-use super::infer::density::{PHASES, Problem, REPLAY};
+use super::infer::density::Problem;
 use super::infer::screen::{Anchor, information_of_starts};
 use super::prose::listed;
 use super::ready::Ready;
@@ -12,12 +12,15 @@ use crate::campaign::Campaign;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-/// Share of what any number of samples would be believed to say.
-const ENOUGH: f64 = 2.0 / 3.0;
+/// Samples of both speeds and the bench channels that are fitted at most: 20 minutes of both speeds at 50 Hz, and minutes of a processor. If each phase of the clutch has a third of them, they are
+/// believed like 80 000 exact ones, or like 40 000 if the logger is slower than the control unit.
+pub const MOST_SAMPLES: usize = 120_000;
 
-/// Samples of both speeds and the bench channels that say as much.
-pub fn most_samples() -> usize {
-    (PHASES as f64 * 2.0 / REPLAY.powi(2) * ENOUGH / (1.0 - ENOUGH)) as usize
+/// Rows of a campaign that are fitted at most: each holds both speeds, and what judges is kept whatever its length.
+pub fn most_rows(campaign: &Campaign) -> usize {
+    let rows = campaign.recordings.iter().map(|r| r.time.len());
+    let longest = rows.clone().max().unwrap_or(0);
+    rows.sum::<usize>().min(longest + MOST_SAMPLES / 2)
 }
 
 /// A campaign with no more recordings than are believed, the one that judges among them, and what is to be said of the others; none if all of them are.
@@ -29,10 +32,10 @@ pub(super) fn enough_of(campaign: &Campaign, ready: &Ready, most: usize) -> Opti
     let (used, unused): (Vec<_>, Vec<_>) = campaign.recordings.iter().cloned().partition(|r| is_taken(&r.name));
     let names: Vec<&str> = unused.iter().map(|r| r.name.as_str()).collect();
     let note = format!(
-        "{} of {} recordings are used, those that say most of tolerances and effects: a replay is exact to {} % of the noise, so more samples than these would not be believed. Not used: {}",
+        "{} of {} recordings are fitted, those that say most of tolerances and effects: {most} samples are the most that a diagnosis takes, and as a replay is \
+         not exact, more of them would add less and less. Not used: {}",
         used.len(),
         campaign.recordings.len(),
-        100.0 * REPLAY,
         listed(&names, " and ")
     );
     Some((Campaign { recordings: used, ..campaign.clone() }, note))
@@ -83,7 +86,10 @@ fn says(problem: &Problem, r: usize) -> Option<DMatrix<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::campaign::Recording;
+    use crate::gap::infer::density::{PHASES, of_replay};
     use crate::gap::model::prepare::Example;
+    use crate::gap::model::track::Track;
 
     /// Nearly as much is said as by the best choice of all that there is room for, and more than by recordings in their order.
     #[test]
@@ -115,17 +121,30 @@ mod tests {
         let (part, note) = enough_of(&campaign, &ready, ready.problem.samples() / 2).unwrap();
         let judge = &campaign.recordings[ready.split.judge].name;
         assert!(part.recordings.iter().any(|r| r.name == *judge) && part.recordings.len() < campaign.recordings.len());
-        assert!(note.starts_with(&format!("{} of {} recordings are used", part.recordings.len(), campaign.recordings.len())), "{note}");
+        assert!(note.starts_with(&format!("{} of {} recordings are fitted", part.recordings.len(), campaign.recordings.len())), "{note}");
         let named = note.split_once("Not used: ").unwrap().1;
         let is_named = |name: &str| named.split(", ").flat_map(|n| n.split(" and ")).any(|n| n == name);
         assert!(campaign.recordings.iter().all(|r| is_named(&r.name) != part.recordings.iter().any(|p| p.name == r.name)), "{note}");
     }
 
-    /// Two thirds of what may be believed: a power of a third in each phase.
     #[test]
-    fn as_many_samples_are_enough_as_are_believed() {
-        let of_phase = most_samples() as f64 / PHASES as f64;
-        let power = 1.0 / (1.0 + 0.5 * REPLAY.powi(2) * of_phase);
-        assert!((power - 1.0 / 3.0).abs() < 1e-3, "{power}");
+    fn a_long_campaign_is_fitted_in_part() {
+        let mut campaign = Example::read().campaign;
+        let rows: usize = campaign.recordings.iter().map(|r| r.time.len()).sum();
+        assert_eq!(most_rows(&campaign), rows);
+        let longer: Vec<f64> = (0..50_000).map(f64::from).collect();
+        campaign.recordings.iter_mut().for_each(|r| r.time = longer.clone());
+        assert_eq!(most_rows(&campaign), 50_000 + MOST_SAMPLES / 2);
+    }
+
+    /// As the documentation of the bound says.
+    #[test]
+    fn as_many_samples_as_are_fitted_are_believed_like_fewer() {
+        let mut recording = Example::read().campaign.recordings.swap_remove(0);
+        let of_phase = MOST_SAMPLES as f64 / PHASES as f64;
+        let believed = |r: &Recording| PHASES as f64 * of_phase / (1.0 + of_replay(&Track::new(r), of_phase));
+        assert!((believed(&recording) / 80_000.0 - 1.0).abs() < 0.01);
+        recording.control_interval_s = Some(0.1 / recording.sample_rate_hz);
+        assert!((believed(&recording) / 40_000.0 - 1.0).abs() < 0.01);
     }
 }

@@ -29,9 +29,14 @@ pub const HUBER: f64 = 4.0;
 /// Shares of what an effect changes in the recordings to which it and its form may describe what a real one changes.
 pub const ACCURACIES: [f64; 3] = [0.02, 0.04, 0.08];
 
-/// Share of its standard deviation by which an innovation of a healthy car may be off because a replay is not the car: what inputs do between samples, a driver whose torque answers to the
-/// noise of a speed, stamps.
-pub const REPLAY: f64 = 0.01;
+/// Share of its standard deviation by which an innovation of a healthy car may be off because a replay is not the car: where every step of the inputs is known, and where the logger is
+/// slower than the control unit. What inputs do between samples is no chance: a driver's torque answers to the noise of the very sample that it is compared with.
+const REPLAY: [f64; 2] = [0.005, 0.01];
+
+/// How far n samples of a recording are from its replay, nats.
+pub fn of_replay(track: &Track, n: f64) -> f64 {
+    0.5 * REPLAY[usize::from(track.misses_commands())].powi(2) * n
+}
 
 /// The one by which a search is steered.
 pub const STEERING: usize = 0;
@@ -124,16 +129,20 @@ impl Problem {
     /// Allows for explanations that are not exact. What the car as its file gives it leaves unexplained, G, is explained by laws that are right to a share c of what they
     /// change, one of [`ACCURACIES`]; the recordings then are as far as R = ½ c² G nats from what even the true explanation predicts. A posterior that is given data of such a
     /// distance, and not the data themselves, has the likelihood to the power of 1/(1 + R) (Miller and Dunson 2019, "Robust Bayesian inference via coarsening"). Each phase
-    /// of the clutch has a power of its own: a law that acts in one of them is inexact there. The replay of a healthy car is not exact either: ½ ([`REPLAY`])² nats a sample.
+    /// of the clutch has a power of its own: a law that acts in one of them is inexact there. The replay of a healthy car is not exact either ([`of_replay`]).
     pub fn coarsen(&mut self) {
         let here = self.all_residuals(&self.nominal(), None);
         let misfits = self.misfits(&here);
-        let mut samples = [0.0; PHASES];
+        let (mut samples, mut distance) = ([0.0; PHASES], [0.0; PHASES]);
         for (r, residuals) in here.iter().enumerate() {
-            residuals.iter().enumerate().filter(|(_, x)| **x != 0.0).for_each(|(i, _)| samples[self.phase(r, i)] += 1.0);
+            let one = of_replay(&self.tracks[r], 1.0);
+            for (i, _) in residuals.iter().enumerate().filter(|(_, x)| **x != 0.0) {
+                let phase = self.phase(r, i);
+                (samples[phase], distance[phase]) = (samples[phase] + 1.0, distance[phase] + one);
+            }
         }
-        let of_replay = samples.map(|n| 1.0 / (1.0 + 0.5 * REPLAY.powi(2) * n));
-        self.powers = coarsened([of_replay; ACCURACIES.len()], std::array::from_fn(|p| misfits[p] - samples[p]));
+        let replayed = distance.map(|nats| 1.0 / (1.0 + nats));
+        self.powers = coarsened([replayed; ACCURACIES.len()], std::array::from_fn(|p| misfits[p] - samples[p]));
     }
 
     /// The powers by which a search is steered.
