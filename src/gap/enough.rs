@@ -1,6 +1,6 @@
 //! How much of a long log is fitted: as many recordings as a diagnosis has time for, those that say most.
 //!
-//! Time and memory grow with the samples, and what these say does not: a replay is exact to a share ε of the noise ([`of_replay`](super::infer::density::of_replay)), so n samples of one phase of the clutch are believed like
+//! Time and memory grow with the samples, and what these say does not: a replay is exact to a share ε of the noise ([`of_replay`](super::infer::belief::of_replay)), so n samples of one phase of the clutch are believed like
 //! n/(1 + ½ ε² n) exact ones. Up to [`MOST_SAMPLES`], recordings are taken, one after the other, that add most to what the others say of tolerances and effects (the logarithm of the
 //! determinant of their information: D-optimal design).
 
@@ -87,7 +87,8 @@ fn says(problem: &Problem, r: usize) -> Option<DMatrix<f64>> {
 mod tests {
     use super::*;
     use crate::campaign::Recording;
-    use crate::gap::infer::density::{PHASES, of_replay};
+    use crate::gap::infer::belief::of_replay;
+    use crate::gap::infer::density::PHASES;
     use crate::gap::model::prepare::Example;
     use crate::gap::model::track::Track;
 
@@ -142,7 +143,7 @@ mod tests {
     fn as_many_samples_as_are_fitted_are_believed_like_fewer() {
         let mut recording = Example::read().campaign.recordings.swap_remove(0);
         let of_phase = MOST_SAMPLES as f64 / PHASES as f64;
-        let believed = |r: &Recording| PHASES as f64 * of_phase / (1.0 + of_replay(&Track::new(r), of_phase));
+        let believed = |r: &Recording| PHASES as f64 * of_phase / (1.0 + of_replay(&Track::new(r)) * of_phase);
         assert!((believed(&recording) / 80_000.0 - 1.0).abs() < 0.01);
         recording.control_interval_s = Some(0.1 / recording.sample_rate_hz);
         assert!((believed(&recording) / 40_000.0 - 1.0).abs() < 0.01);

@@ -2,7 +2,8 @@
 
 use super::diagnosis::DiagnosisError;
 use super::held_out::{Split, split};
-use super::infer::density::{ACCURACIES, Problem, misfit};
+use super::infer::belief::ACCURACIES;
+use super::infer::density::{Problem, misfit};
 use super::infer::exchange::exchange;
 use super::infer::irregular::{self, Irregular};
 use super::infer::search::{Hypothesis, Search};

@@ -10,6 +10,7 @@
 //! e the whitened innovations of the corrected replay, ρ Huber's loss, all nuisances in units of their standard deviation, p_0 and s_p an effect
 //! parameter's null value and the size that a noticeable effect has.
 
+use super::belief::ByAccuracy;
 use crate::effects::empirical::{CURVES, Curve};
 use crate::effects::{self, PARAMETERS, Parameters, REGISTRY};
 use crate::gap::model::filter::Filter;
@@ -26,24 +27,6 @@ use std::sync::{Arc, LazyLock};
 /// Where Huber's loss turns linear, in standard deviations.
 pub const HUBER: f64 = 4.0;
 
-/// Shares of what an effect changes in the recordings to which it and its form may describe what a real one changes.
-pub const ACCURACIES: [f64; 3] = [0.02, 0.04, 0.08];
-
-/// Share of its standard deviation by which an innovation of a healthy car may be off because a replay is not the car: where every step of the inputs is known, and where the logger is
-/// slower than the control unit. What inputs do between samples is no chance: a driver's torque answers to the noise of the very sample that it is compared with.
-const REPLAY: [f64; 2] = [0.005, 0.01];
-
-/// How far n samples of a recording are from its replay, nats.
-pub fn of_replay(track: &Track, n: f64) -> f64 {
-    0.5 * REPLAY[usize::from(track.misses_commands())].powi(2) * n
-}
-
-/// The one by which a search is steered.
-pub const STEERING: usize = 0;
-
-/// One for each of [`ACCURACIES`].
-pub type ByAccuracy<T> = [T; ACCURACIES.len()];
-
 /// Substep below which a plant is too fast to be replayed again and again, relative to that of the car as its file gives it: what settles ten times as fast is not seen.
 const LEAST_SUBSTEP: f64 = 0.1;
 
@@ -58,9 +41,6 @@ pub type ByPhase<T> = [T; PHASES];
 
 /// The whole likelihood.
 pub const WHOLE: ByPhase<f64> = [1.0; PHASES];
-
-/// The whole likelihood, whatever the accuracy.
-pub const EXACT: ByAccuracy<ByPhase<f64>> = [WHOLE; ACCURACIES.len()];
 
 /// Recordings of one car, and what is believed of it.
 #[derive(Clone, Debug)]
@@ -77,7 +57,7 @@ pub struct Problem {
     pub own: Vec<Nuisance>,
     /// States of the nominal car by recording, by state, by observation: what the form of an effect may depend on.
     pub states: Vec<Vec<Vec<f64>>>,
-    /// Power of the likelihood in each phase of the clutch, for each accuracy that explanations may have; see [`Problem::coarsen`].
+    /// Power of the likelihood in each phase of the clutch, for each accuracy that explanations may have; see [`belief`](super::belief).
     pub powers: ByAccuracy<ByPhase<f64>>,
     /// What its replays have cost.
     pub work: Work,
@@ -126,35 +106,6 @@ pub struct Baseline<'a> {
 }
 
 impl Problem {
-    /// Allows for explanations that are not exact. What the car as its file gives it leaves unexplained, G, is explained by laws that are right to a share c of what they
-    /// change, one of [`ACCURACIES`]; the recordings then are as far as R = ½ c² G nats from what even the true explanation predicts. A posterior that is given data of such a
-    /// distance, and not the data themselves, has the likelihood to the power of 1/(1 + R) (Miller and Dunson 2019, "Robust Bayesian inference via coarsening"). Each phase
-    /// of the clutch has a power of its own: a law that acts in one of them is inexact there. The replay of a healthy car is not exact either ([`of_replay`]).
-    pub fn coarsen(&mut self) {
-        let here = self.all_residuals(&self.nominal(), None);
-        let misfits = self.misfits(&here);
-        let (mut samples, mut distance) = ([0.0; PHASES], [0.0; PHASES]);
-        for (r, residuals) in here.iter().enumerate() {
-            let one = of_replay(&self.tracks[r], 1.0);
-            for (i, _) in residuals.iter().enumerate().filter(|(_, x)| **x != 0.0) {
-                let phase = self.phase(r, i);
-                (samples[phase], distance[phase]) = (samples[phase] + 1.0, distance[phase] + one);
-            }
-        }
-        let replayed = distance.map(|nats| 1.0 / (1.0 + nats));
-        self.powers = coarsened([replayed; ACCURACIES.len()], std::array::from_fn(|p| misfits[p] - samples[p]));
-    }
-
-    /// The powers by which a search is steered.
-    pub fn steering(&self) -> ByPhase<f64> {
-        self.powers[STEERING]
-    }
-
-    /// Power that the whole likelihood would have in a search.
-    pub fn power(&self) -> f64 {
-        overall(self.steering())
-    }
-
     /// Phase of the clutch, from 0 on, at innovation `i` of recording `r`: two speeds per observation, then the bench channels, one value each.
     pub fn phase(&self, r: usize, i: usize) -> usize {
         let phase = &self.filters[r].phase;
@@ -312,17 +263,6 @@ fn driving(basis: &Basis, k: usize, amplitudes: &[f64]) -> Missing {
     sum
 }
 
-/// Powers of the likelihood where recordings beyond those that have these leave G more unexplained in each phase of the clutch, see [`Problem::coarsen`].
-pub fn coarsened(powers: ByAccuracy<ByPhase<f64>>, unexplained: ByPhase<f64>) -> ByAccuracy<ByPhase<f64>> {
-    let power = |a: usize, p: usize| 1.0 / (1.0 / powers[a][p] + 0.5 * ACCURACIES[a].powi(2) * unexplained[p].max(0.0));
-    std::array::from_fn(|a| std::array::from_fn(|p| power(a, p)))
-}
-
-/// Power that the whole likelihood would have if its phases have these.
-pub fn overall(powers: ByPhase<f64>) -> f64 {
-    1.0 / (1.0 + powers.iter().map(|power| 1.0 / power - 1.0).sum::<f64>())
-}
-
 /// Adds the functions that are linear in the innovations of recording `k`, each with its amplitude.
 fn add_linear(all: &mut Residuals, basis: Option<&Basis>, k: usize, amplitude: impl Fn(usize) -> f64) {
     for (f, function) in basis.into_iter().flatten().enumerate().filter(|(_, function)| function[k].is_linear()) {
@@ -447,23 +387,6 @@ mod tests {
             assert!((slope - 2.0 * weight(r) * r).abs() < 1e-4);
         }
         assert!((misfit(&[vec![3.0, -10.0], vec![5.0]]) - 97.0).abs() < 1e-12);
-    }
-
-    /// 1/(1 + ½ c² G), and the same whether recordings come together or one after the other.
-    #[test]
-    fn what_is_left_unexplained_lowers_the_powers() {
-        let once = coarsened(EXACT, [1000.0, -5.0, 250.0]);
-        assert!((once[0][0] - 1.0 / 1.2).abs() < 1e-12 && (once[2][0] - 1.0 / 4.2).abs() < 1e-12, "{once:?}");
-        assert!(once[1][1] == 1.0 && (once[1][2] - 1.0 / 1.2).abs() < 1e-12, "{once:?}");
-        let twice = coarsened(coarsened(EXACT, [400.0, 0.0, 250.0]), [600.0, 0.0, 0.0]);
-        assert!(once.iter().flatten().zip(twice.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-12));
-    }
-
-    #[test]
-    fn powers_join_as_the_distances_that_they_stand_for() {
-        // 1/(1 + R) of the sum of R: 1 and 3 make 4.
-        assert!((overall([0.5, 0.25, 1.0]) - 0.2).abs() < 1e-12);
-        assert_eq!(overall(WHOLE), 1.0);
     }
 
     #[test]

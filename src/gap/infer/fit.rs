@@ -2,8 +2,9 @@
 //!
 //! Levenberg–Marquardt with derivatives along nuisances that are kept while the linear model keeps its word.
 
+use super::belief::ByAccuracy;
 use super::coordinate::{Coordinate, coordinates};
-use super::density::{Basis, ByAccuracy, ByPhase, Point, Problem, Residuals, WHOLE, cost};
+use super::density::{Basis, ByPhase, Point, Problem, Residuals, WHOLE, cost};
 use super::form::FORM;
 use super::linear::{Columns, Frame, Known, Normal, Products, all_products, assemble, by_phase, derivatives, to_powers};
 use crate::effects::PARAMETERS;

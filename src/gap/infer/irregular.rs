@@ -4,7 +4,8 @@
 //! place, a first-order Gauss–Markov process of unknown size and memory. It enters the filter, and the likelihood of the innovations, Σ ρ(e) + ln det S, says
 //! where it is, how large and how lasting. Under that filter effects count for what they explain beyond it.
 
-use super::density::{ByAccuracy, PHASES, Point, Problem, Residuals, misfit, overall};
+use super::belief::{ByAccuracy, overall};
+use super::density::{PHASES, Point, Problem, Residuals, misfit};
 use super::sensors::minus_log_likelihood;
 use super::unknown::PLACE_PRIOR;
 use crate::effects::Subsystem;

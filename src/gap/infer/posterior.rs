@@ -2,7 +2,8 @@
 //!
 //! Verdict, probabilities, groups and places are sums of this one distribution.
 
-use super::density::{ACCURACIES, ByAccuracy, Point, Problem};
+use super::belief::{ACCURACIES, ByAccuracy};
+use super::density::{Point, Problem};
 use super::fit::Fit;
 use super::search::{Hypothesis, MOST_EFFECTS, Search, moment, taken_over};
 use super::unknown::{PLACE_PRIOR, Unknown, beside, places};

@@ -4,8 +4,9 @@
 //! posterior: evidence, which pays for what an effect could have done as well, and the odds of that many effects. The search goes on as long as a
 //! larger set is more probable than the one that it extends. Where it is repeated with a better filter, what the first search found near its best is fitted as well.
 
+use super::belief::{ByAccuracy, STEERING};
 use super::coordinate::Coordinate;
-use super::density::{Basis, ByAccuracy, Point, Problem, STEERING, STRAINS, WHOLE, cost, size};
+use super::density::{Basis, Point, Problem, STRAINS, WHOLE, cost, size};
 use super::fit::{Fit, Free, LOOK, fit, least_gain, mean_covariance};
 use super::form::{self, forms};
 use super::linear::{Columns, Known};

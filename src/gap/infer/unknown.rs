@@ -4,8 +4,9 @@
 //! amplitudes (all else eliminated, in units of their prior) and g the gradient, they gain ½ gᵀ(1 + G)⁻¹g − ½ ln det(1 + G) nats. A missing law has the
 //! size of a fault worth the name or some times that; sizes are summed over, and the places that gain most are fitted, with a form of their own.
 
+use super::belief::{ByAccuracy, STEERING, overall};
 use super::coordinate::Coordinate;
-use super::density::{Baseline, Basis, ByAccuracy, ByPhase, Function, Point, Problem, STEERING, WHOLE, overall};
+use super::density::{Baseline, Basis, ByPhase, Function, Point, Problem, WHOLE};
 use super::fit::{Fit, Free, fit, mean_covariance};
 use super::form::{are_as_large, forms, of_law};
 use super::linear::{Columns, Frame, Known, Normal, Products, assemble, by_phase, to_powers};

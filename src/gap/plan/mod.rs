@@ -16,7 +16,8 @@ pub mod reach;
 pub mod rehearse;
 pub mod split;
 
-use super::infer::density::{ByAccuracy, ByPhase, EXACT, Point, Problem, TEMPERATURES};
+use super::infer::belief::{ByAccuracy, EXACT};
+use super::infer::density::{ByPhase, Point, Problem, TEMPERATURES};
 use super::infer::posterior::Posterior;
 use super::infer::screen::Limit;
 use super::model::filter::Disturbances;
