@@ -2,10 +2,12 @@
 //!
 //! `realcar` draws the cars at test time and shares no code with the plant, so that nothing here finds its own formulas again.
 
-use kisspoint::campaign::{self, Campaign, ReadOptions};
+use kisspoint::campaign::{self, Campaign, ReadOptions, Recording};
 use kisspoint::effects::REGISTRY;
 use kisspoint::fmu;
 use kisspoint::gap::diagnosis::{Diagnosis, DiagnosisError, diagnose};
+use kisspoint::gap::enough::MOST_SAMPLES;
+use kisspoint::gap::verdict::Verdict;
 use realcar::{Car, Kind, Place, draw_car_of};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -72,6 +74,24 @@ fn worn() -> &'static Diagnosis {
 /// Launches of a healthy car: the smallest campaign that is worth a diagnosis.
 fn two_launches() -> Car {
     with_only(everyday(Kind::Healthy), &[0, 1])
+}
+
+/// Its recordings over and over are more than a diagnosis takes: those that are fitted are what it read, and the others are named.
+#[test]
+fn a_healthy_car_of_many_recordings_is_fitted_in_part_and_has_no_gap() {
+    let folder = Folder::of("long", &everyday(Kind::Healthy));
+    let mut campaign = folder.read();
+    let once = campaign.recordings.clone();
+    let samples: usize = once.iter().map(|r| 2 * r.time.len()).sum();
+    let copy = |k: usize| once.iter().cloned().map(move |r| Recording { name: format!("{}x{k}", r.name), ..r });
+    campaign.recordings = (0..=MOST_SAMPLES / samples).flat_map(copy).collect();
+    let found = diagnose(&campaign, &|_, _| {}).unwrap();
+    assert_eq!(found.answer.verdict, Verdict::NoGap, "{:?}", found.answer.notes);
+    let (all, read) = (campaign.recordings.len(), found.read.recordings.len());
+    let note = found.answer.notes.iter().find(|n| n.starts_with(&format!("{read} of {all} recordings are fitted"))).unwrap();
+    assert!(read < all && found.read.recordings.iter().all(|r| !note.contains(&r.name)), "{note}");
+    let fitted: usize = found.read.recordings.iter().map(|r| 2 * r.time.len()).sum();
+    assert!(fitted > MOST_SAMPLES * 9 / 10 && fitted < MOST_SAMPLES * 11 / 10, "{fitted}");
 }
 
 #[test]

@@ -57,7 +57,7 @@ pub struct Diagnosis {
     pub answer: Answer,
     /// The answer as diagnosis.json has it.
     pub json: serde_json::Value,
-    /// The campaign as it was read: without recordings beyond those that are believed and what is stale in it, with the control unit that suits it.
+    /// The campaign as it was read: without the recordings of a long one that are not fitted and what is stale in it, with the control unit that suits it.
     pub read: Campaign,
     /// Real, before and after, per recording or engagement.
     pub overlays: Vec<Overlay>,
@@ -160,9 +160,10 @@ fn diagnosed(
         }
     }
     for left in &stale {
-        let few = if left.probability > 0.5 { "" } else { ", as few as a logger may lose" };
+        let at_fault = left.probability > 0.5;
+        let few = if at_fault { "" } else { ", as few as a logger may lose" };
         notes.push(format!("stale samples: {}; they are left out{few}", left.what));
-        if few.is_empty() {
+        if at_fault {
             conclusion.leave(left);
         }
     }

@@ -23,7 +23,7 @@ pub fn most_rows(campaign: &Campaign) -> usize {
     rows.sum::<usize>().min(longest + MOST_SAMPLES / 2)
 }
 
-/// A campaign with no more recordings than are believed, the one that judges among them, and what is to be said of the others; none if all of them are.
+/// The part of a campaign that is fitted, with the recording that judges, and what is to be said of the others; none if all of it is.
 pub(super) fn enough_of(campaign: &Campaign, ready: &Ready, most: usize) -> Option<(Campaign, String)> {
     let judge = &campaign.recordings[ready.split.judge].name;
     let tracks = &ready.problem.tracks;
@@ -41,7 +41,7 @@ pub(super) fn enough_of(campaign: &Campaign, ready: &Ready, most: usize) -> Opti
     Some((Campaign { recordings: used, ..campaign.clone() }, note))
 }
 
-/// The recordings of a fit that say as much as is believed, `first` among them; none if all of them do not say more.
+/// The recordings that say most within so many samples, `first` among them; one in any case. None if all of them are no more.
 fn enough(problem: &Problem, first: Option<usize>, most: usize) -> Option<Vec<usize>> {
     if problem.samples() <= most {
         return None;
@@ -56,7 +56,7 @@ fn enough(problem: &Problem, first: Option<usize>, most: usize) -> Option<Vec<us
     let mut adds: Vec<(usize, f64)> = (0..said.len()).map(|r| (r, f64::INFINITY)).collect();
     let mut next = first;
     loop {
-        adds.retain(|(r, _)| samples(*r) <= room || Some(*r) == next);
+        adds.retain(|(r, _)| samples(*r) <= room || taken.is_empty());
         let most_promising = || (0..adds.len()).max_by(|a, b| adds[*a].1.total_cmp(&adds[*b].1).then(b.cmp(a)));
         let Some(place) = next.map_or_else(most_promising, |r| adds.iter().position(|a| a.0 == r)) else { break };
         let r = adds[place].0;
@@ -92,7 +92,7 @@ mod tests {
     use crate::gap::model::prepare::Example;
     use crate::gap::model::track::Track;
 
-    /// Nearly as much is said as by the best choice of all that there is room for, and more than by recordings in their order.
+    /// They say nearly as much as the best of all choices that there is room for.
     #[test]
     fn recordings_are_taken_that_say_what_others_do_not() {
         let example = Example::read();
@@ -110,8 +110,11 @@ mod tests {
         let choices = (1..1_usize << all.len()).map(|bits| (0..all.len()).filter(|r| bits >> r & 1 == 1).collect::<Vec<_>>());
         let best = choices.filter(|c| samples(c) <= most).map(|c| worth(&c)).fold(0.0, f64::max);
         assert!(samples(&taken) <= most && worth(&taken) > 0.95 * best, "{taken:?}: {} of {best}", worth(&taken));
-        // What judges is kept in any case.
+        // What judges is kept in any case, and without it the one that says most for its length.
         assert_eq!(enough(&problem, Some(2), 1).unwrap(), [2]);
+        let densest =
+            (0..all.len()).max_by(|a, b| (worth(&[*a]) / samples(&[*a]) as f64).total_cmp(&(worth(&[*b]) / samples(&[*b]) as f64)));
+        assert_eq!(enough(&problem, None, 1).unwrap(), [densest.unwrap()]);
     }
 
     /// The campaign keeps the recording that judges, and says which others are not used.

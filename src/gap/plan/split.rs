@@ -21,9 +21,9 @@
 
 use super::Planner;
 use super::manoeuvre::Manoeuvre;
-use crate::gap::infer::belief::{ByAccuracy, coarsened};
+use crate::gap::infer::belief::{ByAccuracy, coarsened, of_replay};
 use crate::gap::infer::coordinate::{Coordinate, coordinates};
-use crate::gap::infer::density::{PHASES, Point};
+use crate::gap::infer::density::Point;
 use crate::gap::infer::form::forms;
 use crate::gap::infer::limit::normal;
 use crate::gap::infer::linear::{Frame, by_phase, derivatives, to_powers};
@@ -150,7 +150,8 @@ fn split(planner: &Planner, rivals: &[Rival], what: &Manoeuvre) -> Split {
     let difference = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<f64>>();
     // What shows explanations well shows the gap well, and what they leave of it.
     let gap = difference(&problem.residuals(0, &planner.nominal(), None), &innovations[0]);
-    let powers = coarsened(problem.powers, [0.0; PHASES], problem.misfits(&[gap]));
+    let gap = [gap];
+    let powers = coarsened(problem.powers, problem.by_sample(&gap, of_replay), problem.misfits(&gap));
     let n = rivals.len();
     let mut nats = powers.map(|_| DMatrix::zeros(n, n));
     for (j, rival) in rivals.iter().enumerate() {
