@@ -4,7 +4,7 @@
 #   benches/scale.sh
 #
 # Prints processor time, elapsed time and peak memory on two threads for the bundled campaign once, twice, four and eight times over (9 to 72 recordings), and
-# for the drives of a drawn car, about 40 minutes at 100 Hz and about an hour. Copies of a recording count as recordings of their own, so that only the
+# for the drives of a drawn car, about 40 minutes at 100 Hz and about an hour, and for an hour in a single drive. Copies of a recording count as recordings of their own, so that only the
 # size differs; that their noise is the same makes an answer surer than it should be, and does not matter here. Needs /usr/bin/time (GNU) and python3.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -50,3 +50,5 @@ for drives in 48 72; do
     "$kisspoint" blind --road --cars 1 --seed 4 --drives "$drives" --draw-only --keep "$work/road-$drives" >/dev/null
     timed "$drives drives, $(($(cat "$work/road-$drives"/case_001/*.csv | wc -l) / 6000)) min at 100 Hz" "$work/road-$drives/case_001"
 done
+"$kisspoint" blind --road --cars 1 --seed 4 --drives 1 --drive-length 3600 --draw-only --keep "$work/road-1" >/dev/null
+timed "1 drive, 60 min at 100 Hz" "$work/road-1/case_001"

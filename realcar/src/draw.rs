@@ -142,9 +142,18 @@ pub fn draw_car(place: Place, seed: u64, index: usize) -> Car {
     draw_car_of(place, seed, index, kind(place, seed, index))
 }
 
-/// The car of this index on the road with so many drives in its campaign, not as many as were drawn: for what a long log costs.
-pub fn draw_long(seed: u64, index: usize, drives: usize) -> Car {
-    drawn(Place::Road, seed, index, kind(Place::Road, seed, index), 1.0, Whose::Driven(drives))
+/// The drives of a campaign, where they are not drawn.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Driven {
+    /// How many.
+    pub drives: Option<usize>,
+    /// How long each is, s.
+    pub length_s: Option<f64>,
+}
+
+/// The car of this index on the road, driven as long as this says: for what a long log costs.
+pub fn draw_long(seed: u64, index: usize, driven: Driven) -> Car {
+    drawn(Place::Road, seed, index, kind(Place::Road, seed, index), 1.0, Whose::Driven(driven))
 }
 
 /// The car of this index with an effect that was not drawn while the diagnosis was made: each in turn.
@@ -197,8 +206,8 @@ pub(crate) enum Whose<'a> {
     Own,
     /// What its fleet shares.
     Fleet(&'a Population),
-    /// How many drives its campaign has.
-    Driven(usize),
+    /// How many drives its campaign has, and how long they are.
+    Driven(Driven),
 }
 
 /// A car by itself, or of a fleet.
@@ -227,10 +236,10 @@ pub(crate) fn drawn(place: Place, seed: u64, index: usize, kind: Kind, size: f64
         });
     }
     let fleet = if let Whose::Fleet(population) = whose { Some(population) } else { None };
-    let drives = if let Whose::Driven(drives) = whose { Some(drives) } else { None };
+    let driven = if let Whose::Driven(driven) = whose { Some(driven) } else { None };
     let (mut all, mut bed) = match place {
         Place::Bench => Bed::draw(seed, index, ids, fleet).record(&deviation),
-        Place::Road => Street::draw(seed, index).with_drives(drives).record(&deviation),
+        Place::Road => Street::draw(seed, index).with(driven).record(&deviation),
     };
     for (subsystem, seen) in bed.seen.seen() {
         effects.iter_mut().filter(|e| e.in_library && e.subsystem == subsystem).for_each(|e| e.parameters = seen.parameters());

@@ -2,7 +2,7 @@
 
 use crate::car::{Motion, Outer, Start};
 use crate::channels::{Noise, Pen, Recording, Steps};
-use crate::draw::{Remains, mix};
+use crate::draw::{Driven, Remains, mix};
 use crate::drive::Drive;
 use crate::driver::{Driver, Style, TICK_S};
 use crate::effects::Deviation;
@@ -45,6 +45,8 @@ pub(crate) struct Street {
     style: Style,
     logger: Logger,
     drives: usize,
+    /// Length of these drives, s, where it is not drawn.
+    length_s: Option<f64>,
     rng: StdRng,
     seen: Deviation,
 }
@@ -63,12 +65,12 @@ impl Street {
         let jitter = if rng.random_bool(0.6) { Jitter::Task(part) } else { Jitter::Stamp(part) };
         let logger = Logger { noise, steps: Steps::draw_bus(&mut rng), every, jitter };
         let drives = rng.random_range(2..=5);
-        Self { file, declared, real, moves, style, logger, drives, rng, seen: Deviation::default() }
+        Self { file, declared, real, moves, style, logger, drives, length_s: None, rng, seen: Deviation::default() }
     }
 
-    /// The same with so many drives in the campaign, where that is asked for.
-    pub(crate) fn with_drives(self, drives: Option<usize>) -> Self {
-        Self { drives: drives.unwrap_or(self.drives), ..self }
+    /// The same with so many drives in the campaign, and as long ones, where that is asked for.
+    pub(crate) fn with(self, driven: Option<Driven>) -> Self {
+        Self { drives: driven.and_then(|d| d.drives).unwrap_or(self.drives), length_s: driven.and_then(|d| d.length_s), ..self }
     }
 
     pub(crate) fn record(mut self, deviation: &Deviation) -> (Vec<Recording>, Remains) {
@@ -88,7 +90,9 @@ impl Street {
 
     fn one(&mut self, k: usize, deviation: &Deviation) -> (Recording, Motion) {
         let rng = &mut self.rng;
-        let drive = Drive { length_s: rng.random_range(20.0..80.0), held: rng.random_bool(0.6), seed: rng.random() };
+        let drawn = rng.random_range(20.0..80.0);
+        let length_s = self.length_s.filter(|_| k < self.drives).unwrap_or(drawn);
+        let drive = Drive { length_s, held: rng.random_bool(0.6), seed: rng.random() };
         // Each second drive follows another one, and the first of them a hard one: what fades only when hot has its chance.
         let disc: f64 = match k {
             1 => rng.random_range(100.0..140.0),

@@ -35,6 +35,7 @@ mod thrift;
 mod units;
 mod write;
 
+use std::ops::Range;
 use std::path::PathBuf;
 
 pub use channel_map::{ChannelMap, Mapped, TorqueKind};
@@ -131,6 +132,8 @@ pub struct Recording {
     pub theta_b0: f64,
     /// How well these two are known, K: one standard deviation, disc and body.
     pub theta_0_sigma: [f64; 2],
+    /// Angle by which the disc has fallen behind the flywheel when it begins, rad: 0 unless it is a part of a longer one.
+    pub slip_angle_0: f64,
     /// Flywheel speed as sensed, rad/s.
     pub omega_f: Vec<f64>,
     /// Disc speed as sensed, rad/s.
@@ -155,6 +158,39 @@ pub struct Recording {
     pub input_rows: [Option<Vec<usize>>; 2],
 }
 
+impl Recording {
+    /// These rows as a recording that begins at 0 s; start temperatures stay those of the whole.
+    ///
+    /// # Panics
+    /// If it does not have them.
+    pub fn part(&self, rows: Range<usize>) -> Self {
+        let of = |column: &Vec<f64>| column.get(rows.clone()).unwrap_or_default().to_vec();
+        let begin = self.time[rows.start];
+        let own = |own: &Vec<usize>| {
+            let within = own.iter().filter(|row| rows.contains(row)).map(|row| row - rows.start);
+            // An input that is held has a known value where a later part begins, whenever it was sampled.
+            let first = (rows.start > 0).then_some(0);
+            first.into_iter().chain(within.filter(|row| Some(*row) != first)).collect()
+        };
+        Self {
+            name: self.name.clone(),
+            manoeuvre: self.manoeuvre.clone(),
+            time: self.time[rows.clone()].iter().map(|t| t - begin).collect(),
+            omega_f: of(&self.omega_f),
+            omega_c: of(&self.omega_c),
+            t_e: of(&self.t_e),
+            x_to_cmd: of(&self.x_to_cmd),
+            theta_h: of(&self.theta_h),
+            x_to: self.x_to.as_ref().map(of),
+            t_fc: self.t_fc.as_ref().map(of),
+            theta_c: self.theta_c.as_ref().map(of),
+            brake: self.brake.as_ref().map(|b| b[rows.clone()].to_vec()),
+            input_rows: self.input_rows.each_ref().map(|rows| rows.as_ref().map(own)),
+            ..*self
+        }
+    }
+}
+
 impl Default for Recording {
     /// Without rows; start temperatures are known to 1 K, as on a bench.
     fn default() -> Self {
@@ -166,6 +202,7 @@ impl Default for Recording {
             theta_c0: 0.0,
             theta_b0: 0.0,
             theta_0_sigma: [1.0; 2],
+            slip_angle_0: 0.0,
             omega_f: Vec::new(),
             omega_c: Vec::new(),
             t_e: Vec::new(),

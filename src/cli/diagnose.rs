@@ -11,9 +11,11 @@ use crate::effects::REGISTRY;
 use crate::fmu::{self, Beside, Extras, FmuError, library, ssv};
 use crate::gap::answer::plant_parameters;
 use crate::gap::diagnosis::{Diagnosis, diagnose};
+use crate::gap::divide::divided;
 use crate::gap::map::{HIGH_TORQUE_NM, HOT_DEGC};
 use crate::report::{self, fleet};
 use serde_json::json;
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// Options of `kisspoint diagnose`.
@@ -146,7 +148,7 @@ fn one(
     let bar = Progress::new();
     let read = campaign::read_telling(path, options, &|file, share| bar.tell(&format!("{label}reading {file}"), share));
     bar.finish();
-    let campaign = read?;
+    let campaign = in_parts(read?, path)?;
     // Standard output may be a machine's.
     eprint!("{}", campaign.remarks());
     super::memory::has_room(path, &campaign)?;
@@ -160,7 +162,7 @@ fn one(
     if let Some(out) = out {
         let mut files = files(&diagnosis, &shown, &provenance(&campaign, diagnosis.read.recordings.len(), options), libraries)?;
         if evidence {
-            files.push(("evidence.ssp", super::evidence::archive(&diagnosis.json, &files, &campaign)?));
+            files.push(("evidence.ssp", super::evidence::archive(&diagnosis, &files, &campaign)?));
         }
         if curves {
             files.push(("curves.json", curves_json(&diagnosis).into_bytes()));
@@ -169,6 +171,12 @@ fn one(
     }
     bar.finish();
     Ok(diagnosis)
+}
+
+/// A campaign as it is diagnosed: long drives in parts, so that everything that is said of recordings is said of these.
+pub(super) fn in_parts(campaign: Campaign, path: &Path) -> Result<Campaign, CommandError> {
+    let parts = divided(&campaign).map(Cow::into_owned);
+    parts.map_err(|e| CommandError::Diagnosis { path: path.to_owned(), source: e.into(), left_out: campaign.left_out })
 }
 
 /// The curves that the report shows, as numbers; what the car has no value of is null.

@@ -1,4 +1,4 @@
-//! The evidence of a diagnosis in one archive, `evidence.ssp`: the retuned plant, its parameters, the held-out recordings as experiments, answer and
+//! The evidence of a diagnosis in one archive, `evidence.ssp`: the retuned plant, its parameters, the held-out data as an experiment, answer and
 //! report, each with its checksum.
 //!
 //! | file | standard |
@@ -12,6 +12,7 @@
 
 use crate::campaign::{self, Campaign, CampaignError, Recording};
 use crate::fmu::{FmuError, archive_of, system};
+use crate::gap::diagnosis::Diagnosis;
 use serde_json::{Map, Value};
 use sha3::{Digest, Sha3_256};
 use std::fmt::Write;
@@ -36,7 +37,9 @@ const PROCEDURE: &str = "Instantiate DrivelinePlant.fmu. Set omega_f_start and o
 effect.clutch_speed_gain.gain; both to their mean if they differ by less than 0.6 rad/s with the clutch more than half closed), theta_c_start and \
 theta_b_start to the temperatures noted in recordings.json, and the inputs to the first row. At every row compare the outputs, then set x_to, T_e_ref and \
 theta_h to the row's x_to_cmd_mm, T_e_Nm and theta_h_degC and step to the next row. The root mean square of the differences is how_far.per_recording.after of \
-diagnosis.json, or how_far.empirical.per_recording.after where a learned law was taken; with plant.nominal_parameters set before initialization it is before.";
+diagnosis.json, or how_far.empirical.per_recording.after where a learned law was taken; with plant.nominal_parameters set before initialization it is before. \
+The temperatures at which an engagement of a drive begins are those of the retuned plant; before was computed from those of the nominal one, so that it comes out \
+a few per cent different.";
 
 /// Why no archive was made.
 #[derive(Debug, thiserror::Error)]
@@ -61,7 +64,7 @@ pub enum EvidenceError {
 ///
 /// # Errors
 /// A recording or the archive that cannot be written.
-pub fn archive(answer: &Value, files: &[(&str, Vec<u8>)], campaign: &Campaign) -> Result<Vec<u8>, EvidenceError> {
+pub fn archive(diagnosis: &Diagnosis, files: &[(&str, Vec<u8>)], campaign: &Campaign) -> Result<Vec<u8>, EvidenceError> {
     if let Some(r) = campaign.recordings.iter().find(|r| r.x_to_cmd.is_empty()) {
         return Err(EvidenceError::NoPosition(r.name.clone()));
     }
@@ -87,19 +90,17 @@ pub fn archive(answer: &Value, files: &[(&str, Vec<u8>)], campaign: &Campaign) -
             format!("{:#}\n", campaign.vehicle_json).into_bytes(),
         ),
     ];
-    let held_out: Vec<&str> = answer["how_far"]["held_out"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
-    let experiments: Vec<&Recording> = campaign.recordings.iter().filter(|r| held_out.contains(&r.name.as_str())).collect();
-    for (name, bytes) in written(&experiments)? {
+    for (name, bytes) in written(&diagnosis.held_out)? {
         let (mime, meaning) = match name.ends_with(".csv") {
-            true => ("text/csv", "A recording that took no part in the fit"),
-            false => ("application/json", "Manoeuvres and start temperatures of the experiments"),
+            true => ("text/csv", "What took no part in the fit"),
+            false => ("application/json", "Manoeuvre and start temperatures of the experiment"),
         };
         resources.push(of(&format!("experiments/{name}"), "testcase", "experiment/validation", mime, meaning, bytes));
     }
     let fmu = with_references(&file("DrivelinePlant.fmu"), &resources)?;
     resources.insert(0, of("DrivelinePlant.fmu", "model", "model", "application/x-fmu-sharedlibrary", "The retuned plant", fmu));
     let mut all = vec![("SystemStructure.ssd".to_owned(), system::single("evidence", "plant", "DrivelinePlant").into_bytes())];
-    all.push((STMD.to_owned(), task(answer, &resources).into_bytes()));
+    all.push((STMD.to_owned(), task(&diagnosis.json, &resources).into_bytes()));
     for r in resources {
         all.push((format!("resources/{}.srmd", r.path), metadata(&r, name(&r.path)).into_bytes()));
         all.push((format!("resources/{}", r.path), r.bytes));
@@ -111,19 +112,17 @@ fn name(path: &str) -> &str {
     path.rsplit('/').next().unwrap_or(path)
 }
 
-/// The experiments as the contract's files.
-fn written(recordings: &[&Recording]) -> Result<Vec<(String, Vec<u8>)>, EvidenceError> {
+/// The experiment as the contract's files. They go by their names in references, which have no spaces.
+fn written(experiment: &Recording) -> Result<Vec<(String, Vec<u8>)>, EvidenceError> {
     let folder = std::env::temp_dir().join(format!("kisspoint-evidence-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
     let write = || -> Result<Vec<(String, Vec<u8>)>, EvidenceError> {
         let mut files = Vec::new();
-        for recording in recordings {
-            let name = format!("{}.csv", recording.name);
-            campaign::write_csv(recording, &folder.join(&name))?;
-            files.push((name.clone(), std::fs::read(folder.join(&name))?));
-        }
-        let owned: Vec<Recording> = recordings.iter().map(|r| (*r).clone()).collect();
-        campaign::write_recordings_json(&owned, &folder.join("recordings.json"))?;
+        let recording = Recording { name: experiment.name.replace(' ', "_"), ..experiment.clone() };
+        let name = format!("{}.csv", recording.name);
+        campaign::write_csv(&recording, &folder.join(&name))?;
+        files.push((name.clone(), std::fs::read(folder.join(&name))?));
+        campaign::write_recordings_json(&[recording], &folder.join("recordings.json"))?;
         files.push(("recordings.json".to_owned(), std::fs::read(folder.join("recordings.json"))?));
         Ok(files)
     };

@@ -208,7 +208,7 @@ fn after(args: &Args, path: &Path, pool: &rayon::ThreadPool) -> Result<(), Comma
         bar.tell(&format!("reading {file}"), share)
     });
     bar.finish();
-    let campaign = read?;
+    let campaign = super::diagnose::in_parts(read?, path)?;
     eprint!("{}", campaign.remarks());
     super::memory::has_room(path, &campaign)?;
     let file = read_vehicle(&campaign.vehicle_path)?;

@@ -2,11 +2,12 @@
 
 use super::answer::Answer;
 use super::compose::{self, Findings};
+use super::divide::divided;
 use super::domain::{self, Handed};
 use super::drive::{self, Drive};
 use super::empirical::{self, Tried};
 use super::enough::{MOST_SAMPLES, enough_of};
-use super::free::Car;
+use super::free::{Car, prepare};
 use super::held_out::Split;
 use super::infer::density::{Point, Problem};
 use super::infer::exchange::exchange;
@@ -59,6 +60,8 @@ pub struct Diagnosis {
     pub json: serde_json::Value,
     /// The campaign as it was read: without the recordings of a long one that are not fitted and what is stale in it, with the control unit that suits it.
     pub read: Campaign,
+    /// What judged, as a recording of its own: of a drive the last engagement, from the temperatures that the retuned car has there.
+    pub held_out: Recording,
     /// Real, before and after, per recording or engagement.
     pub overlays: Vec<Overlay>,
     /// The drives among the recordings.
@@ -96,6 +99,7 @@ pub fn diagnose_with(
 ) -> Result<Diagnosis, DiagnosisError> {
     let vehicle = Vehicle::from_value(&campaign.vehicle_json)?;
     progress("noise and tolerances", 0.0);
+    let campaign = &*divided(campaign)?;
     let work = Work::default();
     let mut ready = Ready::new(campaign, &vehicle, &work)?;
     let part = enough_of(campaign, &ready, MOST_SAMPLES);
@@ -245,8 +249,9 @@ fn diagnosed(
     let json = serde_json::to_value(&answer).expect("an answer is plain data");
     let overlays = overlays(campaign, &split, &problem, point, before, handed);
     let drives = drives(campaign, &split, &problem);
+    let held_out = judged(&campaign.recordings[split.judge], split.last_engagement, &vehicle, handed);
     let (handed, effects) = (*handed.0, *handed.1);
-    Ok(Diagnosis { answer, json, read, overlays, drives, vehicle: handed, effects, validated, nominal: vehicle, outlook, learned })
+    Ok(Diagnosis { answer, json, read, held_out, overlays, drives, vehicle: handed, effects, validated, nominal: vehicle, outlook, learned })
 }
 
 /// The fit of the explanation that stands, with its innovations: anew, if they were let go.
@@ -367,6 +372,15 @@ fn overlays(campaign: &Campaign, split: &Split, problem: &Problem, point: &Point
 /// Whether engagement number `engagement` of `count` in recording `k` was held out.
 fn is_held_out(split: &Split, k: usize, engagement: usize, count: usize) -> bool {
     k == split.judge && (!split.last_engagement || engagement + 1 == count)
+}
+
+/// The held-out data as a recording of its own.
+fn judged(r: &Recording, last_engagement: bool, vehicle: &Vehicle, after: Car) -> Recording {
+    let prepared = prepare(r, vehicle);
+    let Some(rows) = prepared.stretches.last().filter(|_| last_engagement) else { return r.clone() };
+    let ([theta_c0, theta_b0], slip_angle_0) = prepared.along(after, [r.theta_c0, r.theta_b0])[rows.start];
+    let (name, manoeuvre) = (measure::name_of_engagement(r, rows.start), "engagement".to_owned());
+    Recording { name, manoeuvre, theta_c0, theta_b0, slip_angle_0, ..r.part(rows.clone()) }
 }
 
 fn drives(campaign: &Campaign, split: &Split, problem: &Problem) -> Vec<Drive> {

@@ -1,4 +1,4 @@
-//! How much of a long log is fitted: as many recordings as a diagnosis has time for, those that say most.
+//! How much of a long log is fitted: as many recordings (or parts of drives, [`divide`](super::divide)) as a diagnosis has time for, those that say most.
 //!
 //! Time and memory grow with the samples, and what these say does not: a replay is exact to a share ε of the noise ([`of_replay`](super::infer::belief::of_replay)), so n samples of one phase of the clutch are believed like
 //! n/(1 + ½ ε² n) exact ones. Up to [`MOST_SAMPLES`], recordings are taken, one after the other, that add most to what the others say of tolerances and effects (the logarithm of the
@@ -30,10 +30,12 @@ pub(super) fn enough_of(campaign: &Campaign, ready: &Ready, most: usize) -> Opti
     let taken = enough(&ready.problem, tracks.iter().position(|t| t.name == *judge), most)?;
     let is_taken = |name: &str| name == judge || taken.iter().any(|&r| tracks[r].name == name);
     let (used, unused): (Vec<_>, Vec<_>) = campaign.recordings.iter().cloned().partition(|r| is_taken(&r.name));
-    let names: Vec<&str> = unused.iter().map(|r| r.name.as_str()).collect();
+    // Whichever list is shorter.
+    let (what, named, rest) = if used.len() < unused.len() { ("These are", &used, "; the others are not used") } else { ("Not used:", &unused, "") };
+    let names: Vec<&str> = named.iter().map(|r| r.name.as_str()).collect();
     let note = format!(
         "{} of {} recordings are fitted, those that say most of tolerances and effects: {most} samples are the most that a diagnosis takes, and as a replay is \
-         not exact, more of them would add less and less. Not used: {}",
+         not exact, more of them would add less and less. {what} {}{rest}",
         used.len(),
         campaign.recordings.len(),
         listed(&names, " and ")
@@ -117,18 +119,22 @@ mod tests {
         assert_eq!(enough(&problem, None, 1).unwrap(), [densest.unwrap()]);
     }
 
-    /// The campaign keeps the recording that judges, and says which others are not used.
+    /// The campaign keeps the recording that judges, and says which are used, or which are not, whichever are fewer.
     #[test]
     fn what_is_not_used_is_said() {
         let Example { campaign, vehicle } = Example::read();
         let ready = Ready::new(&campaign, &vehicle, &Default::default()).unwrap();
-        let (part, note) = enough_of(&campaign, &ready, ready.problem.samples() / 2).unwrap();
         let judge = &campaign.recordings[ready.split.judge].name;
-        assert!(part.recordings.iter().any(|r| r.name == *judge) && part.recordings.len() < campaign.recordings.len());
-        assert!(note.starts_with(&format!("{} of {} recordings are fitted", part.recordings.len(), campaign.recordings.len())), "{note}");
-        let named = note.split_once("Not used: ").unwrap().1;
-        let is_named = |name: &str| named.split(", ").flat_map(|n| n.split(" and ")).any(|n| n == name);
-        assert!(campaign.recordings.iter().all(|r| is_named(&r.name) != part.recordings.iter().any(|p| p.name == r.name)), "{note}");
+        let all = campaign.recordings.len();
+        for (share, what) in [(0.8, "Not used: "), (0.3, "These are ")] {
+            let (part, note) = enough_of(&campaign, &ready, (share * ready.problem.samples() as f64) as usize).unwrap();
+            let used = |name: &str| part.recordings.iter().any(|p| p.name == name);
+            assert!(used(judge) && part.recordings.len() < all);
+            assert!(note.starts_with(&format!("{} of {all} recordings are fitted", part.recordings.len())), "{note}");
+            let named = note.split_once(what).unwrap().1.trim_end_matches("; the others are not used");
+            let is_named = |name: &str| named.split(", ").flat_map(|n| n.split(" and ")).any(|n| n == name);
+            assert!(campaign.recordings.iter().all(|r| is_named(&r.name) == (used(&r.name) == (share < 0.5))), "{note}");
+        }
     }
 
     #[test]

@@ -20,6 +20,11 @@ pub const LONGEST_S: f64 = 5.0;
 /// Disc speed, rad/s, below which a car counts as at rest.
 const AT_REST: f64 = 2.0;
 
+/// Whether a disc that shows this speed, rad/s, may be at rest; so may one that a sensor does not show yet.
+pub(super) fn rests(omega_c: f64) -> bool {
+    !omega_c.is_finite() || omega_c.abs() < AT_REST
+}
+
 /// A car: its numbers and its effects.
 pub type Car<'a> = (&'a Vehicle, &'a Parameters);
 
@@ -28,10 +33,7 @@ pub fn stretches(track: &Track) -> Vec<Range<usize>> {
     if track.brake.iter().all(|b| !b) {
         return vec![0..track.rows()];
     }
-    let rests = |row: usize| {
-        let v = track.measured[Channel::OmegaC as usize][row];
-        !v.is_finite() || v.abs() < AT_REST
-    };
+    let rests = |row: usize| rests(track.measured[Channel::OmegaC as usize][row]);
     let mut all: Vec<Range<usize>> = Vec::new();
     let mut row = 0;
     while row < track.rows() {
@@ -64,7 +66,7 @@ pub struct Free {
 
 /// Temperatures of disc and body in °C and slip angle in rad by row of a corrected replay.
 fn states_along(track: &Track, filter: &Filter, car: &tolerance::Car, theta: [f64; 2]) -> Vec<([f64; 2], f64)> {
-    let mut all = vec![(theta, 0.0); track.rows()];
+    let mut all = vec![(theta, track.slip_angle_0); track.rows()];
     replay::corrected(track, filter, car, theta, None, |row, now, plant| all[row] = ([now.theta_c, now.theta_b], plant.slip_angle()));
     all
 }
@@ -122,10 +124,15 @@ impl Prepared {
         self.stretches.iter().zip(begin).map(|(rows, begin)| free(&self.track, rows, car, *begin, self.noise[0])).collect()
     }
 
+    /// Temperatures of disc and body in °C, and slip angle in rad, by row of a corrected replay from these temperatures on.
+    pub(super) fn along(&self, car: Car, theta: [f64; 2]) -> Vec<([f64; 2], f64)> {
+        states_along(&self.track, &self.filter, &Self::car(car), theta)
+    }
+
     /// Temperatures in °C and slip angle in rad at which each stretch begins.
     fn begin(&self, car: &tolerance::Car, theta: [f64; 2]) -> Vec<([f64; 2], f64)> {
         if self.stretches.len() == 1 && self.stretches[0] == (0..self.track.rows()) {
-            return vec![(theta, 0.0)];
+            return vec![(theta, self.track.slip_angle_0)];
         }
         let along = states_along(&self.track, &self.filter, car, theta);
         self.stretches.iter().map(|rows| along[rows.start]).collect()

@@ -23,7 +23,7 @@ pub fn split(recordings: &[Recording]) -> Split {
     if let Some(judge) = (0..recordings.len()).filter(|&k| engagements[k] >= 2).max_by_key(|&k| (engagements[k], usize::MAX - k)) {
         let last = stretches(&Track::new(&recordings[judge])).pop().expect("it has two");
         let mut taught = recordings.to_vec();
-        taught[judge] = cut(&recordings[judge], last.start);
+        taught[judge] = recordings[judge].part(0..last.start);
         let name = format!("the engagement at {:.1} s of {}", recordings[judge].time[last.start], recordings[judge].name);
         return Split { taught, judge, last_engagement: true, name };
     }
@@ -42,19 +42,6 @@ fn of_bench(recordings: &[Recording]) -> usize {
     let mut family: Vec<usize> = (0..recordings.len()).filter(|&k| siblings(&recordings[k]) == most).collect();
     family.sort_by(|&a, &b| recordings[a].theta_c0.total_cmp(&recordings[b].theta_c0).then(a.cmp(&b)));
     family[family.len() / 2]
-}
-
-/// The first `rows` of a recording.
-fn cut(r: &Recording, rows: usize) -> Recording {
-    let mut all = r.clone();
-    let columns = [&mut all.time, &mut all.omega_f, &mut all.omega_c, &mut all.t_e, &mut all.x_to_cmd, &mut all.theta_h];
-    columns.into_iter().for_each(|c| c.truncate(rows));
-    [&mut all.x_to, &mut all.t_fc, &mut all.theta_c].into_iter().flatten().for_each(|c| c.truncate(rows));
-    if let Some(b) = all.brake.as_mut() {
-        b.truncate(rows);
-    }
-    all.input_rows.iter_mut().flatten().for_each(|own| own.retain(|row| *row < rows));
-    all
 }
 
 #[cfg(test)]

@@ -104,6 +104,11 @@ pub fn evaluate(recording: &Recording, before: Car, after: Car) -> Vec<HeldOut> 
     evaluate_part(recording, before, after, false)
 }
 
+/// Name of the engagement of a drive that begins in a row.
+pub fn name_of_engagement(recording: &Recording, row: usize) -> String {
+    format!("{} at {:.1} s", recording.name, recording.time[row])
+}
+
 /// Curves of a recording: one overlay, or one of each engagement of a drive. `theta` are its start temperatures as the retuned car has them.
 pub fn overlays(recording: &Recording, held_out: impl Fn(usize, usize) -> bool, before: Car, after: Car, theta: [f64; 2]) -> Vec<Overlay> {
     let p = prepare(recording, before.0);
@@ -123,7 +128,7 @@ pub fn overlays(recording: &Recording, held_out: impl Fn(usize, usize) -> bool, 
             })
             .collect();
         Overlay {
-            recording: if single { recording.name.clone() } else { format!("{} at {:.1} s", recording.name, p.track.time[rows.start]) },
+            recording: if single { recording.name.clone() } else { name_of_engagement(recording, rows.start) },
             manoeuvre: if single { recording.manoeuvre.clone() } else { "engagement".to_owned() },
             held_out: held_out(k, count),
             dt: p.track.interval(),

@@ -3,7 +3,7 @@
 //! The modules, in the order in which the data pass through them:
 //!
 //! 1. [`held_out`]: the data that take no part in choosing or fitting, and judge the result
-//! 2. [`ready`]: a campaign, ready to be fitted, with its inputs as its control unit makes them; [`enough`]: as much of it as is believed; [`model`]: recordings as tracks of real samples; noise; tolerances as priors; a replay corrected by a Kalman filter, whose innovations (measurement minus
+//! 2. [`ready`]: a campaign, ready to be fitted, with its inputs as its control unit makes them; [`divide`] and [`enough`]: as much of it as is believed; [`model`]: recordings as tracks of real samples; noise; tolerances as priors; a replay corrected by a Kalman filter, whose innovations (measurement minus
 //!    prediction) are white where the model is right; smooth laws that no effect of the library covers
 //! 3. [`infer`]: one joint density of recordings and unknowns; its mode and evidence; the search over sets of effects; the posterior over these sets and over
 //!    missing laws
@@ -21,6 +21,7 @@ pub mod advice;
 pub mod answer;
 pub mod compose;
 pub mod diagnosis;
+pub mod divide;
 pub mod domain;
 pub mod drive;
 pub mod empirical;

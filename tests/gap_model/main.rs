@@ -4,6 +4,7 @@ mod filter;
 mod inference;
 mod laws;
 mod logger;
+mod long_drive;
 mod made_up;
 mod residual_map;
 #[path = "../thinned/mod.rs"]

@@ -43,6 +43,22 @@ def test_a_reader_with_the_archive_alone_repeats_its_numbers(evidence):
     assert compared == 4 * len(noted)
 
 
+def test_of_a_drive_it_is_the_engagement_that_judged(kisspoint, tmp_path):
+    """Start temperatures are those of the retuned plant, so that its gap is repeated."""
+    drawn = ("--road", "--cars", 1, "--seed", 4, "--drives", 1, "--drive-length", 60, "--draw-only", "--keep", tmp_path / "drawn")
+    kisspoint("blind", *drawn)
+    kisspoint("diagnose", tmp_path / "drawn" / "case_001", "--out", tmp_path / "out", "--evidence", "--threads", 1)
+    zipfile.ZipFile(tmp_path / "out" / "evidence.ssp").extractall(tmp_path / "evidence")
+    resources = tmp_path / "evidence" / "resources"
+    answer = json.loads((resources / "diagnosis.json").read_text())
+    ((name, noted),) = json.loads((resources / "experiments" / "recordings.json").read_text()).items()
+    of, at = name.split("_at_")
+    assert answer["how_far"]["held_out"] == [f"the engagement at {at.replace('_', ' ')} of {of}"]
+    found = speed_errors(Model(resources / "DrivelinePlant.fmu"), recording(resources / "experiments", name), noted, answer["plant"]["parameters"], {})
+    after = {row["channel"]: row["after"] for row in answer["how_far"]["per_recording"]}
+    assert found == pytest.approx(after, rel=0.01)
+
+
 def test_every_checksum_is_right(evidence):
     described = list(evidence.glob("resources/**/*.srmd"))
     assert len(described) == len([p for p in evidence.glob("resources/**/*") if p.is_file()]) / 2

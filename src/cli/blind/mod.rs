@@ -28,7 +28,7 @@ use examine::{Outcome, Subject};
 use folder::Temporary;
 use kept::Kept;
 use rayon::prelude::*;
-use realcar::Place;
+use realcar::{Driven, Place};
 use realcar::fleet::{self, Population};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -53,6 +53,9 @@ pub struct Args {
     /// Drives that each campaign has, about a minute each; without it, 2 to 5 are drawn
     #[arg(long, value_name = "N", requires = "road", conflicts_with = "new_outside", value_parser = clap::value_parser!(u32).range(1..=500))]
     drives: Option<u32>,
+    /// Length of each drive of a campaign, s; without it, 20 to 80 s are drawn
+    #[arg(long, value_name = "S", requires = "road", conflicts_with = "new_outside", value_parser = clap::value_parser!(u32).range(20..=7200))]
+    drive_length: Option<u32>,
     /// Draw bench campaigns as a worse logger would write them: each kind of damage in turn
     #[arg(long)]
     altered: bool,
@@ -92,8 +95,9 @@ impl Args {
         if self.fleet {
             return Subject { car: fleet::draw_member(&Population::draw(seed), index), alteration: None };
         }
-        if let Some(drives) = self.drives {
-            return Subject { car: realcar::draw_long(seed, index, drives as usize), alteration: None };
+        if self.drives.is_some() || self.drive_length.is_some() {
+            let driven = Driven { drives: self.drives.map(|n| n as usize), length_s: self.drive_length.map(f64::from) };
+            return Subject { car: realcar::draw_long(seed, index, driven), alteration: None };
         }
         let place = if self.road { Place::Road } else { Place::Bench };
         let car = if self.new_outside { realcar::draw_new(place, seed, index) } else { realcar::draw_car(place, seed, index) };

@@ -157,6 +157,7 @@ fn taken_over(r: &realcar::Recording, name: &str, manoeuvre: &str) -> Recording 
         theta_c0: r.theta_c0_deg_c,
         theta_b0: r.theta_b0_deg_c,
         theta_0_sigma: [1.0; 2],
+        slip_angle_0: 0.0,
         omega_f: r.omega_f_rad_s.clone(),
         omega_c: r.omega_c_rad_s.clone(),
         t_e: r.t_e_nm.clone(),

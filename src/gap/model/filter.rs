@@ -316,7 +316,7 @@ fn switched(p: &Covariance, pinned: bool, j_f: f64, j_c: f64) -> Covariance {
 }
 
 /// Time at rest under the brakes after which shafts have come to rest too, s.
-const RESTED_S: f64 = 0.5;
+pub const RESTED_S: f64 = 0.5;
 
 /// Observations at which the car has stood under its brakes for [`RESTED_S`]; a wheel speed below its sensor's threshold stands.
 fn stands(track: &Track, omega_c: &[(f64, usize)], noise: f64, braking: impl Fn(usize) -> bool) -> Vec<bool> {

@@ -335,7 +335,7 @@ fn corrected_in(
         let (count, length) = if steps == Steps::Observations { (1, rows.len()) } else { (rows.len(), 1) };
         (0..count).map(move |i| rows.start + i * length..rows.start + (i + 1) * length)
     });
-    stepped(track, car, (&begin, 0.0), 0, groups, missing, |row, now, plant, added| {
+    stepped(track, car, (&begin, track.slip_angle_0), 0, groups, missing, |row, now, plant, added| {
         each(row, now, plant);
         for (c, predicted) in [now.omega_f, now.omega_c, now.x_to_actual, now.t_fc, now.theta_c].into_iter().enumerate() {
             let error = track.measured[c].get(row).map_or(f64::NAN, |y| y - predicted);

@@ -79,6 +79,8 @@ pub struct Track {
     pub theta_0: [f64; 2],
     /// Their standard deviations, K.
     pub theta_0_sigma: [f64; 2],
+    /// Angle by which the disc has fallen behind the flywheel at the start, rad.
+    pub slip_angle_0: f64,
     /// First row of each observation, and one past the last row: samples are averaged over the rows between.
     first_rows: Vec<usize>,
     /// Observation that holds each row.
@@ -123,6 +125,7 @@ impl Track {
             brake: r.brake.clone().unwrap_or_else(|| vec![false; r.time.len()]),
             theta_0: [r.theta_c0, r.theta_b0],
             theta_0_sigma: r.theta_0_sigma,
+            slip_angle_0: r.slip_angle_0,
             first_rows,
             observation_of_row,
             inputs: [report, command],
