@@ -44,4 +44,6 @@ pub const VERSION: u32 = 6;
 
 pub use car::Motion;
 pub use channels::Recording;
-pub use draw::{Campaign, Car, Driven, Kind, Place, Real, TrueEffect, Truth, draw_car, draw_car_of, draw_car_sized, draw_long, draw_new, kind};
+pub use draw::{
+    Campaign, Car, Driven, Kind, Place, Real, TrueEffect, Truth, draw_car, draw_car_of, draw_car_sized, draw_long, draw_new, kind,
+};

@@ -251,7 +251,20 @@ fn diagnosed(
     let drives = drives(campaign, &split, &problem);
     let held_out = judged(&campaign.recordings[split.judge], split.last_engagement, &vehicle, handed);
     let (handed, effects) = (*handed.0, *handed.1);
-    Ok(Diagnosis { answer, json, read, held_out, overlays, drives, vehicle: handed, effects, validated, nominal: vehicle, outlook, learned })
+    Ok(Diagnosis {
+        answer,
+        json,
+        read,
+        held_out,
+        overlays,
+        drives,
+        vehicle: handed,
+        effects,
+        validated,
+        nominal: vehicle,
+        outlook,
+        learned,
+    })
 }
 
 /// The fit of the explanation that stands, with its innovations: anew, if they were let go.

@@ -31,7 +31,8 @@ pub(super) fn enough_of(campaign: &Campaign, ready: &Ready, most: usize) -> Opti
     let is_taken = |name: &str| name == judge || taken.iter().any(|&r| tracks[r].name == name);
     let (used, unused): (Vec<_>, Vec<_>) = campaign.recordings.iter().cloned().partition(|r| is_taken(&r.name));
     // Whichever list is shorter.
-    let (what, named, rest) = if used.len() < unused.len() { ("These are", &used, "; the others are not used") } else { ("Not used:", &unused, "") };
+    let (what, named, rest) =
+        if used.len() < unused.len() { ("These are", &used, "; the others are not used") } else { ("Not used:", &unused, "") };
     let names: Vec<&str> = named.iter().map(|r| r.name.as_str()).collect();
     let note = format!(
         "{} of {} recordings are fitted, those that say most of tolerances and effects: {most} samples are the most that a diagnosis takes, and as a replay is \
