@@ -229,7 +229,7 @@ pub enum Defect {
     DuplicateChannel { count: usize, places: String },
     #[error("is already taken for {0}. Name another channel in the channel map")]
     TakenTwice(&'static str),
-    #[error("the channel's group has no time channel. Save the file with a time master for each group")]
+    #[error("no channel is the clock. Call the one that is `time`, `t` or `timestamp`, or save the file with a time master for each group")]
     NoMaster,
     #[error("\"{0}\" is not a number. Correct the cell, or leave it empty if the sample is missing")]
     NotANumber(String),

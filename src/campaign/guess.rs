@@ -5,6 +5,7 @@
 //! best one wins, ties are left open.
 
 use super::channels::{CHANNELS, Channel};
+use super::table::Series;
 use super::units;
 
 /// Our channel for each of the given names with units, as far as a guess can be made. No channel is given twice.
@@ -29,6 +30,23 @@ pub(crate) fn guess(series: &[(&str, Option<&str>)]) -> Vec<Option<Channel>> {
 pub(crate) fn is_time(name: &str, unit: Option<&str>) -> bool {
     let other = unit.and_then(units::parse).is_some_and(|u| u.quantity != units::Quantity::Time);
     !other && matches!(name.to_lowercase().as_str(), "time_s" | "time" | "t" | "timestamps" | "timestamp" | "zeit" | "times")
+}
+
+/// Which of these is the clock: by a name that says nothing else, or else the first that runs of those that speak of time.
+pub(crate) fn clock(series: &[Series]) -> Option<usize> {
+    let exact = series.iter().position(|s| is_time(&s.name, s.unit.as_deref()));
+    exact.or_else(|| series.iter().position(|s| speaks_of_time(&s.name, s.unit.as_deref()) && runs(&s.values)))
+}
+
+fn speaks_of_time(name: &str, unit: Option<&str>) -> bool {
+    const WORDS: [&str; 6] = ["time", "zeit", "stamp", "elapsed", "seconds", "offset"];
+    let other = unit.and_then(units::parse).is_some_and(|u| u.quantity != units::Quantity::Time);
+    !other && words(name).iter().any(|word| WORDS.iter().any(|known| fits(word, known)))
+}
+
+/// Whether a value follows the other as the stamps of a clock do.
+fn runs(values: &[f64]) -> bool {
+    values.len() > 1 && values.windows(2).all(|w| w[1] > w[0])
 }
 
 /// A unit alone is not enough, nor is a single weak word.
@@ -90,9 +108,26 @@ const VOCABULARY: &[(Channel, &str, i32)] = {
         (OmegaF, "motor", 2),
         (OmegaF, "flywheel", 4),
         (OmegaF, "crank", 3),
+        (OmegaF, "moteur", 2),
+        (OmegaF, "régime", 3),
         (OmegaF, "speed", 1),
-        (OmegaF, "rpm", 1),
+        (OmegaF, "rpm", 4),
+        (OmegaF, "drehzahl", 4),
         (OmegaF, "n", 1),
+        (OmegaF, "wheel", -6),
+        (OmegaF, "turbine", -6),
+        (OmegaF, "gearbox", -6),
+        (OmegaF, "transmission", -6),
+        (OmegaF, "trans", -6),
+        (OmegaF, "input", -6),
+        (OmegaF, "output", -6),
+        (OmegaF, "getriebe", -6),
+        (OmegaF, "abtrieb", -6),
+        (OmegaF, "kupplung", -6),
+        (OmegaF, "raddrehzahl", -6),
+        (OmegaF, "desired", -6),
+        (OmegaF, "target", -6),
+        (OmegaF, "limit", -6),
         (OmegaF, "torque", -6),
         (OmegaF, "tq", -6),
         (OmegaF, "temp", -6),
@@ -102,6 +137,9 @@ const VOCABULARY: &[(Channel, &str, i32)] = {
         (OmegaC, "disc", 3),
         (OmegaC, "disk", 3),
         (OmegaC, "gearbox", 3),
+        (OmegaC, "getriebe", 3),
+        (OmegaC, "eingang", 2),
+        (OmegaC, "drehzahl", 1),
         (OmegaC, "gbx", 3),
         (OmegaC, "transmission", 3),
         (OmegaC, "trans", 2),
@@ -119,6 +157,8 @@ const VOCABULARY: &[(Channel, &str, i32)] = {
         (TE, "torque", 2),
         (TE, "tq", 2),
         (TE, "trq", 2),
+        (TE, "moment", 2),
+        (TE, "motor", 2),
         (TE, "md", 2),
         (TE, "engine", 2),
         (TE, "eng", 2),
@@ -267,6 +307,44 @@ mod tests {
         assert!(
             fits("nengine", "engine") && !fits("target", "tq") && !fits("engine", "eng") && fits("eng", "eng") && fits("gbxtemp", "temp")
         );
+    }
+
+    /// As tuners' and workshop tools, and data loggers of race cars, call it; not what turns elsewhere.
+    #[test]
+    fn the_engine_speed_of_many_tools_is_known() {
+        for name in ["RPM", "rpm", "Engine RPM", "Engine Speed", "Motordrehzahl", "Drehzahl", "nmot", "Régime moteur"] {
+            assert_eq!(guess(&[("Fahrgeschwindigkeit", None), (name, None)])[1], Some(Channel::OmegaF), "{name}");
+        }
+        for name in [
+            "Wheel RPM",
+            "Turbine RPM",
+            "Transmission Output RPM",
+            "Raddrehzahl VL",
+            "Getriebeeingangsdrehzahl",
+            "Desired Idle RPM",
+            "Rev limit rpm",
+        ] {
+            assert_ne!(guess(&[(name, None)]), [Some(Channel::OmegaF)], "{name}");
+        }
+        assert_eq!(guess(&[("Motormoment", Some("Nm"))]), [Some(Channel::TE)]);
+    }
+
+    #[test]
+    fn a_clock_is_what_is_called_so_or_speaks_of_time_and_runs() {
+        let series = |name: &str, unit: Option<&str>, values: &[f64]| Series {
+            name: name.into(),
+            unit: unit.map(str::to_owned),
+            values: values.to_vec(),
+            text: None,
+        };
+        let (up, down) = ([0.0, 0.1, 0.2], [0.0, 0.2, 0.1]);
+        let of = |all: &[(&str, Option<&str>, &[f64])]| clock(&all.iter().map(|(n, u, v)| series(n, *u, v)).collect::<Vec<_>>());
+        assert_eq!(of(&[("Lap Time", Some("s"), &down), ("Time", Some("s"), &up)]), Some(1));
+        assert_eq!(of(&[("GPS Time", None, &[f64::NAN; 3]), ("Device Time", Some("s"), &up)]), Some(1));
+        assert_eq!(of(&[("rpm", None, &up), ("Offset", Some("s"), &up)]), Some(1));
+        assert_eq!(of(&[("elapsed_time", Some("s"), &up), ("RPM", None, &up)]), Some(0));
+        assert_eq!(of(&[("Offset", Some("mm"), &up), ("runtime", Some("s"), &down), ("n", None, &up)]), None);
+        assert_eq!(of(&[("Time of day", None, &[1.0])]), None);
     }
 
     #[test]

@@ -160,7 +160,7 @@ fn toml_text(text: &str) -> String {
 
 /// Position of a group's clock.
 fn clock_at(group: &Group) -> Option<usize> {
-    group.master.or_else(|| group.series.iter().position(|s| guess::is_time(&s.name, s.unit.as_deref())))
+    group.master.or_else(|| guess::clock(&group.series))
 }
 
 /// A group's stamps in s, if they run forward.

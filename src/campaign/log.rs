@@ -55,8 +55,7 @@ pub fn open(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<Log, 
     let m = table::read(path, dbc, &|_| true, tell)?;
     let mut log = Log { file: m.file.clone(), channels: Vec::new(), notes: m.notes.clone() };
     for group in &m.groups {
-        let is_clock = |s: &table::Series| guess::is_time(&s.name, s.unit.as_deref());
-        let Some(at) = group.master.or_else(|| group.series.iter().position(is_clock)) else {
+        let Some(at) = group.master.or_else(|| guess::clock(&group.series)) else {
             return Err(m.defect(Defect::NoMaster).into());
         };
         let clock = &group.series[at];
@@ -127,13 +126,16 @@ fn thin(time: &mut Rc<Vec<f64>>, values: &mut Vec<f64>) {
     }
 }
 
-/// The unit that a column of the contract has, or that the end of a name says: `engine_speed_rpm`.
+/// The unit that a column of the contract has, or that the end of a name says: `engine_speed_rpm`, `Engine RPM`. A word that stands alone is a unit of speed or torque, if any: `plug in` is no length.
 fn from_name(name: &str) -> Option<units::Unit> {
     if let Some(channel) = Channel::from_column(name) {
         return units::parse(channel.spec().unit);
     }
-    let (_, end) = name.rsplit_once('_')?;
-    (end.len() > 1).then(|| units::parse(end)).flatten()
+    if let Some((_, end)) = name.rsplit_once('_') {
+        return (end.len() > 1).then(|| units::parse(end)).flatten();
+    }
+    let word = name.rsplit([' ', '.']).next()?;
+    units::parse(word).filter(|u| word.len() > 1 && matches!(u.quantity, Quantity::Speed | Quantity::Velocity | Quantity::Torque))
 }
 
 #[cfg(test)]
@@ -205,6 +207,12 @@ mod tests {
         let celsius = read("oil", Some("K"), (0..20).map(|k| 300.0 + f64::from(k)).collect()).0.unwrap();
         assert!((celsius.values[0] - 26.85).abs() < 1e-9);
         assert_eq!(from_name("omega_f_rad_s").map(|u| u.quantity), Some(Quantity::Speed));
+        let of = |name| from_name(name).map(|u| u.quantity);
+        assert_eq!(
+            ["rpm", "Engine RPM", "Speed MPH", "Engine.Nm"].map(of),
+            [Quantity::Speed, Quantity::Speed, Quantity::Velocity, Quantity::Torque].map(Some)
+        );
+        assert_eq!(["plug in", "oil C", "lap min", "RPM limit"].map(of), [None; 4]);
         assert!(from_name("torque").is_none() && from_name("speed_n").is_none() && from_name("a_m").is_none());
         assert!(read("x", None, vec![f64::NAN; 5]).0.is_none());
     }

@@ -321,7 +321,7 @@ mod tests {
         assert!(none.contains("no channel for time_s (s)"), "{none}");
         let other = group("slow", 1, &[("gear", None), ("time_s", None)]);
         let several = picked(vec![group("fast", 0, &NEEDED), other]).err().unwrap();
-        assert!(several.contains("channel group `fast`: the channel's group has no time channel"), "{several}");
+        assert!(several.contains("channel group `fast`: no channel is the clock"), "{several}");
         let mut with_master = group("fast", 0, &with(&[("stamp", Some("ms"))]));
         with_master.master = Some(3);
         assert_eq!(*picked(vec![with_master]).unwrap().signals[0].time, [0.001, 0.002, 0.003]);

@@ -111,6 +111,7 @@ pub(crate) fn stamp(cell: &str) -> Option<i128> {
         .parse::<DateTime>()
         .or_else(|_| DateTime::strptime("%d.%m.%Y %H:%M:%S%.f", &point))
         .or_else(|_| DateTime::strptime("%Y/%m/%d %H:%M:%S%.f", &point))
+        .or_else(|_| DateTime::strptime("%d-%b-%Y %H:%M:%S%.f", &point))
         .or_else(|_| DateTime::strptime("%m/%d/%Y %H:%M:%S%.f", &point))
         .or_else(|_| point.parse::<Time>().map(|t| t.on(day.year(), day.month(), day.day())));
     Some(civil.ok()?.to_zoned(jiff::tz::TimeZone::UTC).ok()?.timestamp().as_nanosecond())
@@ -140,6 +141,7 @@ mod tests {
             ("2026-11-22T05:14:00Z", "2026-11-22T05:14:01.250Z"),
             ("2026-11-22T05:14:00+01:00", "2026-11-22T05:14:01.250+01:00"),
             ("22.11.2026 05:14:00,000", "22.11.2026 05:14:01,250"),
+            ("22-Nov-2026 05:14:00.000", "22-Nov-2026 05:14:01.250"),
             ("05:14:00.000", "05:14:01.250"),
         ] {
             assert_eq!(seconds(a, b), 1.25, "{a}");

@@ -1,10 +1,12 @@
 //! How a text file is laid out: separator, decimal comma, lines in front of the header, names, units, and where the data begin.
 //!
-//! The data begin at the first line that consists mostly of numbers and has as many cells as a line of names above it; the separator that
-//! gives most cells wins. Between names and data there may be rows of units or other words. `sep=;` in the first line settles the separator.
+//! The data begin at the first line that consists mostly of numbers, has as many cells as a line of names above it, and is followed by nothing
+//! but such lines, as far as is looked: what loggers write in front of a table (a sample rate, a duration) has numbers, too. The separator that
+//! gives most cells wins. Between names and data there may be rows of units or other words, and titles. `sep=;` in the first line settles the separator.
 
 use super::text_cells::{Cells, is_comment, number, stamp};
 use super::units;
+use std::collections::HashSet;
 
 /// The layout of a text file.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,12 +30,19 @@ pub(crate) fn shape(head: &[u8]) -> Option<Shape> {
     let stated = lines[first].trim_ascii().strip_prefix(b"sep=").and_then(|s| s.first().copied());
     let separators = stated.map_or_else(|| vec![b'\t', b';', b',', b' '], |s| vec![s]);
     let skip = if stated.is_some() { first + 1 } else { 0 };
-    let found = separators.iter().rev().filter_map(|&s| with_separator(&lines, skip, s)).max_by_key(|shape| shape.columns.len());
-    found.or_else(|| header_alone(&lines, skip, &separators))
+    let widest = |follow: usize| {
+        let all = separators.iter().rev().filter_map(|&s| with_separator(&lines, skip, s, follow));
+        all.max_by_key(|shape| shape.columns.len())
+    };
+    // A table that is damaged near its beginning is one all the same: reading it names the line.
+    widest(FOLLOW).filter(|shape| shape.columns.len() > 1).or_else(|| widest(0)).or_else(|| header_alone(&lines, skip, &separators))
 }
 
-/// The layout if this is the separator.
-fn with_separator(lines: &[&[u8]], skip: usize, separator: u8) -> Option<Shape> {
+/// Lines of data that must follow the first one, if the file has as many.
+const FOLLOW: usize = 12;
+
+/// The layout if this is the separator, and as many lines of data follow the first one.
+fn with_separator(lines: &[&[u8]], skip: usize, separator: u8, follow: usize) -> Option<Shape> {
     let decimal_comma = separator != b',';
     let mut cells = Cells::new(separator);
     // Rows of words above, as line and cells: all of them have the same number of cells.
@@ -45,19 +54,37 @@ fn with_separator(lines: &[&[u8]], skip: usize, separator: u8) -> Option<Shape> 
             continue;
         }
         let row = cells.split(comment.map_or(*line, |c| c.trim_ascii())).texts();
-        let numbers = row.iter().filter(|c| is_number(c, decimal_comma)).count();
-        let there = row.iter().filter(|c| !c.is_empty()).count();
-        if 2 * numbers >= there && numbers > 0 {
-            if words.first().is_some_and(|(_, names)| names.len() == row.len()) {
+        if is_data(&row, decimal_comma) {
+            let is_named = words.first().is_some_and(|(_, names)| names.len() == row.len());
+            if is_named && is_followed(lines, at, separator, row.len(), follow) {
                 return Some(named(words, separator, at, skip));
             }
-            words.clear();
-        } else {
+            // Numbers between names and data say something of the channels; others belong to no table.
+            words.retain(|(_, other)| other.len() == row.len());
+        } else if row.len() > 1 || words.first().is_none_or(|(_, names)| names.len() == 1) {
             words.retain(|(_, other)| other.len() == row.len());
             words.push((at, row));
         }
     }
     None
+}
+
+/// Whether most of a row's cells are numbers.
+fn is_data(row: &[String], decimal_comma: bool) -> bool {
+    let numbers = row.iter().filter(|c| is_number(c, decimal_comma)).count();
+    2 * numbers >= row.iter().filter(|c| !c.is_empty()).count() && numbers > 0
+}
+
+/// Whether the next lines are data of as many cells. The last line of what is looked at may be cut off, and a logger may leave out the last cells.
+fn is_followed(lines: &[&[u8]], at: usize, separator: u8, cells_of_row: usize, follow: usize) -> bool {
+    let mut cells = Cells::new(separator);
+    let next = lines[at + 1..lines.len().max(at + 2) - 1].iter().filter(|l| !is_comment(l)).take(follow);
+    next.fold(true, |so_far, line| {
+        let row = cells.split(line).texts();
+        // Some tools end each row, but not the header, with a separator.
+        let ends = row.len() == cells_of_row + 1 && row.last().is_some_and(String::is_empty);
+        so_far && (row.len() == cells_of_row || ends) && is_data(&row, separator != b',')
+    })
 }
 
 /// Whether a comment is followed by a row of as many numbers.
@@ -72,11 +99,22 @@ fn is_number(cell: &str, decimal_comma: bool) -> bool {
     number(cell.as_bytes(), decimal_comma).is_some_and(|v| !v.is_nan()) || stamp(cell).is_some()
 }
 
-/// The layout from the rows of words above the data: names first, units in any of the others.
+/// The layout from the rows of words above the data: names, and units in any row below them.
+///
+/// Names differ from each other, and no column lacks one; of several such rows they are the first one that stands right above the data, without another line between.
 fn named(words: Vec<(usize, Vec<String>)>, separator: u8, data: usize, skip: usize) -> Shape {
-    let is_units = |row: &Vec<String>| row.iter().any(|c| units::parse(c).is_some()) && row.iter().all(|c| c.len() < 16);
-    let (names_at, names) = &words[0];
-    let stated = words[1..].iter().map(|(_, row)| row).find(|row| is_units(row));
+    let of_units = |row: &[String]| row.iter().filter(|c| units::parse(c).is_some()).count();
+    let different = |row: &[String]| row.iter().filter(|c| !c.is_empty()).collect::<HashSet<_>>().len();
+    // A channel may be called RPM; most of a row of names are no units.
+    let is_name = |k: &usize| *k == 0 || 2 * of_units(&words[*k].1) < different(&words[*k].1);
+    let most = (0..words.len()).filter(is_name).map(|k| different(&words[k].1)).max().unwrap_or(0);
+    let mut all = (0..words.len()).filter(is_name).filter(|k| different(&words[*k].1) == most).rev();
+    let last = all.next().unwrap_or(0);
+    let place = all.fold(last, |below, k| if words[k].0 + 1 == words[below].0 { k } else { below });
+    let (names_at, names) = &words[place];
+    let below = words[place + 1..].iter().rev().map(|(_, row)| (of_units(row), row));
+    let stated =
+        below.filter(|(units, row)| *units > 0 && row.iter().all(|c| c.len() < 16)).max_by_key(|(units, _)| *units).map(|(_, row)| row);
     let column = |(k, name): (usize, &String)| {
         let (name, bracket) = units::split_header(name);
         let below = stated.map(|row| row[k].trim().trim_matches(['[', ']', '(', ')']).to_string());
@@ -126,6 +164,54 @@ mod tests {
         assert_eq!((s.above, names(&s)), (1, vec!["stamp", "gear", "n"]));
         let s = of("t,channel,v\n0.1,speed,3\n");
         assert_eq!(s.above, 1);
+    }
+
+    /// What common tools write in front of a table has numbers too, and sometimes as many cells as the table.
+    #[test]
+    fn tables_are_found_below_what_loggers_write_in_front() {
+        let rows = |row: &dyn Fn(usize) -> String| (0..20).map(|k| row(k) + "\n").collect::<String>();
+        let quoted = rows(&|k| format!("\"0.{k:02}\",\"{}\",\"12.5\"", 900 + k));
+        let columns = |s: &Shape| s.columns.iter().map(|(n, u)| format!("{n}/{}", u.as_deref().unwrap_or(""))).collect::<Vec<_>>();
+
+        // Names twice, and pairs of words and numbers above.
+        let above = "\"Format\",\"Table\"\n\"Date\",\"Sunday, November 22, 2026\"\n\"Sample Rate\",\"50\"\n\"Duration\",\"90.0\"\n\"Segment\",\"Session\"\n\n";
+        let names = "\"Time\",\"RPM\",\"GPS Speed\"\n";
+        let s = of(&format!("{above}{names}{names}\"s\",\"rpm\",\"km/h\"\n\n{quoted}"));
+        assert_eq!((columns(&s), s.above, s.preamble), (vec!["Time/s".into(), "RPM/rpm".into(), "GPS Speed/km/h".into()], 10, 6));
+
+        // A number and its unit above, in as many cells as the table has.
+        let above =
+            "\"Format\",\"File\",\"\"\n\"Sample Rate\",\"100.000\",\"Hz\"\n\"Duration\",\"90.0\",\"s\"\n\"Range\",\"all\",\"of it\"\n\n";
+        let s = of(&format!("{above}{names}\"s\",\"rpm\",\"km/h\"\n{quoted}"));
+        assert_eq!((columns(&s), s.above), (vec!["Time/s".into(), "RPM/rpm".into(), "GPS Speed/km/h".into()], 7));
+
+        // Sections with titles, and numbers of channels above their names.
+        let s = of(&format!(
+            "Log File\nVersion: 1.0\n\n[Channels]\n0,12,13\nOffset,Engine RPM,Speed\ns,rpm,km/h\n\n[Data]\n{}",
+            rows(&|k| format!("0.{k:02},{},12", 900 + k))
+        ));
+        assert_eq!((columns(&s), s.above), (vec!["Offset/s".into(), "Engine RPM/rpm".into(), "Speed/km/h".into()], 9));
+
+        // Names, types, dimensions and units, below a first line of as many cells.
+        let s = of(&format!(
+            "Items\trecord\t0\nsamples\t20\ntime\tnmot\tvfzg\nf8\tf8\tf8\n1\t1\t1\ns\trpm\tkm/h\n{}",
+            rows(&|k| format!("0.{k:02}\t{}\t12", 900 + k))
+        ));
+        assert_eq!((columns(&s), s.above), (vec!["time/s".into(), "nmot/rpm".into(), "vfzg/km/h".into()], 6));
+
+        // Units, then where each channel comes from.
+        let s = of(&format!(
+            "Made by a tool\nFormat,3\n\ntimestamp,rpm,speed\nunix time,rpm,m/s\n,obd,obd\n{}",
+            rows(&|k| format!("0.{k:02},{},12", 900 + k))
+        ));
+        assert_eq!(columns(&s), ["timestamp/unix time", "rpm/rpm", "speed/m/s"]);
+    }
+
+    /// A table whose third row lacks a cell is laid out as if it did not: who reads it says where.
+    #[test]
+    fn a_damaged_table_is_one_all_the_same() {
+        let s = of("t,a\n0,1\n1\n2,3\n");
+        assert_eq!((names(&s), s.above), (vec!["t", "a"], 1));
     }
 
     #[test]

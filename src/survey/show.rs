@@ -65,7 +65,8 @@ impl Survey {
         let launches = self.engagements.iter().filter(|e| e.launch).count();
         let _ = writeln!(out, "\n{} and {}", count(launches, "launch", "es"), count(self.engagements.len() - launches, "shift", "s"));
         for e in &self.engagements {
-            let heat = e.heat.map_or_else(String::new, |h| format!(", {:.2} kJ if {} is the clutch's", 1e-3 * h, self.heat_channel()));
+            let heat =
+                e.heat.map_or_else(String::new, |h| format!(", {:.2} kJ if {} is the clutch's", rounded(1e-3 * h), self.heat_channel()));
             let kind = if e.launch { "launch in" } else { "shift to" };
             let _ = writeln!(out, "  {kind} {}: speeds meet at {:.2} s after {:.2} s of slip{heat}", e.gear + 1, e.met, e.met - e.from);
             let _ = writeln!(out, "      {}", ringing(e));
@@ -195,4 +196,8 @@ fn number(v: f64) -> String {
     let decimals = if v == 0.0 { 0 } else { (3 - v.abs().log10().floor() as i32).clamp(0, 6) as usize };
     let text = format!("{v:.decimals$}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_string() } else { text }
+}
+/// To two decimals; next to nothing has no sign.
+fn rounded(value: f64) -> f64 {
+    (100.0 * value).round() / 100.0 + 0.0
 }
