@@ -54,6 +54,7 @@ pub fn open(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<Log, 
     std::fs::metadata(path).map_err(|source| CampaignError::Io { file: path.to_path_buf(), source })?;
     let m = table::read(path, dbc, &|_| true, tell)?;
     let mut log = Log { file: m.file.clone(), channels: Vec::new(), notes: m.notes.clone() };
+    let mut words: Vec<String> = Vec::new();
     for group in &m.groups {
         let Some(at) = group.master.or_else(|| guess::clock(&group.series)) else {
             return Err(m.defect(Defect::NoMaster).into());
@@ -64,8 +65,13 @@ pub fn open(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<Log, 
         clock::check(&time).map_err(|(defect, sample)| m.defect_at(defect, &clock.name, Some(sample)))?;
         let others = (0..group.series.len()).filter(|k| *k != at);
         for k in others {
+            let text = group.series[k].text.as_ref();
+            words.extend(text.map(|(_, word)| format!("{} (\"{word}\")", group.series[k].name)));
             log.channels.extend(channel(group, k, &time, &mut log.notes));
         }
+    }
+    if !words.is_empty() {
+        log.notes.push(format!("left out, for they hold more than numbers: {}", words.join(", ")));
     }
     count_from_start(&mut log);
     let named: Vec<(&str, Option<&str>)> = log.channels.iter().map(|c| (c.name.as_str(), None)).collect();

@@ -88,7 +88,18 @@ pub(crate) fn number(cell: &[u8], decimal_comma: bool) -> Option<f64> {
     if decimal_comma && cell.iter().filter(|&&b| b == b',').count() == 1 && !cell.contains(&b'.') {
         return text.replace(',', ".").parse().ok();
     }
+    if !decimal_comma && is_grouped(text) {
+        return text.replace(',', "").parse().ok();
+    }
     MISSING.iter().any(|m| text.eq_ignore_ascii_case(m)).then_some(f64::NAN)
+}
+
+/// Whether commas part the thousands: `1,234.5`.
+fn is_grouped(text: &str) -> bool {
+    let whole = text.trim_start_matches('-').split('.').next().unwrap_or("");
+    let groups: Vec<&str> = whole.split(',').collect();
+    let digits = |g: &&str| !g.is_empty() && g.bytes().all(|b| b.is_ascii_digit());
+    groups.len() > 1 && groups.iter().all(digits) && groups[0].len() <= 3 && groups[1..].iter().all(|g| g.len() == 3)
 }
 
 /// Characters behind the decimal point, or comma, of a cell: fewer than usual in the last cell of a file are a number that was cut off.
@@ -112,8 +123,18 @@ pub(crate) fn stamp(cell: &str) -> Option<i128> {
         .or_else(|_| DateTime::strptime("%d.%m.%Y %H:%M:%S%.f", &point))
         .or_else(|_| DateTime::strptime("%Y/%m/%d %H:%M:%S%.f", &point))
         .or_else(|_| DateTime::strptime("%d-%b-%Y %H:%M:%S%.f", &point))
+        .or_else(|_| DateTime::strptime("%m/%d/%Y %I:%M:%S%.f %p", &point))
         .or_else(|_| DateTime::strptime("%m/%d/%Y %H:%M:%S%.f", &point))
-        .or_else(|_| point.parse::<Time>().map(|t| t.on(day.year(), day.month(), day.day())));
+        .or_else(|_| {
+            // Minutes and seconds are told from hours and minutes by their fraction.
+            let minutes = point.matches(':').count() == 1 && point.contains('.');
+            let point = if minutes { format!("0:{point}") } else { point.clone() };
+            let time = point
+                .parse::<Time>()
+                .or_else(|_| Time::strptime("%I:%M:%S%.f %p", &point))
+                .or_else(|_| Time::strptime("%H:%M:%S%.f", &point));
+            time.map(|t| t.on(day.year(), day.month(), day.day()))
+        });
     Some(civil.ok()?.to_zoned(jiff::tz::TimeZone::UTC).ok()?.timestamp().as_nanosecond())
 }
 
@@ -133,6 +154,21 @@ mod tests {
     }
 
     #[test]
+    fn commas_between_thousands_are_none_of_the_number() {
+        for (cell, value) in [
+            ("1,234.5", Some(1234.5)),
+            ("-12,345", Some(-12345.0)),
+            ("1,234,567", Some(1_234_567.0)),
+            ("1,23", None),
+            ("1234,567", None),
+            (",123", None),
+        ] {
+            assert_eq!(number(cell.as_bytes(), false), value, "{cell}");
+        }
+        assert_eq!(number(b"1,234", true), Some(1.234));
+    }
+
+    #[test]
     fn stamps_of_several_kinds_count_alike() {
         let seconds = |a: &str, b: &str| (stamp(b).unwrap() - stamp(a).unwrap()) as f64 * 1e-9;
         for (a, b) in [
@@ -143,6 +179,9 @@ mod tests {
             ("22.11.2026 05:14:00,000", "22.11.2026 05:14:01,250"),
             ("22-Nov-2026 05:14:00.000", "22-Nov-2026 05:14:01.250"),
             ("05:14:00.000", "05:14:01.250"),
+            ("11/22/2026 12:59:59.500 AM", "11/22/2026 01:00:00.750 AM"),
+            ("11:59:59.500 AM", "12:00:00.750 PM"),
+            ("0:59.500", "1:00.750"),
         ] {
             assert_eq!(seconds(a, b), 1.25, "{a}");
         }

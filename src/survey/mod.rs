@@ -134,6 +134,9 @@ pub fn survey(log: Log, known: &Known) -> Survey {
     };
     let (omega, road) = (&s.log.channels[engine], &s.log.channels[road]);
     let shaft = road.quantity != Some(Quantity::Velocity);
+    if road.quantity.is_none() {
+        s.remarks.push(format!("no unit is given for {}: it is taken for a speed behind the clutch, in units of its own", road.name));
+    }
     // The gearbox input turns as the disc does: no gear lies between.
     let direct = Known { ratios: vec![1.0], tyre_radius: None, ..Known::default() };
     let known = if road.guess == Some(Channel::OmegaC) && known.ratios.is_empty() { &direct } else { known };
@@ -153,7 +156,7 @@ pub fn survey(log: Log, known: &Known) -> Survey {
     s
 }
 
-/// The speed behind the clutch: the gearbox input's, else the road's, else a wheel's or the output shaft's; the finest of several.
+/// The speed behind the clutch: the gearbox input's, else the road's, else a wheel's or the output shaft's, else what is called a speed and has no unit; the finest of several.
 fn road(log: &Log, engine: Option<usize>) -> Option<usize> {
     let rank = |k: usize| {
         let c = &log.channels[k];
@@ -164,6 +167,7 @@ fn road(log: &Log, engine: Option<usize>) -> Option<usize> {
             (Some(Channel::OmegaC), _) => Some(3),
             (_, Some(Quantity::Velocity)) => Some(2),
             (_, Some(Quantity::Speed)) if shaft => Some(1),
+            (None, None) if ["speed", "velocity", "geschwindigkeit", "vss"].iter().any(|w| name.contains(w)) => Some(0),
             _ => None,
         }
     };

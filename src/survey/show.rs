@@ -47,7 +47,11 @@ impl Survey {
     fn gears_text(&self, out: &mut String) {
         let (Some(engine), Some(road)) = (self.engine, self.road) else { return };
         let (engine, road) = (&self.log.channels[engine], &self.log.channels[road]);
-        let unit = if road.quantity == Some(Quantity::Velocity) { "rad/m" } else { "rad/rad" };
+        let unit = match road.quantity {
+            Some(Quantity::Velocity) => "rad/m",
+            Some(_) => "rad/rad",
+            None => "rad/s per unit of it",
+        };
         let kind = if self.gears.given { "ratios as given" } else { "learned from locked stretches" };
         let _ = writeln!(out, "\ngears ({kind})");
         if let Some(common) = self.gears.common.filter(|_| unit == "rad/m") {
