@@ -146,13 +146,16 @@ impl Format {
 /// Files of other kinds, by their ending or first bytes, and what to do with them.
 fn other_kind(path: &Path, head: &[u8]) -> Option<Defect> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    // Many tools call their tables .log or .asc: there the first line tells.
+    let line = text(head).trim_start().to_ascii_lowercase();
     let frames = match ending.as_str() {
         "blf" => Some("Vector BLF"),
-        "asc" => Some("Vector ASC"),
         "trc" => Some("PCAN TRC"),
-        "log" => Some("candump"),
         _ if head.starts_with(b"LOGG") => Some("Vector BLF"),
-        _ if head.starts_with(b";$FILEVERSION") => Some("PCAN TRC"),
+        _ if line.starts_with(";$fileversion") => Some("PCAN TRC"),
+        _ if line.starts_with("date ") || line.starts_with("base hex") || line.starts_with("base dec") => Some("Vector ASC"),
+        _ if is_candump(&line) => Some("candump"),
+        _ if line.starts_with("time stamp,id,") => Some("SavvyCAN's CSV: save them as .asc or .trc there first"),
         _ => None,
     };
     match (frames, ending.as_str()) {
@@ -162,6 +165,12 @@ fn other_kind(path: &Path, head: &[u8]) -> Option<Defect> {
         _ if head.starts_with(b"PK\x03\x04") => Some(Defect::Workbook),
         _ => None,
     }
+}
+
+/// Whether a line is a frame as candump writes it: `(1674148739.212264) can0 112#FF0015`.
+fn is_candump(line: &str) -> bool {
+    let stamp = line.strip_prefix('(').and_then(|rest| rest.split_once(')'));
+    stamp.is_some_and(|(time, rest)| time.trim().parse::<f64>().is_ok() && rest.lines().next().is_some_and(|l| l.contains('#')))
 }
 
 /// What messages call a file.
