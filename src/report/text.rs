@@ -84,8 +84,12 @@ pub fn title(id: &str) -> String {
     capitalised(&words(id))
 }
 
-/// A text that begins with a capital.
+/// A text that begins with a capital, unless it begins with the name of a channel or a recording, which is what it is.
 pub fn capitalised(text: &str) -> String {
+    let first = text.split_whitespace().next().unwrap_or("");
+    if first.contains('_') || first.contains(|c: char| c.is_ascii_digit()) {
+        return text.to_owned();
+    }
     let mut chars = text.chars();
     chars.next().map_or_else(String::new, |first| first.to_uppercase().collect::<String>() + chars.as_str())
 }
@@ -166,6 +170,12 @@ mod tests {
     #[test]
     fn markup_is_escaped() {
         assert_eq!(escape("<b a='1' c=\"2\">&</b>"), "&lt;b a=&#39;1&#39; c=&quot;2&quot;&gt;&amp;&lt;/b&gt;");
+    }
+
+    #[test]
+    fn names_of_channels_and_recordings_stay_as_they_are() {
+        let of = ["the driver", "x_to_cmd_mm is not recorded", "r01 from 60 s", "10 of 12", ""].map(capitalised);
+        assert_eq!(of, ["The driver", "x_to_cmd_mm is not recorded", "r01 from 60 s", "10 of 12", ""]);
     }
 
     #[test]

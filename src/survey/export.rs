@@ -52,7 +52,8 @@ pub fn recordings(s: &Survey, torque: &str, gear: Option<usize>) -> Result<Vec<R
         Recording {
             name: format!("r{:02}", k + 1),
             manoeuvre: if e.launch { "launch".into() } else { "shift".into() },
-            sample_rate_hz: 1.0 / step(engine).min(step(road)),
+            // What rounding of the stamps leaves says nothing of a rate.
+            sample_rate_hz: (1e6 / step(engine).min(step(road))).round() / 1e6,
             theta_c0: UNKNOWN.0,
             theta_b0: UNKNOWN.0,
             theta_0_sigma: [UNKNOWN.1; 2],
