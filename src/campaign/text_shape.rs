@@ -75,15 +75,15 @@ fn is_data(row: &[String], decimal_comma: bool) -> bool {
     2 * numbers >= row.iter().filter(|c| !c.is_empty()).count() && numbers > 0
 }
 
-/// Whether the next lines are data of as many cells. The last line of what is looked at may be cut off, and a logger may leave out the last cells.
+/// Whether the next lines are data of as many cells. The last line of what is looked at may be cut off, so that it is not judged.
 fn is_followed(lines: &[&[u8]], at: usize, separator: u8, cells_of_row: usize, follow: usize) -> bool {
     let mut cells = Cells::new(separator);
-    let next = lines[at + 1..lines.len().max(at + 2) - 1].iter().filter(|l| !is_comment(l)).take(follow);
-    next.fold(true, |so_far, line| {
+    let mut next = lines[at + 1..lines.len().max(at + 2) - 1].iter().filter(|l| !is_comment(l)).take(follow);
+    next.all(|line| {
         let row = cells.split(line).texts();
         // Some tools end each row, but not the header, with a separator.
         let ends = row.len() == cells_of_row + 1 && row.last().is_some_and(String::is_empty);
-        so_far && (row.len() == cells_of_row || ends) && is_data(&row, separator != b',')
+        (row.len() == cells_of_row || ends) && is_data(&row, separator != b',')
     })
 }
 
