@@ -1,7 +1,7 @@
 """A gallery of reports from drawn cars, to be looked at before a release: one page that leads to eight cases.
 
     python packaging/gallery.py out/gallery                    some three minutes of one core; $KISSPOINT names the command
-    python packaging/gallery.py out/gallery --without drive    some two of them
+    python packaging/gallery.py out/gallery --without drive    some two of them, and half of that with --recordings 5
 
 Healthy, one effect, two, three, one outside the library, thin data (two recordings), a drive, and a fleet (three cars in one call). The cars are
 drawn by `kisspoint blind --draw-only`; each case says what was put in, beside what was found.
@@ -53,8 +53,8 @@ def library():
     return {part.split(".")[0] for part in text.split('name="effect.')[1:]}
 
 
-def choose(work, without):
-    """Campaigns of each case, with what was put in."""
+def choose(work, without, recordings):
+    """Campaigns of each case, with what was put in; of each no more than so many recordings, if that is given."""
     bench, known = drawn(work / "bench", "--cars", "20"), library()
     # The first five are none to wait for: a slow actuator with a speed limit takes a minute.
     quick = dict(list(bench.items())[5:])
@@ -81,6 +81,9 @@ def choose(work, without):
         bench |= road
         chosen["drive"] = list(road)
     chosen["fleet"] = [path for path, effects in quick.items() if set(effects) <= known][:3]
+    if recordings:
+        # The page of a fleet calls its campaigns by their folders.
+        chosen = {case: [cut(path, f"{case}/{path.name}", recordings) for path in paths] for case, paths in chosen.items()}
     return {case: [(path, bench[path]) for path in paths] for case, paths in chosen.items() if case not in without}
 
 
@@ -88,10 +91,11 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("out", type=Path)
     parser.add_argument("--without", nargs="*", default=[], choices=CASES)
+    parser.add_argument("--recordings", type=int, help="take only so many recordings of each campaign, the first: quicker, and less sure")
     asked = parser.parse_args()
     rows = []
     with tempfile.TemporaryDirectory() as work:
-        for case, campaigns in choose(Path(work), asked.without).items():
+        for case, campaigns in choose(Path(work), asked.without, asked.recordings).items():
             out = asked.out / case
             paths = [str(path) for path, _ in campaigns]
             subprocess.run([COMMAND, "diagnose", *paths, "--out", str(out)], check=True, capture_output=True)

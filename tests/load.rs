@@ -109,9 +109,9 @@ impl Instance {
 /// Works on a thread's instances; returns steps made and refused.
 fn work(thread: usize, until: Option<Instant>) -> [usize; 2] {
     let models = [(plant::GUID, &plant::DESCRIPTION), (controller::GUID, &controller::DESCRIPTION)];
-    // A step of a plant takes several times as long as one of a controller: of four instances one is a plant.
+    // A step of a plant takes several times as long as one of a controller: of eight instances one is a plant.
     let instance = |k: usize| {
-        let (guid, description) = models[usize::from(k % 4 > 0)];
+        let (guid, description) = models[usize::from(k % 8 > 0)];
         Instance { component: make(guid), description, time: 0.0 }
     };
     let mut all: Vec<Instance> = (0..INSTANCES / THREADS + usize::from(thread < INSTANCES % THREADS)).map(instance).collect();

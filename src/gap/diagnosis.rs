@@ -97,12 +97,22 @@ pub fn diagnose_with(
     manoeuvres: Option<Vec<Manoeuvre>>,
     progress: &(dyn Fn(&str, f64) + Sync),
 ) -> Result<Diagnosis, DiagnosisError> {
+    of_samples(MOST_SAMPLES, campaign, manoeuvres, progress)
+}
+
+/// The same with at most so many samples.
+pub(super) fn of_samples(
+    most: usize,
+    campaign: &Campaign,
+    manoeuvres: Option<Vec<Manoeuvre>>,
+    progress: &(dyn Fn(&str, f64) + Sync),
+) -> Result<Diagnosis, DiagnosisError> {
     let vehicle = Vehicle::from_value(&campaign.vehicle_json)?;
     progress("noise and tolerances", 0.0);
     let campaign = &*divided(campaign)?;
     let work = Work::default();
     let mut ready = Ready::new(campaign, &vehicle, &work)?;
-    let part = enough_of(campaign, &ready, MOST_SAMPLES);
+    let part = enough_of(campaign, &ready, most);
     if let Some((part, _)) = &part {
         ready = Ready::new(part, &vehicle, &work)?;
     }

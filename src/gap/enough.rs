@@ -90,6 +90,7 @@ fn says(problem: &Problem, r: usize) -> Option<DMatrix<f64>> {
 mod tests {
     use super::*;
     use crate::campaign::Recording;
+    use crate::gap::diagnosis::of_samples;
     use crate::gap::infer::belief::of_replay;
     use crate::gap::infer::density::PHASES;
     use crate::gap::model::prepare::Example;
@@ -136,6 +137,25 @@ mod tests {
             let is_named = |name: &str| named.split(", ").flat_map(|n| n.split(" and ")).any(|n| n == name);
             assert!(campaign.recordings.iter().all(|r| is_named(&r.name) == (used(&r.name) == (share < 0.5))), "{note}");
         }
+    }
+
+    /// Recordings over and over are more than a diagnosis takes: those that are fitted are what it read, and find what all would.
+    #[test]
+    fn a_campaign_of_many_recordings_is_diagnosed_in_part() {
+        let mut campaign = Example::read().campaign;
+        let once = campaign.recordings.clone();
+        let most = once.iter().map(|r| 2 * r.time.len()).sum::<usize>() / 2;
+        let copy = |k: usize| once.iter().cloned().map(move |r| Recording { name: format!("{}x{k}", r.name), ..r });
+        campaign.recordings = (0..3).flat_map(copy).collect();
+        let found = of_samples(most, &campaign, None, &|_, _| {}).unwrap();
+        assert_eq!(found.answer.which.effects.iter().map(|e| e.id).collect::<Vec<_>>(), ["kiss_point_thermal"]);
+        let (all, read) = (campaign.recordings.len(), &found.read.recordings);
+        let note = found.answer.notes.iter().find(|n| n.starts_with(&format!("{} of {all} recordings are fitted", read.len()))).unwrap();
+        assert!(read.len() < all / 2 && read.iter().all(|r| note.contains(&r.name)), "{note}");
+        // The one that judges is read as well.
+        let fitted: usize = read.iter().map(|r| 2 * r.time.len()).sum();
+        let judge = 2 * found.held_out.time.len();
+        assert!(fitted - judge <= most && fitted > most / 2, "{fitted} with {judge} of {most}");
     }
 
     #[test]

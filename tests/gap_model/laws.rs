@@ -1,6 +1,6 @@
 //! Laws that are missing, and effects beside them.
 
-use crate::made_up::made_up_under;
+use crate::made_up::{first, made_up_under};
 use kisspoint::effects::{self, Subsystem, param};
 use kisspoint::gap::infer::posterior::posterior;
 use kisspoint::gap::infer::search::{Hypothesis, search};
@@ -29,7 +29,7 @@ fn an_effect_that_a_law_leaves_nothing_to_do_has_no_form() {
 #[test]
 fn what_comes_and_goes_by_itself_is_placed_and_not_named() {
     let gusts = |t: f64| 6.0 * ((1.7 * t).sin() + (3.1 * t + 0.5).sin());
-    let problem = made_up_under(|_| {}, gusts);
+    let problem = first(5, made_up_under(|_| {}, gusts));
     let found = search(&problem, None, &|_, _| {});
     let weights = posterior(&problem, &found, &[]);
     // A load beside the gusts is their mean: it lies in the law's own place, and is not named.
