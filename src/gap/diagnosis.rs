@@ -22,11 +22,11 @@ use super::model::filter::Disturbances;
 use super::model::prepare;
 use super::model::tolerance::ToleranceError;
 use super::model::track::Track;
-use super::model::unknown_clutch;
+use super::notes;
 use super::plan::manoeuvre::{Manoeuvre, built_in};
 use super::plan::{Outlook, Planner, outlook};
 use super::progress::{Watch, Work, watched};
-use super::ready::{Fresh, Read, Ready, commanded_every, control_note, read_with_control_unit, read_without_stale};
+use super::ready::{Fresh, Read, Ready, commanded_every, read_with_control_unit, read_without_stale};
 use super::retune::{self, Followed};
 use super::verdict::{Conclusion, MISLED, Verdict, conclude};
 use crate::campaign::{Campaign, NO_POSITION, Note, Recording};
@@ -139,8 +139,8 @@ fn diagnosed(
     let known = |n: &&Note| n.text != NO_POSITION;
     let mut notes: Vec<String> = campaign.notes.iter().filter(known).map(|n| format!("{}: {}", n.recording, n.text)).collect();
     notes.extend(note);
-    notes.extend(position_note(campaign));
-    notes.extend(control_interval_s.map(|s| control_note(s).to_owned()));
+    notes.extend(notes::position(campaign));
+    notes.extend(control_interval_s.map(notes::control_unit));
     // What the first search found of the sensors (how late, how noisy) makes a better filter of the second.
     let late = sensors::late(&problem.car(&found.best().fit.point, None).effects);
     let known = Disturbances { late, ..with };
@@ -149,7 +149,7 @@ fn diagnosed(
     let coloured = sensors::refined(&problem, &best.fit.point, &best.fit.residuals, &known);
     let locks_by_position = problem.tracks.iter().any(|t| !t.position_free);
     if coloured.is_some() || locks_by_position && sensors::sees_the_lock_late(late, prepare::logger(&problem.tracks).interval_s) {
-        notes.extend(coloured.as_ref().map(colour_note));
+        notes.extend(coloured.as_ref().map(notes::correlated_noise));
         filtered_by = coloured.unwrap_or(known);
         problem = Problem { work: work.clone(), ..prepare::problem(problem.tracks, &vehicle, &tolerances, &filtered_by) };
         found.let_go_of_all();
@@ -182,7 +182,7 @@ fn diagnosed(
         }
     }
     let point = &conclusion.explanation.fit.as_ref().expect("the best was fitted").point.clone();
-    notes.extend(temperature_notes(&problem, point));
+    notes.extend(notes::temperatures(&problem, point));
     let misled = || misled(&problem, &split.taught, &vehicle, &tuned_by(&found, &conclusion, point));
     let named = matches!(conclusion.verdict, Verdict::Explained | Verdict::PartlyExplained);
     if let Some(gaps) = named.then(misled).flatten() {
@@ -327,53 +327,6 @@ fn beside_law(conclusion: &Conclusion, point: &Point) -> Point {
     stood_in.fold(Point { missing: Vec::new(), ..point.clone() }, |beside, e| beside.without(*e))
 }
 
-/// Says once what recordings without a position can show, and how.
-fn position_note(campaign: &Campaign) -> Option<String> {
-    let without: Vec<&str> = campaign.recordings.iter().filter(|r| r.x_to_cmd.is_empty()).map(|r| r.name.as_str()).collect();
-    let bench = campaign.recordings.iter().any(|r| r.x_to_cmd.is_empty() && (r.x_to.is_some() || r.t_fc.is_some() || r.theta_c.is_some()));
-    let left_out =
-        if bench { "; what a bench measured of position, clutch torque or disc temperature beside them is not used" } else { "" };
-    (!without.is_empty()).then(|| {
-        format!(
-            "x_to_cmd_mm is not recorded in {}: there the clutch torque is an unknown input, estimated from the balances of flywheel and disc, which speak together of engine, \
-             driveline and sensors; {} are not assessable by them{left_out}. Record the position that the TCU commands; what to measure next supposes that it is",
-            without.join(", "),
-            unknown_clutch::hidden()
-        )
-    })
-}
-
-fn colour_note(with: &Disturbances) -> String {
-    let one = |name: &str, n: super::model::noise::Noise| {
-        (n.coloured > 0.0).then(|| format!("{name} {:.2} rad/s for {:.2} s", n.coloured, n.memory_s))
-    };
-    let all: Vec<String> = [one("omega_f", with.noise[0]), one("omega_c", with.noise[1])].into_iter().flatten().collect();
-    format!("sensor noise is correlated in time, which is allowed for: {}", all.join(", "))
-}
-
-/// Standard deviations by which a start temperature may be pulled before that is said.
-const PULLED: f64 = 4.0;
-
-/// Says which start temperatures the recordings contradict: as long as they are believed, effects have to make up for them.
-fn temperature_notes(problem: &Problem, point: &Point) -> Vec<String> {
-    let of_node = |node: usize| {
-        let (what, key) = [("disc", "theta_c0_sigma_K"), ("body", "theta_b0_sigma_K")][node];
-        let pulled = |k: &usize| point.own[*k][node].abs() > PULLED;
-        let all: Vec<usize> = (0..problem.tracks.len()).filter(pulled).collect();
-        let off = |k: &usize| (point.own[*k][node] * problem.tracks[*k].theta_0_sigma[node]).abs();
-        let most = all.iter().map(off).fold(0.0, f64::max);
-        let names: Vec<&str> = all.iter().map(|&k| problem.tracks[k].name.as_str()).collect();
-        (!all.is_empty()).then(|| {
-            format!(
-                "the start temperature of the {what} would have to be up to {most:.0} K off in {}: if it is not known as well as given, \
-                 say so by {key}",
-                names.join(", ")
-            )
-        })
-    };
-    (0..2).filter_map(of_node).collect()
-}
-
 /// The map without any effect, at the tolerances that go with the conclusion: fitted alone they would have bent towards the gap and hidden it; and with the effects.
 fn cells(problem: &Problem, conclusion: &Conclusion) -> [Vec<map::Cell>; 2] {
     let last = &conclusion.explanation.fit.as_ref().expect("the best was fitted").point;
@@ -482,24 +435,5 @@ mod tests {
         assert_eq!([with(1.0), with(1.001)], [None; 2]);
         let [before, after] = with(0.5).unwrap();
         assert!(before > 1.0 && after > MISLED * before, "{before} {after}");
-    }
-
-    /// Four standard deviations, which are 1 K or more, in either direction; how far off in K, and in which recordings.
-    #[test]
-    fn a_start_temperature_that_is_pulled_far_is_said() {
-        let mut problem = example();
-        problem.tracks.iter_mut().for_each(|track| track.theta_0_sigma = [2.0, 5.0]);
-        let mut point = problem.nominal();
-        (point.own[0][0], point.own[1][1]) = (3.9, -3.9);
-        assert!(temperature_notes(&problem, &point).is_empty());
-        (point.own[0][0], point.own[1][0], point.own[1][1]) = (4.1, -6.0, -4.1);
-        let said = temperature_notes(&problem, &point);
-        let [first, second] = [0, 1].map(|k| problem.tracks[k].name.clone());
-        assert!(
-            said.len() == 2 && said[0].contains("disc") && said[0].contains("12 K off in") && said[0].contains("theta_c0_sigma_K"),
-            "{said:?}"
-        );
-        assert!(said[0].contains(&format!("{first}, {second}")), "{said:?}");
-        assert!(said[1].contains("body") && said[1].contains("20 K off") && !said[1].contains(&first), "{said:?}");
     }
 }

@@ -13,7 +13,7 @@
 //! 6. [`retune`]: the numbers of the car that is handed back
 //! 7. [`empirical`]: a law learned from the recordings where the library ends; [`domain`]: where the retuned plant was validated, and how well its clutch torque
 //!    is known
-//! 8. [`compose`]: the [`answer`]; [`sentence`] and [`prose`]: its words; [`joint`]: the posterior itself, for pooling many cars
+//! 8. [`compose`]: the [`answer`]; [`sentence`], [`notes`] and [`prose`]: its words; [`joint`]: the posterior itself, for pooling many cars
 //!
 //! [`diagnosis`] runs all of it, and [`progress`] tells how far it is.
 
@@ -33,6 +33,7 @@ pub mod joint;
 pub mod map;
 pub mod measure;
 pub mod model;
+pub mod notes;
 pub mod plan;
 pub mod progress;
 pub mod prose;

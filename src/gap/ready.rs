@@ -185,12 +185,3 @@ pub fn commanded_every(campaign: &Campaign, interval: f64) -> Campaign {
     campaign.recordings.iter_mut().for_each(|r| r.control_interval_s = Some(interval));
     campaign
 }
-
-/// Says that a control unit of this interval in s is not the usual one.
-pub(super) fn control_note(interval: f64) -> &'static str {
-    if interval.is_infinite() {
-        "the commands seem to change only as often as they are logged: inputs are taken as held from sample to sample, which these data make likelier than a logger that misses some"
-    } else {
-        "the commands seem to change more often than they are logged: inputs are taken to go straight from sample to sample, which these data make likelier than commands that are held. Feed the retuned plant likewise. Play in the actuator can look the same; a log as fast as the control unit would tell"
-    }
-}

@@ -1,13 +1,50 @@
-//! The exchange: every member of the best set is dropped in turn, and exchanged for what suits the rest better.
+//! The exchange: every member of the best set is dropped in turn, and exchanged for what suits the rest better, or nearly as well.
 
-use super::density::Problem;
+use super::density::{Point, Problem};
 use super::fit::LOOK;
-use super::search::{Hypothesis, STAY, Search, extend, finish, least_promise, taken_over};
+use super::search::{BEHIND_NATS, Hypothesis, STAY, Search, extend, finish, least_promise, taken_over};
+use crate::effects::REGISTRY;
 use rayon::prelude::*;
+
+/// Exchanges members of the best set until none is left that something else suits better, and then fits its [`rivals`].
+pub fn exchange(problem: &Problem, found: &mut Search) {
+    improve(problem, found);
+    let looked: Vec<Hypothesis> = rivals(problem, found)
+        .into_par_iter()
+        .map(|(set, start)| Hypothesis::fitted(problem, set, &start, LOOK + 1, found.best().formed.known()))
+        .collect();
+    finish(problem, found, looked);
+}
+
+/// Sets that nobody has fitted, or not as well as one would expect, and that may be as probable as the best: an effect that was nearly as good as a member of it beside a part of the set stands in that member's place, beside all the
+/// others. As long as it was only met beside a part, it lacks what the rest explains, and seems far behind.
+fn rivals(problem: &Problem, found: &Search) -> Vec<(Vec<usize>, Point)> {
+    let best = found.best();
+    let mut all: Vec<(Vec<usize>, Point)> = Vec::new();
+    let is_part = |h: &&Hypothesis| h.effects.len() < best.effects.len() && h.effects.iter().all(|e| best.effects.contains(e));
+    for part in found.hypotheses.iter().filter(is_part) {
+        let as_good = |h: &&Hypothesis| h.effects.len() == part.effects.len() && h.lead > part.lead - BEHIND_NATS;
+        for other in found.hypotheses.iter().filter(as_good) {
+            let only = |of: &[usize], without: &[usize]| of.iter().copied().filter(|e| !without.contains(e)).collect::<Vec<_>>();
+            let (rivals, members) = (only(&other.effects, &best.effects), only(&part.effects, &other.effects));
+            let ([rival], [member]) = (&rivals[..], &members[..]) else { continue };
+            let mut set: Vec<usize> = best.effects.iter().map(|e| if e == member { *rival } else { *e }).collect();
+            set.sort_unstable();
+            let mut start = best.formed.point.without(*member);
+            REGISTRY[*rival].parameters.clone().for_each(|k| start.effects[k] = other.formed.point.effects[k]);
+            // One that was looked at from elsewhere may be far from its mode.
+            let least = best.lead - (part.lead - other.lead).max(0.0) - 0.5 * least_promise(problem);
+            if found.of(&set).is_none_or(|h| h.lead < least) && all.iter().all(|(s, _)| *s != set) && problem.can_follow(&start) {
+                all.push((set, start));
+            }
+        }
+    }
+    all
+}
 
 /// Drops every member of the best set in turn; what is left is fitted from there and looks for a better companion, if it fits better than it did or if the
 /// best set strains its tolerances, which says that it is not the right one.
-pub fn exchange(problem: &Problem, found: &mut Search) {
+fn improve(problem: &Problem, found: &mut Search) {
     for _ in 0..EXCHANGES {
         let best = found.best().clone();
         if best.effects.is_empty() {
@@ -67,6 +104,49 @@ fn is_relieved(before: f64, now: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effects::{null, param};
+    use crate::gap::infer::fit::Fit;
+    use crate::gap::model::prepare::Example;
+
+    /// Alone, friction is nearly as good as the contact point, and a lag far behind: friction is fitted beside the mass that the contact point has beside it, from the size that it had alone. Once
+    /// it is as good there as one would expect, it is not fitted again.
+    #[test]
+    fn what_was_nearly_as_good_alone_is_tried_beside_the_rest_of_the_best_set() {
+        let example = Example::read();
+        let (problem, _) = example.problem(&[&example.campaign.recordings[0]]);
+        let of = |ids: &[&str], lead: f64| {
+            let mut set: Vec<usize> = ids.iter().map(|id| crate::effects::find(id).unwrap()).collect();
+            set.sort_unstable();
+            let mut fit = Fit::made_up(Vec::new());
+            fit.point = Point { effects: null(), ..problem.nominal() };
+            for (id, parameter, value) in [
+                ("kiss_point_offset", param::kiss_point_offset::offset, 0.3),
+                ("friction_level", param::friction_level::factor, 1.2),
+                ("vehicle_mass", param::vehicle_mass::factor, 1.1),
+            ] {
+                if ids.contains(&id) {
+                    fit.point.effects[parameter] = value;
+                }
+            }
+            Hypothesis { lead, ..Hypothesis::made_up(&set, fit) }
+        };
+        let mut all = vec![
+            of(&["kiss_point_offset", "vehicle_mass"], 0.0),
+            of(&["kiss_point_offset"], -30.0),
+            of(&["friction_level"], -45.0),
+            of(&["actuator_lag"], -60.0),
+            of(&[], -90.0),
+        ];
+        let found = rivals(&problem, &Search::made_up(all.clone()));
+        let [(set, start)] = &found[..] else { panic!("{} rivals", found.len()) };
+        let rival = of(&["friction_level", "vehicle_mass"], -14.0);
+        assert_eq!((set, &start.effects), (&rival.effects, &rival.formed.point.effects));
+        for (lead, again) in [(-14.0, false), (-200.0, true)] {
+            all.truncate(5);
+            all.push(Hypothesis { lead, ..rival.clone() });
+            assert_eq!(!rivals(&problem, &Search::made_up(all.clone())).is_empty(), again, "{lead}");
+        }
+    }
 
     #[test]
     fn strain_that_only_changes_places_ends_the_exchange() {

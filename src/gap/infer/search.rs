@@ -199,7 +199,7 @@ const FITTED: usize = 5;
 /// Sets that are extended.
 const BEAM: [usize; MOST_EFFECTS - 1] = [2, 1];
 /// Nats behind the best after a look up to which a fit is finished, beside this share of what the best explains.
-const BEHIND_NATS: f64 = 20.0;
+pub(super) const BEHIND_NATS: f64 = 20.0;
 const BEHIND_SHARE: f64 = 0.3;
 /// Gain in the cost that is believed which an effect has to promise to be looked at: its price is more.
 const LEAST_PROMISE: f64 = 10.0;

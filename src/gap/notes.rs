@@ -1,0 +1,90 @@
+//! What a diagnosis says of its data beside the answer.
+
+use super::infer::density::{Point, Problem};
+use super::model::filter::Disturbances;
+use super::model::noise::Noise;
+use super::model::unknown_clutch;
+use crate::campaign::Campaign;
+
+/// Says once what recordings without a position can show, and how.
+pub(super) fn position(campaign: &Campaign) -> Option<String> {
+    let without: Vec<&str> = campaign.recordings.iter().filter(|r| r.x_to_cmd.is_empty()).map(|r| r.name.as_str()).collect();
+    let bench = campaign.recordings.iter().any(|r| r.x_to_cmd.is_empty() && (r.x_to.is_some() || r.t_fc.is_some() || r.theta_c.is_some()));
+    let left_out =
+        if bench { "; what a bench measured of position, clutch torque or disc temperature beside them is not used" } else { "" };
+    (!without.is_empty()).then(|| {
+        format!(
+            "x_to_cmd_mm is not recorded in {}: there the clutch torque is an unknown input, estimated from the balances of flywheel and disc, which speak together of engine, \
+             driveline and sensors; {} are not assessable by them{left_out}. Record the position that the TCU commands; what to measure next supposes that it is",
+            without.join(", "),
+            unknown_clutch::hidden()
+        )
+    })
+}
+
+/// Says how the noise of the sensors is correlated in time.
+pub(super) fn correlated_noise(with: &Disturbances) -> String {
+    let one = |name: &str, n: Noise| (n.coloured > 0.0).then(|| format!("{name} {:.2} rad/s for {:.2} s", n.coloured, n.memory_s));
+    let all: Vec<String> = [one("omega_f", with.noise[0]), one("omega_c", with.noise[1])].into_iter().flatten().collect();
+    format!("sensor noise is correlated in time, which is allowed for: {}", all.join(", "))
+}
+
+/// Says that a control unit of this interval in s is not the usual one.
+pub(super) fn control_unit(interval: f64) -> String {
+    let said = if interval.is_infinite() {
+        "the commands seem to change only as often as they are logged: inputs are taken as held from sample to sample, which these data make likelier than a logger that misses some"
+    } else {
+        "the commands seem to change more often than they are logged: inputs are taken to go straight from sample to sample, which these data make likelier than commands that are held. Feed the retuned plant likewise. Play in the actuator can look the same; a log as fast as the control unit would tell"
+    };
+    said.to_owned()
+}
+
+/// Standard deviations by which a start temperature may be pulled before that is said.
+const PULLED: f64 = 4.0;
+
+/// Says which start temperatures the recordings contradict: as long as they are believed, effects have to make up for them.
+pub(super) fn temperatures(problem: &Problem, point: &Point) -> Vec<String> {
+    let of_node = |node: usize| {
+        let (what, key) = [("disc", "theta_c0_sigma_K"), ("body", "theta_b0_sigma_K")][node];
+        let pulled = |k: &usize| point.own[*k][node].abs() > PULLED;
+        let all: Vec<usize> = (0..problem.tracks.len()).filter(pulled).collect();
+        let off = |k: &usize| (point.own[*k][node] * problem.tracks[*k].theta_0_sigma[node]).abs();
+        let most = all.iter().map(off).fold(0.0, f64::max);
+        let names: Vec<&str> = all.iter().map(|&k| problem.tracks[k].name.as_str()).collect();
+        (!all.is_empty()).then(|| {
+            format!(
+                "the start temperature of the {what} would have to be up to {most:.0} K off in {}: if it is not known as well as given, \
+                 say so by {key}",
+                names.join(", ")
+            )
+        })
+    };
+    (0..2).filter_map(of_node).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gap::model::prepare::Example;
+    use crate::gap::ready::Ready;
+
+    /// Four standard deviations, which are 1 K or more, in either direction; how far off in K, and in which recordings.
+    #[test]
+    fn a_start_temperature_that_is_pulled_far_is_said() {
+        let Example { campaign, vehicle } = Example::read();
+        let mut problem = Ready::new(&campaign, &vehicle, &Default::default()).unwrap().problem;
+        problem.tracks.iter_mut().for_each(|track| track.theta_0_sigma = [2.0, 5.0]);
+        let mut point = problem.nominal();
+        (point.own[0][0], point.own[1][1]) = (3.9, -3.9);
+        assert!(temperatures(&problem, &point).is_empty());
+        (point.own[0][0], point.own[1][0], point.own[1][1]) = (4.1, -6.0, -4.1);
+        let said = temperatures(&problem, &point);
+        let [first, second] = [0, 1].map(|k| problem.tracks[k].name.clone());
+        assert!(
+            said.len() == 2 && said[0].contains("disc") && said[0].contains("12 K off in") && said[0].contains("theta_c0_sigma_K"),
+            "{said:?}"
+        );
+        assert!(said[0].contains(&format!("{first}, {second}")), "{said:?}");
+        assert!(said[1].contains("body") && said[1].contains("20 K off") && !said[1].contains(&first), "{said:?}");
+    }
+}
