@@ -117,3 +117,15 @@ fn a_missing_law_shows_on_the_bench() {
         assert!(shown, "{place:?}");
     }
 }
+
+/// Of four launches of the seventh case's car, in which play and a contact that moved do much the same: play was first met beside judder alone, and lacked what a late speed explains.
+#[test]
+fn a_rival_that_was_met_beside_a_part_of_the_best_set_shares_its_probability() {
+    let mut campaign = campaign::read(&case("7").join("campaign"), &ReadOptions::default()).unwrap();
+    campaign.recordings.retain(|r| r.name != "r05");
+    let found = diagnose(&campaign, &|_, _| {}).unwrap();
+    let alike = ["actuator_backlash", "kiss_point_offset"];
+    let named = found.answer.which.effects.iter().find(|e| alike.contains(&e.id)).expect("one of both is named");
+    let open = named.ambiguous_with.iter().any(|id| alike.contains(id));
+    assert!(open && (0.5..0.95).contains(&named.probability.0), "{named:?}");
+}

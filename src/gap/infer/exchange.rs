@@ -2,7 +2,7 @@
 
 use super::density::{Point, Problem};
 use super::fit::LOOK;
-use super::search::{BEHIND_NATS, Hypothesis, STAY, Search, extend, finish, least_promise, taken_over};
+use super::search::{BEHIND_NATS, Hypothesis, LEAST_PROMISE, STAY, Search, extend, finish, least_promise, taken_over};
 use crate::effects::REGISTRY;
 use rayon::prelude::*;
 
@@ -23,18 +23,19 @@ fn rivals(problem: &Problem, found: &Search) -> Vec<(Vec<usize>, Point)> {
     let mut all: Vec<(Vec<usize>, Point)> = Vec::new();
     let is_part = |h: &&Hypothesis| h.effects.len() < best.effects.len() && h.effects.iter().all(|e| best.effects.contains(e));
     for part in found.hypotheses.iter().filter(is_part) {
-        let as_good = |h: &&Hypothesis| h.effects.len() == part.effects.len() && h.lead > part.lead - BEHIND_NATS;
+        let as_good = |h: &&Hypothesis| h.effects.len() == part.effects.len() && h.log_posterior > part.log_posterior - BEHIND_NATS;
         for other in found.hypotheses.iter().filter(as_good) {
             let only = |of: &[usize], without: &[usize]| of.iter().copied().filter(|e| !without.contains(e)).collect::<Vec<_>>();
-            let (rivals, members) = (only(&other.effects, &best.effects), only(&part.effects, &other.effects));
-            let ([rival], [member]) = (&rivals[..], &members[..]) else { continue };
+            let [added, gone] = [only(&other.effects, &best.effects), only(&part.effects, &other.effects)];
+            let ([rival], [member]) = (&added[..], &gone[..]) else { continue };
             let mut set: Vec<usize> = best.effects.iter().map(|e| if e == member { *rival } else { *e }).collect();
             set.sort_unstable();
             let mut start = best.formed.point.without(*member);
             REGISTRY[*rival].parameters.clone().for_each(|k| start.effects[k] = other.formed.point.effects[k]);
             // One that was looked at from elsewhere may be far from its mode.
-            let least = best.lead - (part.lead - other.lead).max(0.0) - 0.5 * least_promise(problem);
-            if found.of(&set).is_none_or(|h| h.lead < least) && all.iter().all(|(s, _)| *s != set) && problem.can_follow(&start) {
+            let expected = best.log_posterior - (part.log_posterior - other.log_posterior).max(0.0);
+            let is_short = |h: &Hypothesis| h.log_posterior < expected - 0.5 * LEAST_PROMISE;
+            if found.of(&set).is_none_or(is_short) && all.iter().all(|(s, _)| *s != set) && problem.can_follow(&start) {
                 all.push((set, start));
             }
         }
@@ -114,7 +115,7 @@ mod tests {
     fn what_was_nearly_as_good_alone_is_tried_beside_the_rest_of_the_best_set() {
         let example = Example::read();
         let (problem, _) = example.problem(&[&example.campaign.recordings[0]]);
-        let of = |ids: &[&str], lead: f64| {
+        let of = |ids: &[&str], log_posterior: f64| {
             let mut set: Vec<usize> = ids.iter().map(|id| crate::effects::find(id).unwrap()).collect();
             set.sort_unstable();
             let mut fit = Fit::made_up(Vec::new());
@@ -128,7 +129,7 @@ mod tests {
                     fit.point.effects[parameter] = value;
                 }
             }
-            Hypothesis { lead, ..Hypothesis::made_up(&set, fit) }
+            Hypothesis { log_posterior, ..Hypothesis::made_up(&set, fit) }
         };
         let mut all = vec![
             of(&["kiss_point_offset", "vehicle_mass"], 0.0),
@@ -141,10 +142,10 @@ mod tests {
         let [(set, start)] = &found[..] else { panic!("{} rivals", found.len()) };
         let rival = of(&["friction_level", "vehicle_mass"], -14.0);
         assert_eq!((set, &start.effects), (&rival.effects, &rival.formed.point.effects));
-        for (lead, again) in [(-14.0, false), (-200.0, true)] {
+        for (log_posterior, again) in [(-19.0, false), (-21.0, true)] {
             all.truncate(5);
-            all.push(Hypothesis { lead, ..rival.clone() });
-            assert_eq!(!rivals(&problem, &Search::made_up(all.clone())).is_empty(), again, "{lead}");
+            all.push(Hypothesis { log_posterior, ..rival.clone() });
+            assert_eq!(!rivals(&problem, &Search::made_up(all.clone())).is_empty(), again, "{log_posterior}");
         }
     }
 

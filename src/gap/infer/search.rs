@@ -202,7 +202,7 @@ const BEAM: [usize; MOST_EFFECTS - 1] = [2, 1];
 pub(super) const BEHIND_NATS: f64 = 20.0;
 const BEHIND_SHARE: f64 = 0.3;
 /// Gain in the cost that is believed which an effect has to promise to be looked at: its price is more.
-const LEAST_PROMISE: f64 = 10.0;
+pub(super) const LEAST_PROMISE: f64 = 10.0;
 /// Mean square of the nuisances above which a fit was dragged along by a gap, and the nominal car is a second anchor.
 pub const DRAGGED: f64 = 3.0;
 
