@@ -82,10 +82,10 @@ def test_rows_hold_answers_and_errors(first, cars):
 
 def test_a_joint_posterior_is_whole_and_wider_than_nothing(first):
     import numpy as np
-    from kisspoint.fleet import _population
+    from kisspoint.fleet import _told
 
     row = first[0].table().to_pylist()[0]
-    mode, H, _, P = _population.matrices(row)
+    mode, H, _, P = _told.matrices(row)
     assert len(mode) == len(row["unknowns"]) >= 12
     told = np.linalg.eigvalsh(H - P)
     # What the recordings add to the prior is never negative, and they say something.

@@ -18,7 +18,7 @@ pytest.importorskip("fsspec")
 pa = pytest.importorskip("pyarrow")
 import pyarrow.parquet as pq  # noqa: E402
 from kisspoint import fleet  # noqa: E402
-from kisspoint.fleet import _hierarchy, _population  # noqa: E402
+from kisspoint.fleet import _hierarchy, _population, _told  # noqa: E402
 from kisspoint.fleet._table import SCHEMA, digest_of_vehicle  # noqa: E402
 from scipy.stats import binom  # noqa: E402
 
@@ -79,8 +79,8 @@ def test_the_prior_is_divided_out_with_an_effect_named_or_not():
     told = []
     for effects in ((), ("effect.kiss_point_offset.offset",)):
         row = answer(np.random.default_rng(4), x, effects)
-        group = _population.Group(VEHICLE)
-        one, left = _population.read(row["unknowns"], *_population.matrices(row), group)
+        group = _told.Group(VEHICLE)
+        one, left = _told.read(row["unknowns"], *_told.matrices(row), group)
         assert not left and one.names[0] == "actuator.x_cnt"
         told.append(one)
     np.testing.assert_allclose(told[0].D, told[1].D, rtol=1e-6, atol=1e-6 * np.abs(told[0].D).max())
@@ -93,8 +93,8 @@ def test_the_prior_is_divided_out_with_an_effect_named_or_not():
 
 def test_numbers_that_act_alike_are_one():
     row = answer(np.random.default_rng(1), np.zeros(J))
-    group = _population.Group(VEHICLE)
-    one, _ = _population.read(row["unknowns"], *_population.matrices(row), group)
+    group = _told.Group(VEHICLE)
+    one, _ = _told.read(row["unknowns"], *_told.matrices(row), group)
     assert "cushion_spring.beta × friction.mu" in one.names and len(one.names) == J - 1
     assert group.sigma["cushion_spring.beta × friction.mu"][0] == pytest.approx(np.hypot(0.01, 0.015))
 
@@ -262,7 +262,7 @@ def test_laws_that_are_not_exact_leave_what_many_cars_cannot_average_out(drawn, 
     found, out, *_ = drawn
     rows = pq.read_table(out / "fleet.parquet").to_pylist()
     for row in rows:
-        _, H, _, P = _population.matrices(row)
+        _, H, _, P = _told.matrices(row)
         # A likelihood of half the precision, for it does not trust the laws.
         H = P + (H - P) / 2
         row["precision"] = [float(H[i, j]) for i in range(len(H)) for j in range(i + 1)]
@@ -274,7 +274,7 @@ def test_laws_that_are_not_exact_leave_what_many_cars_cannot_average_out(drawn, 
         assert wider["high"] == pytest.approx(spread["high"], rel=0.02) and wider["low"] < spread["low"] * 1.001
         assert abs(after["mean"] - before["mean"]) < before["mean_sd"] < after["mean_sd"]
     kiss, alone = number(unsure, "actuator.x_cnt"), number(found, "actuator.x_cnt")
-    one = [np.linalg.inv(m)[0, 0] for m in _population.matrices(rows[0])[1:3]]
+    one = [np.linalg.inv(m)[0, 0] for m in _told.matrices(rows[0])[1:3]]
     assert 0.3 < (kiss["mean_sd"] ** 2 - alone["mean_sd"] ** 2) / (one[0] - one[1]) < 3
 
 

@@ -1,6 +1,6 @@
 """What the cars of a fleet have in common: the numbers of their vehicle file, the effects, and how both move with mileage and date.
 
-Each car's answer holds a normal posterior of the numbers and of the parameters of the effects that were named, and the prior in it. The prior is divided out, and what is
+Each car's answer holds a normal posterior of the numbers and of the parameters of the effects that were named, and the prior in it. The prior is divided out (`_told`), and what is
 left – what the car's recordings say – is pooled by `_hierarchy`. Numbers and effects' parameters that do the same to a car are added up first: a kiss point that is off
 in every car may be named as an effect in some of them and taken for tolerance in others.
 """
@@ -10,7 +10,7 @@ import json
 import subprocess
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +24,7 @@ from .. import _command
 from . import _hierarchy
 from ._store import Place
 from ._table import Row
-
-Array = NDArray[np.float64]
+from ._told import Array, Group, matrices, read
 
 POOLED = 20_000
 """Cars of one vehicle file that teach its population; of more, every so many-th is taken, and the rest are left without shrunk estimates."""
@@ -41,142 +40,6 @@ SLOPE_LEAST = 8
 """Cars with a mileage or date without which nothing is said of drift."""
 
 _COLUMNS = ["campaign", "name", "mileage_km", "date", "error", "explanations", "unknowns", "precision", "precision_exact", "prior_precision", "vehicle", "vehicle_file", "report"]
-
-
-@dataclass
-class Told:
-    """What one car says, as the hierarchy takes it."""
-
-    names: list[str]
-    """Numbers, by the name of a tolerance, or of several joined by " × " that act alike."""
-    h: Array
-    D: Array
-    exact: tuple[Array, Array]
-    """The same two as if laws were exact: what is left is noise."""
-    inexact: Array
-    """Variance of each number that is due to laws that are not."""
-
-
-@dataclass
-class Group:
-    """Cars of one vehicle file."""
-
-    file: str
-    members: list[Row] = field(default_factory=list)
-    """campaign, name, mileage_km, date, report."""
-    told: list[Told] = field(default_factory=list)
-    sigma: dict[str, tuple[float, bool, str]] = field(default_factory=dict)
-    """Of each number: one standard deviation, whether of the logarithm, and its kind."""
-    parts: dict[str, dict[str, float]] = field(default_factory=dict)
-    """Of each number: its tolerances with their share of a move."""
-    stood_for: set[str] = field(default_factory=set)
-    """Effects that do what a number does: they are told of as that number."""
-    effects: dict[str, list[tuple[int, Array, Array]]] = field(default_factory=dict)
-    """By effect: which member, and what it says of the parameters that are no number of the vehicle file, in their sizes."""
-    parameters: dict[str, list[tuple[str, str, float, float]]] = field(default_factory=dict)
-    """By effect: variable, unit, prior centre and size of each of these."""
-    evidence: list[dict[tuple[str, ...], float]] = field(default_factory=list)
-
-
-def matrices(row: Row) -> tuple[Array, Array, Array, Array]:
-    """Mode, posterior precision, the same as if laws were exact, and prior precision of a row's unknowns."""
-    unknowns = row["unknowns"]
-    n = len(unknowns)
-    H, E, P = np.zeros((3, n, n))
-    H[np.tril_indices(n)] = row["precision"]
-    E[np.tril_indices(n)] = row["precision_exact"]
-    for entry in row["prior_precision"]:
-        P[entry["row"], entry["column"]] = entry["value"]
-    H, E, P = (m + np.tril(m, -1).T for m in (H, E, P))
-    return np.array([u["value"] for u in unknowns]), H, E, P
-
-
-def read(unknowns: list[Row], mode: Array, H: Array, E: Array, P: Array, group: Group) -> tuple[Told, dict[str, tuple[Array, Array]]]:
-    """The likelihood of the numbers, and of what is left of each effect.
-
-    Posterior and prior are taken to the sums u of what does the same; the likelihood is their quotient. That holds for any sums, whatever else is free:
-    the posterior of u is its prior times the probability of the recordings given u.
-    """
-    by_parameter: dict[str, list[int]] = {}
-    rows: list[tuple[str, dict[int, float], float]] = []
-    effect_of = {u["name"]: k for k, u in enumerate(unknowns) if u["kind"] == "effect"}
-    for k, u in enumerate(unknowns):
-        if u["kind"] == "effect" or u["one_sided"]:
-            continue
-        by_parameter.setdefault(u["same_as"] or u["name"], []).append(k)
-        if u["same_as"]:
-            group.stood_for.add(u["same_as"].split(".")[1])
-    taken = set()
-    for parameter, members in by_parameter.items():
-        name = " × ".join(unknowns[k]["name"] for k in members)
-        sigmas = np.array([unknowns[k]["sigma"] for k in members])
-        relative = all(unknowns[k]["relative"] for k in members)
-        # Where one number is moved alone, its own standard deviation is the unit.
-        rates = sigmas if relative or unknowns[members[0]]["per_sigma"] is None else np.array([unknowns[k]["per_sigma"] for k in members])
-        whole = float(np.linalg.norm(rates))
-        weights = {k: float(rate / whole) for k, rate in zip(members, rates, strict=True)}
-        value = sum(weight * mode[k] for k, weight in weights.items())
-        e = effect_of.get(parameter)
-        if e is not None:
-            taken.add(e)
-            factor = relative and unknowns[e]["centre"] == 1.0
-            if factor:
-                # A factor moves by its logarithm, as the tolerance does.
-                value += np.log(mode[e]) / whole
-                weights[e] = 1.0 / (mode[e] * whole)
-            else:
-                per = float(np.linalg.norm([unknowns[k]["per_sigma"] for k in members]))
-                value += (mode[e] - unknowns[e]["centre"]) / per
-                weights[e] = 1.0 / per
-        rows.append((name, weights, value))
-        kind = "tolerance" if any(unknowns[k]["kind"] == "tolerance" for k in members) else "logger"
-        unit = float(np.linalg.norm(sigmas))
-        group.sigma.setdefault(name, (unit, relative, kind))
-        group.parts.setdefault(name, {unknowns[k]["name"]: float(s / unit) for k, s in zip(members, sigmas, strict=True)})
-    sums, values, centres = [row[1] for row in rows], np.array([row[2] for row in rows]), np.zeros(len(rows))
-    told, exact = _likelihood(sums, values, centres, H, E, P)
-    T = _matrix(sums, len(H))
-    inexact = np.maximum(np.einsum("ij,ji->i", T, np.linalg.solve(H, T.T) - np.linalg.solve(E, T.T)), 0.0)
-    effects: dict[str, list[int]] = {}
-    for name, k in effect_of.items():
-        if k not in taken:
-            effects.setdefault(name.split(".")[1], []).append(k)
-    left = {}
-    for effect, places in effects.items():
-        sizes = [float(P[k, k] ** -0.5) for k in places]
-        group.parameters.setdefault(effect, [(unknowns[k]["name"], unknowns[k]["unit"] or "", unknowns[k]["centre"], s) for k, s in zip(places, sizes, strict=True)])
-        centres = np.array([unknowns[k]["centre"] for k in places])
-        left[effect] = _likelihood([{k: 1 / s} for k, s in zip(places, sizes, strict=True)], (mode[places] - centres) / sizes, np.zeros(len(places)), H, E, P)[0]
-    return Told([row[0] for row in rows], *told, exact, inexact), left
-
-
-def _matrix(weights: list[dict[int, float]], n: int) -> Array:
-    """Sums of n unknowns, a row each."""
-    T = np.zeros((len(weights), n))
-    for i, one in enumerate(weights):
-        T[i, list(one)] = list(one.values())
-    return T
-
-
-def _likelihood(weights: list[dict[int, float]], value: Array, centre: Array, H: Array, E: Array, P: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """h and D of sums of unknowns, and the same as if laws were exact. The mode is the latter's; less trust in the laws makes the likelihood wider where it is."""
-    h, D = _quotient(weights, value, centre, E, P)
-    wider = _quotient(weights, value, centre, H, P)[1]
-    return (np.asarray(wider @ np.linalg.pinv(D, rcond=1e-9, hermitian=True) @ h), wider), (h, D)
-
-
-def _quotient(weights: list[dict[int, float]], value: Array, centre: Array, H: Array, P: Array) -> tuple[Array, Array]:
-    """h and D of posterior / prior of sums of unknowns."""
-    T = _matrix(weights, len(H))
-    posterior = np.linalg.inv(T @ np.linalg.solve(H, T.T))
-    prior = np.linalg.inv(T @ np.linalg.solve(P, T.T))
-    D = posterior - prior
-    values, vectors = np.linalg.eigh(0.5 * (D + D.T))
-    # What is below rounding says nothing.
-    kept = np.maximum(values, 0.0) * (values > 1e-6 * np.abs(values).max(initial=0.0))
-    h = posterior @ value - prior @ centre
-    basis = vectors[:, kept > 0]
-    return basis @ (basis.T @ h), np.asarray((vectors * kept) @ vectors.T)
 
 
 def groups(file: Place) -> tuple[dict[str, Group], dict[str, int]]:
