@@ -138,7 +138,7 @@ fn a_law_that_does_not_carry_over_is_refused() {
     assert!(tried.share_left_out() < 0.5);
 }
 
-/// What a law learned at the true place does for cars with each effect outside the library. The figures are in docs/validation.md.
+/// What a law learned at the true place does for cars with each effect outside the library. It prints the figures.
 #[test]
 #[ignore = "takes minutes; prints a table"]
 fn what_is_learned_of_each_effect_outside_the_library() {
