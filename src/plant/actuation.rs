@@ -81,7 +81,7 @@ pub fn immediate(config: &Config) -> bool {
 
 /// Torque on the crankshaft that the report asks for, N·m.
 #[inline]
-fn engine_target(config: &Config, report: f64) -> f64 {
+pub fn engine_target(config: &Config, report: f64) -> f64 {
     config.constants.engine_gain * report + config.constants.engine_bias
 }
 

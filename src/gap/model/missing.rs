@@ -139,8 +139,18 @@ fn bump(x: f64, centre: f64, length: f64) -> f64 {
     (-0.5 * ((x - centre) / length).powi(2)).exp()
 }
 
+/// Places of some [`states`].
+pub mod state {
+    /// Speed of the flywheel, rad/s.
+    pub const OMEGA_F: usize = 4;
+    /// Speed of the disc, rad/s.
+    pub const OMEGA_C: usize = 5;
+    /// Torque that is asked for, N·m.
+    pub const REPORT: usize = 6;
+}
+
 /// States along a corrected replay that a law may depend on, by observation: slip, disc temperature, position and its direction, both speeds, torque
-/// asked for, time.
+/// asked for, time ([`state`]).
 pub fn states(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Vec<Vec<f64>> {
     let s = signals(track, filter, car, theta);
     let direction = direction(&s);
@@ -157,6 +167,11 @@ fn direction(s: &Signals) -> Vec<f64> {
 
 /// Disc speed in rad/s below which a car hardly moves.
 const STANDING: f64 = 0.5;
+
+/// Direction in which a car moves at a disc speed in rad/s, from −1 to 1.
+pub fn way(speed: f64) -> f64 {
+    (speed / STANDING).tanh()
+}
 
 /// Sizes of a fault worth the name: torque of engine and car in N·m, bearing in mm, share of the clutch torque, disc temperature in K.
 const ENGINE: f64 = 4.0;
@@ -195,7 +210,7 @@ impl Signals {
     }
     /// Direction in which the car moves, from −1 to 1.
     fn way(&self) -> Vec<f64> {
-        self.speed[1].iter().map(|speed| (speed / STANDING).tanh()).collect()
+        self.speed[1].iter().map(|speed| way(*speed)).collect()
     }
     /// An error of one speed as sensed, rad/s.
     fn sensed(&self, side: usize, f: &dyn Fn(usize) -> f64) -> Missing {

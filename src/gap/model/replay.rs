@@ -62,6 +62,18 @@ impl Missing {
         self.replayed().into_iter().chain([&self.way]).map(|values| size_of_val(&**values)).sum()
     }
 
+    /// Sum of the squares of what a replay has to know of at a row.
+    pub fn square(&self, row: usize) -> f64 {
+        self.replayed().into_iter().map(|values| at(values, row).powi(2)).sum()
+    }
+
+    /// The law with a factor on what it does in each row.
+    pub fn times(&self, factor: impl Fn(usize) -> f64) -> Self {
+        let mut law = self.clone();
+        law.replayed_mut().into_iter().for_each(|values| values.iter_mut().enumerate().for_each(|(row, x)| *x *= factor(row)));
+        law
+    }
+
     /// Makes the law that many times as large.
     pub fn scale(&mut self, by: f64) {
         self.replayed_mut().into_iter().flatten().for_each(|x| *x *= by);
