@@ -12,14 +12,15 @@
 //! of a turn on.
 //!
 //! Of an effect that is a torque of engine or car, or an error of a speed ([`causes`]), d is that, and a function is what a corrected replay makes of its share along a state: the filter takes up what
-//! lasts, so that the innovations show an uneven load where it changes and hardly an even one. These have polynomials up to the fourth degree. Of other effects d is what they change in the innovations.
+//! lasts, so that the innovations show an uneven load where it changes and hardly an even one. These have polynomials up to the fourth degree, along the states on which something of that kind can depend. Of other effects d is what they change in the innovations.
 //!
 //! The functions are linear in the innovations: a fit takes them along without replays of their own.
 
 use super::cause::causes;
 use super::density::{Baseline, Basis, Point, Problem, Residuals};
-use crate::effects::{Act, REGISTRY};
+use crate::effects::{Act, REGISTRY, Subsystem};
 use crate::gap::model::column::Column;
+use crate::gap::model::missing::state;
 use crate::gap::model::replay::Missing;
 use crate::gap::model::track::Track;
 use rayon::prelude::*;
@@ -36,6 +37,15 @@ const MOVED_S: f64 = 0.02;
 /// Highest degree of the polynomials: of what an effect does, and of what an effect changes whose doing is not known so well.
 const DEGREE_OF_CAUSE: i32 = 4;
 const DEGREE_OF_CHANGE: i32 = 2;
+
+/// States on which a torque or an error of a speed in a subsystem can depend.
+fn depends_on(subsystem: Subsystem) -> &'static [usize] {
+    match subsystem {
+        Subsystem::Engine => &[state::OMEGA_F, state::REPORT, state::TIME],
+        Subsystem::Driveline | Subsystem::Sensors => &[state::OMEGA_C, state::TIME],
+        _ => &state::ALL,
+    }
+}
 
 /// Scaled states beyond which a function stays as it is.
 const FAR: f64 = 2.5;
@@ -132,7 +142,7 @@ fn of_causes(problem: &Problem, change: &[Residuals], causes: &[Missing], from: 
     let observation = |r: usize, row: usize| problem.tracks[r].observation_of(row);
     let weights = |(cause, track): (&Missing, &Track)| (0..track.rows()).map(|row| cause.square(row)).collect();
     let weights: Vec<Vec<f64>> = causes.iter().zip(&problem.tracks).map(weights).collect();
-    let polynomials = polynomials(problem, DEGREE_OF_CAUSE, &weights, observation);
+    let polynomials = polynomials(problem, (depends_on(REGISTRY[effect].effect.subsystem), DEGREE_OF_CAUSE), &weights, observation);
     let replayed = |p: &Polynomial| {
         let one = |(r, (cause, from)): (usize, (&Missing, &Baseline))| {
             let states = &problem.states[r][p.state];
@@ -187,11 +197,16 @@ impl Polynomial {
     }
 }
 
-/// Those of every state up to a degree, shifted and scaled by these weights, of which each recording has some at its observations.
-fn polynomials(problem: &Problem, degree: i32, weights: &[Vec<f64>], observation: impl Fn(usize, usize) -> usize) -> Vec<Polynomial> {
+/// Those of these states up to a degree, shifted and scaled by these weights, of which each recording has some at its observations.
+fn polynomials(
+    problem: &Problem,
+    (along, degree): (&[usize], i32),
+    weights: &[Vec<f64>],
+    observation: impl Fn(usize, usize) -> usize,
+) -> Vec<Polynomial> {
     let whole: f64 = weights.iter().flatten().sum();
     let mut all = Vec::new();
-    for state in 0..problem.states[0].len() {
+    for &state in along {
         let mean = |f: &dyn Fn(f64) -> f64| {
             let one = |(r, weights): (usize, &Vec<f64>)| {
                 let states = &problem.states[r][state];
@@ -219,7 +234,7 @@ fn modulated(problem: &Problem, change: &[Residuals]) -> Vec<Function> {
     };
     let weights: Vec<Vec<f64>> = change.iter().map(|d| d.iter().map(|d| d * d).collect()).collect();
     let mut functions: Vec<Function> = in_time(problem, change).iter().map(|f| Function::new(None, f)).collect();
-    functions.extend(polynomials(problem, DEGREE_OF_CHANGE, &weights, observation).iter().map(|p| {
+    functions.extend(polynomials(problem, (&state::ALL, DEGREE_OF_CHANGE), &weights, observation).iter().map(|p| {
         let one = |(r, d): (usize, &Residuals)| {
             let states = &problem.states[r][p.state];
             d.iter().enumerate().map(|(i, d)| d * p.at(states[observation(r, i)])).collect()

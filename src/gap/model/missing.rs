@@ -147,6 +147,10 @@ pub mod state {
     pub const OMEGA_C: usize = 5;
     /// Torque that is asked for, N·m.
     pub const REPORT: usize = 6;
+    /// Time, s.
+    pub const TIME: usize = 7;
+    /// Of all states.
+    pub const ALL: [usize; 8] = [0, 1, 2, 3, 4, 5, 6, 7];
 }
 
 /// States along a corrected replay that a law may depend on, by observation: slip, disc temperature, position and its direction, both speeds, torque
