@@ -139,6 +139,9 @@ const MODULATED: f64 = 0.2;
 
 /// The functions of the form of an effect from what it does in each recording, so that all of them together do [`FORM`] of it, and from what it changes, for that may also be moved in time.
 fn of_causes(problem: &Problem, change: &[Residuals], causes: &[Missing], from: &[Baseline], effect: usize) -> Basis {
+    if square(change) == 0.0 {
+        return Basis::new();
+    }
     let observation = |r: usize, row: usize| problem.tracks[r].observation_of(row);
     let weights = |(cause, track): (&Missing, &Track)| (0..track.rows()).map(|row| cause.square(row)).collect();
     let weights: Vec<Vec<f64>> = causes.iter().zip(&problem.tracks).map(weights).collect();
@@ -320,6 +323,7 @@ mod tests {
             let of = |f: &std::sync::Arc<[Missing]>| f.iter().flat_map(|m| m.innovations.values().collect::<Vec<_>>()).collect();
             left(basis.iter().filter(|f| f[0].along == Some((load, OMEGA_C))).map(of).collect())
         };
+        assert!(forms(&problem, &problem.nominal(), &[load]).is_empty());
         let by_cause = along_speed(forms(&problem, &point, &[load]));
         let by_change = along_speed(of_changes(&problem, std::slice::from_ref(&even), FORM, Some(load)));
         assert!(by_cause < 0.02 && by_change > 0.1, "{by_cause} {by_change}");
