@@ -13,6 +13,7 @@
 use super::belief::ByAccuracy;
 use crate::effects::empirical::{CURVES, Curve};
 use crate::effects::{self, PARAMETERS, Parameters, REGISTRY};
+use crate::gap::model::course::Course;
 use crate::gap::model::filter::Filter;
 use crate::gap::model::replay::{self, Missing, Steps};
 use crate::gap::model::tolerance::{Car, LATE_SIGMAS, Nuisance};
@@ -188,13 +189,29 @@ impl Problem {
         (0..self.tracks.len()).into_par_iter().map(|k| self.residuals(k, point, basis)).collect()
     }
 
+    /// Steps of replays of recording `k` at a point of which only differences count.
+    fn steps(&self, k: usize, point: &Point) -> Steps {
+        // What pulsates changes within an observation.
+        if self.tracks[k].averages() && !self.car(point, Some(k)).pulsates() { Steps::Observations } else { Steps::Rows }
+    }
+
+    /// Courses of the car at a point, without missing laws; in steps like those of others to which they are compared.
+    pub fn courses(&self, point: &Point, like: Option<&[Course]>) -> Vec<Course<'_>> {
+        let one = |k: usize| self.course(k, point, like.map_or_else(|| self.steps(k, point), |all| all[k].steps));
+        (0..self.tracks.len()).into_par_iter().map(one).collect()
+    }
+
+    fn course(&self, k: usize, point: &Point, steps: Steps) -> Course<'_> {
+        let track = &self.tracks[k];
+        self.work.add(if steps == Steps::Rows { track.rows() } else { track.observations() });
+        Course::new(steps, track, &self.filters[k], &self.car(point, Some(k)), self.temperatures(point, k))
+    }
+
     /// The place from which [`Problem::change`] counts, in recording `k`. `known` are the innovations there, if they are known.
     pub fn baseline<'a>(&self, k: usize, point: &'a Point, basis: Option<&'a Basis>, known: Option<&Residuals>) -> Baseline<'a> {
-        // What pulsates changes within an observation.
-        let in_rows = !self.tracks[k].averages() || self.car(point, Some(k)).pulsates();
-        let steps = if in_rows { Steps::Rows } else { Steps::Observations };
+        let steps = self.steps(k, point);
         let law = basis.map(|b| driving(b, k, &point.missing));
-        let driven = match known.filter(|_| in_rows) {
+        let driven = match known.filter(|_| steps == Steps::Rows) {
             Some(known) => {
                 let mut all = known.clone();
                 add_linear(&mut all, basis, k, |f| -point.missing[f]);

@@ -1,7 +1,6 @@
 //! Inference: one density, its mode, its evidence, and the search over what may be missing.
 
 pub mod belief;
-pub mod cause;
 pub mod coordinate;
 pub mod density;
 pub mod exchange;

@@ -6,7 +6,7 @@
 
 use super::belief::{ByAccuracy, STEERING, overall};
 use super::coordinate::Coordinate;
-use super::density::{Baseline, Basis, ByPhase, Function, Point, Problem, WHOLE};
+use super::density::{Basis, ByPhase, Point, Problem, WHOLE};
 use super::fit::{Fit, Free, fit, mean_covariance};
 use super::form::{are_as_large, forms, of_law};
 use super::linear::{Columns, Frame, Known, Normal, Products, assemble, by_phase, to_powers};
@@ -14,8 +14,10 @@ use super::search::{DRAGGED, Hypothesis, MOST_BYTES, STAY, log_prior, moment, mo
 use super::weigh::Information;
 use crate::effects::Subsystem;
 use crate::gap::model::column::Column;
+use crate::gap::model::course::Course;
 use crate::gap::model::missing;
 use crate::gap::model::replay::Missing;
+use crate::gap::model::track::Track;
 use crate::gap::model::unknown_clutch::hides;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -71,8 +73,6 @@ const OF_TIME: [f64; 3] = [0.0, 0.25, 1.0];
 
 /// Least distance of the times of a law that follows nothing but time, s: what comes and goes faster has died away in the speeds.
 const APART_S: f64 = 0.5;
-/// Time in s after which what a bump did to the speeds has been corrected.
-const FORGOTTEN_S: f64 = 4.0;
 /// Most times in all recordings; where they would be further apart than so many seconds they say nothing.
 const MOST_TIMES: f64 = 300.0;
 const FAR_APART_S: f64 = 2.0;
@@ -86,9 +86,11 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
     let (Some(sharp), Some(coarse)) = (Mode::new(problem, of, WHOLE), Mode::new(problem, of, problem.steering())) else {
         return Vec::new();
     };
+    let courses = problem.courses(&of.formed.point, None);
+    let promised = |place: Subsystem| promised(problem, of, &courses, [&sharp, &coarse], place);
     let mut found: Vec<Promised> = Vec::new();
     for place in Subsystem::ALL.into_iter().filter(|p| !hides(&problem.tracks, *p)) {
-        found.push(promised(problem, of, [&sharp, &coarse], place));
+        found.push(promised(place));
         found.sort_by(|a, b| b.unknown.lead.total_cmp(&a.unknown.lead));
         // The functions of all places would take more memory than anything else; those of long drives do so already if they are of two.
         let held = if found.iter().map(Promised::bytes).sum::<usize>() > MOST_BYTES { 1 } else { FITTED };
@@ -104,7 +106,7 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
         let worthwhile = |u: &Unknown| u.fit.is_none() && best > least && is_near(best, u.lead);
         let Some(promise) = found.iter_mut().take(FITTED).find(|p| worthwhile(&p.unknown)) else { break };
         if promise.known.is_empty() {
-            *promise = promised(problem, of, [&sharp, &coarse], promise.unknown.law.place);
+            *promise = promised(promise.unknown.law.place);
         }
         let Promised { unknown: u, size, known } = promise;
         let begun = Begun::new(problem, &of.effects, &u.law, &of.fit.point, Some(Known::Law(known)));
@@ -151,7 +153,7 @@ impl Promised {
 }
 
 /// What a law promises at a place by the linear models with the whole likelihood and with its power.
-fn promised(problem: &Problem, of: &Hypothesis, [sharp, coarse]: [&Mode; 2], place: Subsystem) -> Promised {
+fn promised(problem: &Problem, of: &Hypothesis, courses: &[Course], [sharp, coarse]: [&Mode; 2], place: Subsystem) -> Promised {
     struct OfSize {
         states: f64,
         time: f64,
@@ -159,7 +161,7 @@ fn promised(problem: &Problem, of: &Hypothesis, [sharp, coarse]: [&Mode; 2], pla
         coarse: f64,
     }
     let mut basis = functions(problem, &of.fit.point, place);
-    let changes = sharp.with_times(place, sharp.columns(&basis));
+    let changes = with_times(problem, &of.fit.point, courses, place, columns(courses, &basis));
     let mode = sharp;
     let parts = mode.products(&changes);
     let (sharp, coarse) = (sharp.information(&parts), coarse.information(&parts));
@@ -300,15 +302,42 @@ fn linear(changes: &[Columns], from: usize) -> Basis {
     (from..changes.first().map_or(0, Vec::len)).map(|f| changes.iter().map(|c| one(c, f)).collect()).collect()
 }
 
-/// Amplitude, in standard deviations, at which a function is replayed.
-const STEP: f64 = 0.5;
+/// What one standard deviation of each function changes on the way of each recording.
+fn columns(courses: &[Course], further: &Basis) -> Vec<Columns> {
+    let one = |(r, course): (usize, &Course)| further.par_iter().map(|f| Column::new(&course.response(&f[r]))).collect();
+    courses.par_iter().enumerate().map(one).collect()
+}
+
+/// The same changes, and those of functions of time alone at a place: bumps, each in one recording.
+fn with_times(problem: &Problem, point: &Point, courses: &[Course], place: Subsystem, changes: Vec<Columns>) -> Vec<Columns> {
+    let total: f64 = problem.tracks.iter().map(Track::duration).sum();
+    let width = APART_S.max(total / MOST_TIMES);
+    if width > FAR_APART_S {
+        return changes;
+    }
+    let of_recording = |(r, course): (usize, &Course)| -> Columns {
+        let (car, theta) = (problem.car(point, Some(r)), problem.temperatures(point, r));
+        let bumps = missing::bumps(place, width, &problem.tracks[r], &problem.filters[r], &car, theta);
+        bumps.map(|bump| Column::new(&course.response(&bump))).filter(|column| !column.is_zero()).collect()
+    };
+    let timed: Vec<Columns> = courses.par_iter().enumerate().map(of_recording).collect();
+    let count: usize = timed.iter().map(Vec::len).sum();
+    let mut next = changes.first().map_or(0, Vec::len);
+    let with = |(mut all, timed): (Columns, Columns)| {
+        all.resize(all.len() + count, Column::default());
+        for column in timed {
+            all[next] = column;
+            next += 1;
+        }
+        all
+    };
+    changes.into_iter().zip(timed).map(with).collect()
+}
 
 /// A mode at which further functions are tried.
 struct Mode<'a> {
     problem: &'a Problem,
     fit: &'a Fit,
-    /// Functions that are fitted there.
-    basis: &'a Basis,
     columns: Arc<Vec<Columns>>,
     equations: Normal,
     powers: ByPhase<f64>,
@@ -320,77 +349,7 @@ impl<'a> Mode<'a> {
         let frame = Frame { shared: fit.shared.clone(), own: fit.own.clone() };
         let columns = fit.derivatives(problem, &frame, Some(&of.basis));
         let equations = assemble(&fit.point, &frame, &to_powers(&fit.parts, powers), 0.0)?;
-        Some(Self { problem, fit, basis: &of.basis, columns, equations, powers })
-    }
-
-    /// What one standard deviation of each function changes, by recording.
-    fn columns(&self, further: &Basis) -> Vec<Columns> {
-        let one = |r: usize| {
-            let from = self.problem.baseline(r, &self.fit.point, Some(self.basis), Some(&self.fit.residuals[r]));
-            let change = |function: &Function| Column::new(&self.change(r, &from, function[r].clone()));
-            further.par_iter().map(change).collect()
-        };
-        (0..self.problem.tracks.len()).into_par_iter().map(one).collect()
-    }
-
-    /// The same changes, and those of functions of time alone at a place: bumps, each in one recording. What bumps of a comb change is taken apart by time.
-    fn with_times(&self, place: Subsystem, changes: Vec<Columns>) -> Vec<Columns> {
-        let (problem, point) = (self.problem, &self.fit.point);
-        let span = |r: usize| problem.tracks[r].time[problem.tracks[r].time.len() - 1] - problem.tracks[r].time[0];
-        let total: f64 = (0..changes.len()).map(span).sum();
-        let width = APART_S.max(total / MOST_TIMES);
-        if width > FAR_APART_S {
-            return changes;
-        }
-        let teeth = (FORGOTTEN_S / width).ceil() as usize;
-        let of_recording = |r: usize| -> Columns {
-            let track = &problem.tracks[r];
-            let combs = missing::combs(
-                place,
-                width,
-                teeth,
-                track,
-                &problem.filters[r],
-                &problem.car(point, Some(r)),
-                problem.temperatures(point, r),
-            );
-            let n = track.observations();
-            let last = |i: usize| track.rows_of(if i < 2 * n { i / 2 } else { (i - 2 * n) % n }).end - 1;
-            let first_in = |i: usize| ((track.time[last(i)] - track.time[0]) / width + 1.0) as usize;
-            let bumps = (span(r) / width) as usize + 1;
-            let from = problem.baseline(r, point, Some(self.basis), Some(&self.fit.residuals[r]));
-            let mut all = vec![vec![0.0; self.fit.residuals[r].len()]; bumps];
-            for (comb, function) in combs.into_iter().enumerate() {
-                for (i, change) in self.change(r, &from, function).into_iter().enumerate() {
-                    // The last bump of this comb that has begun.
-                    let begun = first_in(i);
-                    if let Some(bump) = begun.checked_sub(comb).map(|since| comb + since / teeth * teeth)
-                        && bump < bumps
-                    {
-                        all[bump][i] = change;
-                    }
-                }
-            }
-            all.iter().map(|column| Column::new(column)).filter(|column| !column.is_zero()).collect()
-        };
-        let timed: Vec<Columns> = (0..changes.len()).into_par_iter().map(of_recording).collect();
-        let count: usize = timed.iter().map(Vec::len).sum();
-        let mut next = changes.first().map_or(0, Vec::len);
-        let with = |(mut all, timed): (Columns, Columns)| {
-            all.resize(all.len() + count, Column::default());
-            for column in timed {
-                all[next] = column;
-                next += 1;
-            }
-            all
-        };
-        changes.into_iter().zip(timed).map(with).collect()
-    }
-
-    /// What one standard deviation of a function changes in recording `r`, whose mode is the baseline.
-    fn change(&self, r: usize, from: &Baseline, mut function: Missing) -> Vec<f64> {
-        function.scale(STEP);
-        self.problem.change_under(r, from, function).into_iter().map(|change| change / STEP).collect()
+        Some(Self { problem, fit, columns, equations, powers })
     }
 
     /// Products of everything that is free at the mode and of these changes, by recording and phase.

@@ -111,6 +111,15 @@ pub struct BenchGain {
     pub decay: f64,
 }
 
+impl BenchGain {
+    /// Whitened innovation of an error, of which `lasting` is known to last; that goes on to the next observation.
+    pub fn innovation(&self, error: f64, lasting: &mut f64) -> f64 {
+        let innovation = if self.weight == 0.0 { 0.0 } else { error - *lasting };
+        *lasting = self.decay * (*lasting + self.of * innovation);
+        innovation * self.weight
+    }
+}
+
 /// Filter of one recording.
 #[derive(Clone, Debug)]
 pub struct Filter {
@@ -130,6 +139,14 @@ pub struct Filter {
     pub inertia: [f64; 2],
     /// Samples, speeds and bench.
     pub samples: usize,
+}
+
+impl Filter {
+    /// Accelerations of flywheel and disc by the torques that gains of observation `k` find, for an innovation of 1 rad/s, 1/s.
+    pub fn rate(&self, k: usize, of: &[f64; STATES]) -> [f64; 2] {
+        let torque = if self.pinned[k] { [0.0, of[ENGINE] + of[LOAD]] } else { [of[ENGINE] - of[CLUTCH], of[LOAD] + of[CLUTCH]] };
+        [torque[0] / self.inertia[0], torque[1] / self.inertia[1]]
+    }
 }
 
 /// Error of the disc temperature that lasts for about a second, K: the housing air is noted in steps.

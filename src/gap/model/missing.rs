@@ -141,6 +141,14 @@ fn bump(x: f64, centre: f64, length: f64) -> f64 {
 
 /// Places of some [`states`].
 pub mod state {
+    /// Slip, rad/s.
+    pub const SLIP: usize = 0;
+    /// Temperature of the disc, °C.
+    pub const THETA: usize = 1;
+    /// Position of the bearing, mm.
+    pub const POSITION: usize = 2;
+    /// Direction in which it moves, from −1 to 1.
+    pub const DIRECTION: usize = 3;
     /// Speed of the flywheel, rad/s.
     pub const OMEGA_F: usize = 4;
     /// Speed of the disc, rad/s.
@@ -149,6 +157,8 @@ pub mod state {
     pub const REPORT: usize = 6;
     /// Time, s.
     pub const TIME: usize = 7;
+    /// No state along a replay: what an effect does itself, whose form may depend on its size and its sign.
+    pub const ITSELF: usize = 8;
     /// Of all states.
     pub const ALL: [usize; 8] = [0, 1, 2, 3, 4, 5, 6, 7];
 }
@@ -227,20 +237,20 @@ impl Signals {
     }
 }
 
-/// Functions of time alone, for what no state leads to, of the size of a fault worth the name: `teeth` combs of bumps, each as wide as the next comb is away and as many times that
-/// from one bump to the next. Only of subsystems in which something may come and go by itself; none of others.
-pub fn combs(place: Subsystem, width: f64, teeth: usize, track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Vec<Missing> {
-    if matches!(place, Subsystem::ClutchForce | Subsystem::Thermal | Subsystem::Sensors) {
-        return Vec::new();
-    }
+/// Functions of time alone, for what no state leads to, of the size of a fault worth the name: bumps a `width` in s apart. Only of subsystems in which something may come and go by itself; none of others.
+pub fn bumps(
+    place: Subsystem,
+    width: f64,
+    track: &Track,
+    filter: &Filter,
+    car: &Car,
+    theta: [f64; 2],
+) -> impl Iterator<Item = Missing> + use<> {
+    let none = matches!(place, Subsystem::ClutchForce | Subsystem::Thermal | Subsystem::Sensors);
+    let count = if none { 0 } else { (track.duration() / width).ceil() as usize + 1 };
     let s = signals(track, filter, car, theta);
-    let period = teeth as f64 * width;
-    let one = |comb: usize| {
-        let from_bump = |k: usize| {
-            let after = (s.time[k] - s.time[0] - comb as f64 * width).rem_euclid(period);
-            after.min(period - after)
-        };
-        let bump = |k: usize| (1.0 - from_bump(k) / width).max(0.0);
+    let one = move |bump: usize| {
+        let bump = |k: usize| (1.0 - ((s.time[k] - s.time[0]) / width - bump as f64).abs()).max(0.0);
         match place {
             Subsystem::Engine => s.on(0, &|k| ENGINE * bump(k)),
             Subsystem::Actuator => s.moved(&|k| BEARING * bump(k)),
@@ -248,7 +258,7 @@ pub fn combs(place: Subsystem, width: f64, teeth: usize, track: &Track, filter: 
             _ => s.clutch(&|k| CLUTCH * s.torque[k] * bump(k)),
         }
     };
-    (0..teeth).map(one).collect()
+    (0..count).map(one)
 }
 
 /// The functions of a subsystem's missing law, row by row, each scaled to one standard deviation.
@@ -396,6 +406,24 @@ mod tests {
         assert_eq!(played(&[0.0, 1.0, 3.0, 2.5, 1.0], 2.0), [0.0, 0.0, 2.0, 2.0, 2.0]);
         assert_eq!(played(&[0.0, 3.0, -3.0], 2.0), [0.0, 2.0, -2.0]);
         assert!((bump(3.0, 1.0, 2.0) - (-0.5_f64).exp()).abs() < 1e-12 && bump(1.0, 1.0, 2.0) == 1.0);
+    }
+
+    /// Neighbours add up to 1 at any time, and each is none half a second from its own.
+    #[test]
+    fn bumps_share_out_the_time() {
+        let example = crate::gap::model::prepare::Example::read();
+        let (problem, _) = example.problem(&[&example.campaign.recordings[0]]);
+        let (track, car) = (&problem.tracks[0], Car::nominal(&example.vehicle));
+        let of = |place| bumps(place, 0.5, track, &problem.filters[0], &car, track.theta_0).collect::<Vec<_>>();
+        let all = of(Subsystem::Engine);
+        assert_eq!(all.len(), (track.duration() / 0.5).ceil() as usize + 1);
+        for row in 0..track.rows() {
+            assert!((all.iter().map(|b| b.torque[0][row]).sum::<f64>() - ENGINE).abs() < 1e-9);
+            let third = all[3].torque[0][row];
+            let away = (track.time[row] - track.time[0] - 1.5).abs();
+            assert!((third - ENGINE * (1.0 - away / 0.5).max(0.0)).abs() < 1e-9, "{row}: {third}");
+        }
+        assert_eq!([Subsystem::ClutchForce, Subsystem::Thermal, Subsystem::Sensors].map(|place| of(place).len()), [0; 3]);
     }
 
     /// Five rows of which the clutch slips in the middle three.

@@ -2,6 +2,7 @@
 
 pub mod clock;
 pub mod column;
+pub mod course;
 pub mod filter;
 pub mod missing;
 pub mod noise;

@@ -62,9 +62,10 @@ impl Missing {
         self.replayed().into_iter().chain([&self.way]).map(|values| size_of_val(&**values)).sum()
     }
 
-    /// Sum of the squares of what a replay has to know of at a row.
-    pub fn square(&self, row: usize) -> f64 {
-        self.replayed().into_iter().map(|values| at(values, row).powi(2)).sum()
+    /// What acts by row: torques of engine, car and clutch, errors of both speeds.
+    pub fn acting(&self) -> [&Vec<f64>; 5] {
+        let ([f, c], [sensed_f, sensed_c]) = (&self.torque, &self.sensed);
+        [f, c, &self.clutch, sensed_f, sensed_c]
     }
 
     /// The law with a factor on what it does in each row.
@@ -99,10 +100,16 @@ impl Missing {
     pub fn is_linear(&self) -> bool {
         self.rolling == 0.0 && self.replayed().into_iter().all(Vec::is_empty)
     }
-    fn torque(&self, side: usize, row: usize) -> f64 {
+    /// Torque on a side at a row, N·m, but for a rolling load that holds a car as well.
+    pub fn torque(&self, side: usize, row: usize) -> f64 {
         let clutch = at(&self.clutch, row);
         let other = if side == 0 { -clutch } else { clutch - self.rolling.min(0.0) * at(&self.way, row) };
         at(&self.torque[side], row) + other
+    }
+    /// Errors of the speeds that are read at the start, rad/s; their mean if both speeds are `one`.
+    pub fn read_at_start(&self, one: bool) -> [f64; 2] {
+        let [f, c] = [0, 1].map(|side| at(&self.sensed[side], 0));
+        if one { [0.5 * (f + c); 2] } else { [f, c] }
     }
     /// A torque of the clutch on the disc in N·m, by row.
     pub fn of_clutch(torque: Vec<f64>) -> Self {
@@ -110,7 +117,8 @@ impl Missing {
     }
 }
 
-fn at(values: &[f64], row: usize) -> f64 {
+/// Value at a row of what may be empty.
+pub fn at(values: &[f64], row: usize) -> f64 {
     values.get(row).copied().unwrap_or(0.0)
 }
 
@@ -149,6 +157,12 @@ pub fn start(track: &Track, car: &Car, row: usize, theta: [f64; 2], noise: f64) 
         (omega_f, omega_c)
     };
     Start { omega_f, omega_c, theta_c: theta[0], theta_b: theta[1] }
+}
+
+/// A start that was read from sensors with the errors of a law: speeds that are one stay so.
+fn meant(read: Start, law: Option<&Missing>) -> Start {
+    let [f, c] = law.map_or([0.0; 2], |law| law.read_at_start(read.omega_f == read.omega_c));
+    Start { omega_f: read.omega_f - f, omega_c: read.omega_c - c, ..read }
 }
 
 /// Runs the plant over `rows` from a start and a slip angle in rad, calling `at` in each row with what the sensors would show there; what it leaves in the torques added
@@ -301,13 +315,20 @@ pub fn torques(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Ve
     all
 }
 
-/// A plant's inertias over those that gains were worked out for, by the side on which a torque was found; together while its clutch sticks, the car's while the flywheel is pinned.
-fn shares(of: [f64; 2], plant: &Plant, pinned: bool) -> [f64; 2] {
-    let d = &plant.config().constants.driveline;
-    if pinned {
-        return [d.J_c / of[1]; 2];
-    }
-    if plant.state().stuck { [(d.J_f + d.J_c) / (of[0] + of[1]); 2] } else { [d.J_f / of[0], d.J_c / of[1]] }
+/// What the filter adds from observation `k` on to a car with these inertias, by its estimate. The gains belong to one pair of inertias, and so do the accelerations that they ask for: a
+/// candidate with others would be corrected by more or less, and gain or lose by that alone. So the inertias' ratios count, by the side on which a torque was found: of both together while
+/// the clutch sticks, the car's while the flywheel is pinned.
+pub fn added(filter: &Filter, k: usize, estimate: &[f64; STATES], [j_f, j_c]: [f64; 2], stuck: bool) -> Added {
+    let of = filter.inertia;
+    let share = if filter.pinned[k] {
+        [j_c / of[1]; 2]
+    } else if stuck {
+        [(j_f + j_c) / (of[0] + of[1]); 2]
+    } else {
+        [j_f / of[0], j_c / of[1]]
+    };
+    let clutch = estimate[state::CLUTCH];
+    Added { flywheel: share[0] * (estimate[state::ENGINE] - clutch), disc: share[1] * (estimate[state::LOAD] + clutch) }
 }
 
 /// A corrected replay: its whitened innovations; `each` sees in every row what the sensors would show, and the plant.
@@ -322,7 +343,8 @@ pub fn corrected(
     corrected_in(Steps::Rows, track, filter, car, theta, missing, each)
 }
 
-fn corrected_in(
+/// The same in steps of one's choice.
+pub fn corrected_in(
     steps: Steps,
     track: &Track,
     filter: &Filter,
@@ -336,7 +358,7 @@ fn corrected_in(
     let mut bench: [Vec<f64>; 3] = [Vec::new(), Vec::new(), Vec::new()];
     let noise = 1.0 / filter.gains.iter().map(|g| g.weight[0]).fold(1e-3, f64::max);
     let speed_gain = car.effects[param::clutch_speed_gain::gain];
-    let begin = start(track, car, 0, theta, noise);
+    let begin = meant(start(track, car, 0, theta, noise), missing);
     let mut estimate = [0.0; STATES];
     let mut lasting = [0.0; 3];
     let mut sums = [(0.0, 0_usize); 5];
@@ -368,16 +390,11 @@ fn corrected_in(
             }
             let innovation = mean(c) - corrected[c] - estimate[[state::NOISE_F, state::NOISE_C][c]];
             speeds.push(innovation * gain.weight[c]);
-            let of = gain.of[c];
+            let of = &gain.of[c];
             (corrected[0], corrected[1]) = (corrected[0] + of[0] * innovation, corrected[1] + of[1] * innovation);
             (2..STATES).for_each(|s| estimate[s] += of[s] * innovation);
             // A speed that is sensed late tells of a moment ago; the torques that it shows missing have moved the speeds since.
-            let torque = if filter.pinned[k] {
-                [0.0, of[state::ENGINE] + of[state::LOAD]]
-            } else {
-                [of[state::ENGINE] - of[state::CLUTCH], of[state::LOAD] + of[state::CLUTCH]]
-            };
-            let rate = [torque[0] * innovation / filter.inertia[0], torque[1] * innovation / filter.inertia[1]];
+            let rate = filter.rate(k, of).map(|rate| rate * innovation);
             plant.correct_speeds([of[0] * innovation, of[1] * innovation / speed_gain], rate, c);
             let found = if plant.state().stuck || filter.pinned[k] { of[state::LOAD] + of[state::ENGINE] } else { of[state::LOAD] };
             plant.correct_shafts(found * innovation);
@@ -386,22 +403,11 @@ fn corrected_in(
             plant.hold_car();
         }
         for (c, gains) in filter.bench.iter().enumerate().filter(|(_, g)| !g.is_empty()) {
-            let gain = gains[k];
-            if gain.weight == 0.0 {
-                bench[c].push(0.0);
-            } else {
-                let innovation = mean(c + 2) - lasting[c];
-                bench[c].push(innovation * gain.weight);
-                lasting[c] += gain.of * innovation;
-            }
-            lasting[c] *= gain.decay;
+            bench[c].push(gains[k].innovation(mean(c + 2), &mut lasting[c]));
         }
         estimate.iter_mut().zip(gain.decay).skip(2).for_each(|(e, d)| *e *= d);
-        let clutch = estimate[state::CLUTCH];
-        // The gains belong to one pair of inertias, and so do the accelerations that they ask for: a candidate with others would be corrected by more
-        // or less, and gain or lose by that alone.
-        let share = shares(filter.inertia, plant, filter.pinned[k]);
-        *added = Added { flywheel: share[0] * (estimate[state::ENGINE] - clutch), disc: share[1] * (estimate[state::LOAD] + clutch) };
+        let d = &plant.config().constants.driveline;
+        *added = self::added(filter, k, &estimate, [d.J_f, d.J_c], plant.state().stuck);
         sums = Default::default();
         k += 1;
         if k < n {
@@ -432,6 +438,18 @@ mod tests {
         assert_eq!((sum.torque(0, 1), sum.torque(1, 0), sum.torque(1, 1), sum.torque(1, 2)), (-6.0, 5.5, 9.0, 0.0));
         assert!(!Missing { rolling: 1.0, ..Missing::default() }.is_linear());
         assert!(sum.sensed[1] == [0.25] && sum.bench.concat().is_empty() && !sum.is_linear() && Missing::default().is_linear());
+    }
+
+    /// Each speed by its own sensor's error; two that are one by the mean of both.
+    #[test]
+    fn a_start_is_what_was_read_less_the_errors_of_reading() {
+        let read = |omega_c| Start { omega_f: 100.0, omega_c, theta_c: 25.0, theta_b: 25.0 };
+        let law = Missing { sensed: [vec![1.0, 7.0], vec![2.0]], ..Missing::default() };
+        let start = |omega_c, law| {
+            let Start { omega_f, omega_c, .. } = meant(read(omega_c), law);
+            (omega_f, omega_c)
+        };
+        assert_eq!((start(40.0, Some(&law)), start(100.0, Some(&law)), start(40.0, None)), ((99.0, 38.0), (98.5, 98.5), (100.0, 40.0)));
     }
 
     #[test]
