@@ -217,17 +217,19 @@ fn effects_laws_and_forms() {
     let (track, filter, car, theta) = (&bench.tracks[0], &bench.filters[0], bench.car(&point, Some(0)), bench.temperatures(&point, 0));
     for place in Subsystem::ALL {
         let laws = missing::functions(place, track, filter, &car, theta);
-        let combs = missing::combs(place, 0.25, 4, track, filter, &car, theta);
+        let bumps: Vec<Missing> = missing::bumps(place, 0.25, track, filter, &car, theta).collect();
         let all = |laws: &[Missing]| {
             mark(laws.iter().flat_map(|m| {
                 m.torque.iter().chain([&m.clutch]).chain(&m.sensed).chain(&m.bench).flatten().copied().chain([0.5]).collect::<Vec<_>>()
             }))
         };
         found.push((format!("{}: laws", place.id()), all(&laws)));
-        found.push((format!("{}: combs", place.id()), all(&combs)));
+        found.push((format!("{}: bumps", place.id()), all(&bumps)));
         let mut sum = Missing::default();
         laws.iter().enumerate().for_each(|(k, m)| sum.add(m, 0.3 * (k as f64 + 1.0).sin()));
         found.push((format!("{}: under it", place.id()), mark(innovations(track, filter, &car, theta, Some(&sum)))));
+        let courses = bench.courses(&point, None);
+        found.push((format!("{}: answer to it", place.id()), mark(courses[0].response(&sum))));
     }
     frozen("laws", found, DIRECT);
 }
