@@ -21,21 +21,21 @@ use crate::plant::{actuation::engine_target, sensed};
 
 /// Where a car is at an observation.
 #[derive(Clone, Copy, Debug)]
-pub struct Instant {
+struct Instant {
     /// Continuous states.
-    pub y: Motion,
+    y: Motion,
     /// Position of the bearing, mm.
-    pub bearing: f64,
+    bearing: f64,
     /// Memory of the force hysteresis.
-    pub memory: Branch,
+    memory: Branch,
     /// Direction of slip, ±1.
-    pub direction: f64,
+    direction: f64,
     /// Whether flywheel and disc turn as one.
-    pub stuck: bool,
+    stuck: bool,
     /// Torque report behind the engine's lag, but for what the filter added, N·m.
-    pub report: f64,
+    report: f64,
     /// By how much speeds that come to what scales them in their sensors are ahead of those of now, rad/s.
-    pub ahead: [f64; 2],
+    ahead: [f64; 2],
 }
 
 /// A course.
