@@ -159,6 +159,14 @@ impl Config {
         let j = self.constants.driveline.J_c;
         if self.compliant() { self.constants.disc_share * j } else { j }
     }
+
+    /// By how much the shafts are twisted too far, rad/(N·m), where an observer that holds them for rigid found a torque on the car's side while the clutch is `stuck` or not: what
+    /// accelerates the whole car so shows as an acceleration of the disc first.
+    pub fn misread_twist(&self, stuck: bool) -> f64 {
+        let c = &self.constants;
+        let with = if stuck { c.driveline.J_f } else { 0.0 };
+        c.compliance * (with + self.disc_inertia()) / (with + c.driveline.J_c)
+    }
 }
 
 #[cfg(test)]

@@ -294,13 +294,9 @@ impl Plant {
         self.config.coupling = Some(Coupling::Torque(motion::torque_to(&self.config, &state.y, t_e, omega_f, h)));
     }
 
-    /// Tells twisted shafts of `torque` N·m that an observer found on the car's side: what accelerates the whole car so shows as an acceleration of the disc
-    /// first, and so as an error of the shafts' torque. Rigid shafts have no twist.
+    /// Tells twisted shafts of `torque` N·m that an observer found on the car's side, see [`Config::misread_twist`]. Rigid shafts have no twist.
     pub fn correct_shafts(&mut self, torque: f64) {
-        let c = &self.config.constants;
-        let with = if self.state.stuck { c.driveline.J_f } else { 0.0 };
-        let share = (with + self.config.disc_inertia()) / (with + c.driveline.J_c);
-        self.state.y[index::TWIST] -= share * torque * c.compliance;
+        self.state.y[index::TWIST] -= self.config.misread_twist(self.state.stuck) * torque;
     }
 
     /// Tells elastic shafts that the car behind them stands, held by its brakes: they carry the clutch torque alone. Rigid shafts have no twist.

@@ -100,6 +100,23 @@ pub struct Gain {
     pub decay: [f64; STATES],
 }
 
+impl Gain {
+    /// Innovations of flywheel and disc speed, rad/s, of which the later one knows the earlier; none where there is no sample. Errors are those of the speeds as shown, and `estimate` takes up
+    /// what is found beyond the speeds.
+    pub fn innovations(&self, errors: [f64; 2], estimate: &mut [f64; STATES]) -> [Option<f64>; 2] {
+        let mut corrected = [0.0; 2];
+        std::array::from_fn(|c| {
+            if self.weight[c] == 0.0 {
+                return None;
+            }
+            let innovation = errors[c] - corrected[c] - estimate[[NOISE_F, NOISE_C][c]];
+            (0..2).for_each(|s| corrected[s] += self.of[c][s] * innovation);
+            (2..STATES).for_each(|s| estimate[s] += self.of[c][s] * innovation);
+            Some(innovation)
+        })
+    }
+}
+
 /// Gain of one observation of a bench channel, whose error may last.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BenchGain {
@@ -146,6 +163,11 @@ impl Filter {
     pub fn rate(&self, k: usize, of: &[f64; STATES]) -> [f64; 2] {
         let torque = if self.pinned[k] { [0.0, of[ENGINE] + of[LOAD]] } else { [of[ENGINE] - of[CLUTCH], of[LOAD] + of[CLUTCH]] };
         [torque[0] / self.inertia[0], torque[1] / self.inertia[1]]
+    }
+
+    /// Torque on the car's side that these gains find, for an innovation of 1 rad/s, N·m·s/rad, while the clutch is `stuck` or not.
+    pub fn found(&self, k: usize, of: &[f64; STATES], stuck: bool) -> f64 {
+        if stuck || self.pinned[k] { of[LOAD] + of[ENGINE] } else { of[LOAD] }
     }
 }
 

@@ -106,10 +106,9 @@ impl Missing {
         let other = if side == 0 { -clutch } else { clutch - self.rolling.min(0.0) * at(&self.way, row) };
         at(&self.torque[side], row) + other
     }
-    /// Errors of the speeds that are read at the start, rad/s; their mean if both speeds are `one`.
-    pub fn read_at_start(&self, one: bool) -> [f64; 2] {
-        let [f, c] = [0, 1].map(|side| at(&self.sensed[side], 0));
-        if one { [0.5 * (f + c); 2] } else { [f, c] }
+    /// Errors of both speeds as read at a row, rad/s.
+    pub fn errors_of_reading(&self, row: usize) -> [f64; 2] {
+        [0, 1].map(|side| at(&self.sensed[side], row))
     }
     /// A torque of the clutch on the disc in N·m, by row.
     pub fn of_clutch(torque: Vec<f64>) -> Self {
@@ -130,9 +129,14 @@ pub const HIDDEN: f64 = 10.0;
 
 /// State at a row: the speeds as measured there; a clutch that is closed on two nearly equal speeds is locked.
 pub fn start(track: &Track, car: &Car, row: usize, theta: [f64; 2], noise: f64) -> Start {
+    start_read(track, car, row, theta, noise, [0.0; 2])
+}
+
+/// The same of speeds that are read with these errors, rad/s.
+fn start_read(track: &Track, car: &Car, row: usize, theta: [f64; 2], noise: f64, errors: [f64; 2]) -> Start {
     let first = |c: Channel| {
         if let Some((speed, _)) = track.speed_at(c, row) {
-            return speed;
+            return speed - errors[c as usize];
         }
         // A slow wheel that shows nothing yet stands still, or nearly.
         let seen = track.measured[c as usize][row..].iter().copied().find(|v| v.is_finite()).unwrap_or(0.0);
@@ -141,10 +145,11 @@ pub fn start(track: &Track, car: &Car, row: usize, theta: [f64; 2], noise: f64) 
     let (omega_f, omega_c) =
         (sensed::meant(&car.effects, 0, first(Channel::OmegaF)), sensed::meant(&car.effects, 1, first(Channel::OmegaC)));
     if let Some(unknown) = &track.unknown_clutch {
+        // A flywheel that follows its sensor does so with all its errors.
         let omega_f = unknown.omega_f(track.time[row] + unknown_clutch::age_of_flywheel(car));
         let locked = unknown.locked[track.observation_of(row)];
         let d = &car.vehicle.driveline;
-        let common = common_speed([d.J_f, d.J_c], [omega_f, omega_c]);
+        let common = common_speed([d.J_f, d.J_c], [omega_f - errors[0], omega_c]);
         let [omega_f, omega_c] = if locked { [common; 2] } else { [omega_f, omega_c] };
         return Start { omega_f, omega_c, theta_c: theta[0], theta_b: theta[1] };
     }
@@ -157,12 +162,6 @@ pub fn start(track: &Track, car: &Car, row: usize, theta: [f64; 2], noise: f64) 
         (omega_f, omega_c)
     };
     Start { omega_f, omega_c, theta_c: theta[0], theta_b: theta[1] }
-}
-
-/// A start that was read from sensors with the errors of a law: speeds that are one stay so.
-fn meant(read: Start, law: Option<&Missing>) -> Start {
-    let [f, c] = law.map_or([0.0; 2], |law| law.read_at_start(read.omega_f == read.omega_c));
-    Start { omega_f: read.omega_f - f, omega_c: read.omega_c - c, ..read }
 }
 
 /// Runs the plant over `rows` from a start and a slip angle in rad, calling `at` in each row with what the sensors would show there; what it leaves in the torques added
@@ -358,7 +357,7 @@ pub fn corrected_in(
     let mut bench: [Vec<f64>; 3] = [Vec::new(), Vec::new(), Vec::new()];
     let noise = 1.0 / filter.gains.iter().map(|g| g.weight[0]).fold(1e-3, f64::max);
     let speed_gain = car.effects[param::clutch_speed_gain::gain];
-    let begin = meant(start(track, car, 0, theta, noise), missing);
+    let begin = start_read(track, car, 0, theta, noise, missing.map_or([0.0; 2], |law| law.errors_of_reading(0)));
     let mut estimate = [0.0; STATES];
     let mut lasting = [0.0; 3];
     let mut sums = [(0.0, 0_usize); 5];
@@ -382,22 +381,14 @@ pub fn corrected_in(
         }
         let gain = &filter.gains[k];
         let mean = |c: usize| sums[c].0 / sums[c].1.max(1) as f64;
-        let mut corrected = [0.0; 2];
-        for c in 0..2 {
-            if gain.weight[c] == 0.0 {
-                speeds.push(0.0);
-                continue;
-            }
-            let innovation = mean(c) - corrected[c] - estimate[[state::NOISE_F, state::NOISE_C][c]];
-            speeds.push(innovation * gain.weight[c]);
+        for (c, innovation) in gain.innovations([mean(0), mean(1)], &mut estimate).into_iter().enumerate() {
+            speeds.push(innovation.map_or(0.0, |innovation| innovation * gain.weight[c]));
+            let Some(innovation) = innovation else { continue };
             let of = &gain.of[c];
-            (corrected[0], corrected[1]) = (corrected[0] + of[0] * innovation, corrected[1] + of[1] * innovation);
-            (2..STATES).for_each(|s| estimate[s] += of[s] * innovation);
             // A speed that is sensed late tells of a moment ago; the torques that it shows missing have moved the speeds since.
             let rate = filter.rate(k, of).map(|rate| rate * innovation);
             plant.correct_speeds([of[0] * innovation, of[1] * innovation / speed_gain], rate, c);
-            let found = if plant.state().stuck || filter.pinned[k] { of[state::LOAD] + of[state::ENGINE] } else { of[state::LOAD] };
-            plant.correct_shafts(found * innovation);
+            plant.correct_shafts(filter.found(k, of, plant.state().stuck) * innovation);
         }
         if filter.stands[k] {
             plant.hold_car();
@@ -443,13 +434,19 @@ mod tests {
     /// Each speed by its own sensor's error; two that are one by the mean of both.
     #[test]
     fn a_start_is_what_was_read_less_the_errors_of_reading() {
-        let read = |omega_c| Start { omega_f: 100.0, omega_c, theta_c: 25.0, theta_b: 25.0 };
-        let law = Missing { sensed: [vec![1.0, 7.0], vec![2.0]], ..Missing::default() };
-        let start = |omega_c, law| {
-            let Start { omega_f, omega_c, .. } = meant(read(omega_c), law);
-            (omega_f, omega_c)
-        };
-        assert_eq!((start(40.0, Some(&law)), start(100.0, Some(&law)), start(40.0, None)), ((99.0, 38.0), (98.5, 98.5), (100.0, 40.0)));
+        for (slip, x, expected) in [(60.0, 0.0, [98.0, 41.0]), (0.3, 9.0, [99.35, 99.35])] {
+            let mut r = crate::gap::free::tests::recording(30, |_| [100.0, 100.0 - slip], 0.0);
+            r.x_to_cmd.fill(x);
+            let (track, car) = (Track::new(&r), Car::nominal(&crate::vehicle::Vehicle::paper()));
+            let of = |errors| {
+                let s = start_read(&track, &car, 0, [25.0; 2], 1.0, errors);
+                [s.omega_f, s.omega_c]
+            };
+            let read = if slip < 1.0 { [100.0 - 0.5 * slip; 2] } else { [100.0, 100.0 - slip] };
+            for (errors, expected) in [([0.0; 2], read), ([2.0, -1.0], expected)] {
+                assert!(of(errors).iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{:?}", of(errors));
+            }
+        }
     }
 
     #[test]
