@@ -16,11 +16,12 @@
 //!
 //! Speeds are taken in one after the other (flywheel, then disc), which decorrelates the two innovations of an instant.
 
+use super::lock_up::{self, LOCKED, LOCKED_MEAN, slip_noise};
 use super::noise::Noise;
 use super::replay::HIDDEN;
-use super::tolerance::{LATE_SIGMAS, Wander};
+use super::tolerance::Wander;
 use super::track::{Channel, Track};
-use super::unseen::{self, PACE_OBSERVATIONS, interval, slope, unseen};
+use super::unseen::{self, interval, unseen};
 use crate::plant::Phase;
 use crate::vehicle::Vehicle;
 use nalgebra::{SMatrix, SVector};
@@ -68,7 +69,7 @@ pub struct Disturbances {
     pub sensors: [Wander; 2],
     /// How late each speed is known to be sensed, s: what is measured now was so then.
     pub late: [f64; 2],
-    /// How much later the flywheel's speed is sensed than the disc's all the same, as far as latencies are declared, s; see [`skew`].
+    /// How much later the flywheel's speed is sensed than the disc's all the same, as far as latencies are declared, s; see [`lock_up::skew`].
     pub skew: f64,
     /// Standard deviation by which stamps are off the instants of their samples, s; see [`super::noise::stamps`].
     pub stamps: f64,
@@ -76,16 +77,6 @@ pub struct Disturbances {
 
 /// Torque on the car's side while the driver brakes, N·m and s: unknown, so as large as tyres allow.
 const BRAKES: Wander = Wander { sigma: 300.0, time_s: 0.2 };
-
-/// Observations around a measured lock-up in which a lock-up a little earlier or later is not held against a replay, and how much it may be off, s.
-const LOCK_UP_OBSERVATIONS: usize = 4;
-const LOCK_UP_TIMING_S: f64 = 0.012;
-
-/// Slip in units of its noise that counts as locked: of one sample, and of the mean of three.
-const LOCKED: f64 = 6.0;
-const LOCKED_MEAN: f64 = 3.0;
-/// Least time in which two speeds that go together are those of a locked clutch, s.
-const TOGETHER_S: f64 = 0.3;
 
 /// Gains of one observation.
 #[derive(Clone, Copy, Debug, Default)]
@@ -186,9 +177,9 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
         (0..n).map(|k| speeds[c][(k + ahead).min(n - 1)]).collect()
     });
     let unknown = track.unknown_clutch.as_ref();
-    let closed = |k: usize| unknown.is_some() || closed(track, vehicle, k);
-    let locked = unknown.map_or_else(|| locked(&then, with, |k| track.time[track.rows_of(k).start], closed), |u| u.locked.clone());
-    let blur = if unknown.is_some() { vec![0.0; n] } else { lock_up_blur(track, &then, &locked) };
+    let closed = |k: usize| unknown.is_some() || lock_up::closed(track, vehicle, k);
+    let locked = unknown.map_or_else(|| lock_up::locked(&then, with, |k| track.time[track.rows_of(k).start], closed), |u| u.locked.clone());
+    let blur = if unknown.is_some() { vec![0.0; n] } else { lock_up::blur(track, &then, &locked) };
     let [j_f, j_c] = [vehicle.driveline.J_f, vehicle.driveline.J_c];
     let total = j_f + j_c;
     let variance = |c: usize, samples: usize| with.noise[c].white.powi(2) / samples as f64;
@@ -379,96 +370,6 @@ fn joined(noise: Noise, further: Wander) -> Wander {
         return Wander { sigma: noise.coloured.hypot(further.sigma), time_s: further.time_s };
     }
     Wander { sigma: noise.coloured, time_s: noise.memory_s }
-}
-
-/// Whether the command at observation `k` asks for a closed clutch: two speeds that only cross while it is open are not locked.
-fn closed(track: &Track, vehicle: &Vehicle, k: usize) -> bool {
-    track.ticks[track.tick_of_row[track.rows_of(k).start]].x_to > vehicle.actuator.x_cnt_0
-}
-
-/// Slope of the mean of both speeds around an observation, rad/s², from the first and the last sample there that are known; zero where two are not.
-fn pace(speeds: &[Vec<(f64, usize)>; 2], time: impl Fn(usize) -> f64, k: usize) -> f64 {
-    slope(&speeds[0], &time, k).zip(slope(&speeds[1], &time, k)).map_or(0.0, |(f, c)| 0.5 * (f + c))
-}
-
-/// How much later the flywheel's speed is sensed than the disc's, s, at most `most`: by least squares over stretches of the recordings in which two speeds that
-/// change go together, free of brakes. Two sensors that are not equally late show slip of a locked clutch, the more the faster it changes.
-pub fn skew(tracks: &[Track], with: &Disturbances, most: f64) -> f64 {
-    if most <= 0.0 {
-        return 0.0;
-    }
-    let sigma = slip_noise(with);
-    let (mut products, mut squares) = (0.0, (LATE_SIGMAS * sigma / most).powi(2));
-    for track in tracks {
-        let n = track.observations();
-        let speeds = [Channel::OmegaF, Channel::OmegaC].map(|c| (0..n).map(|k| track.mean(c, k)).collect::<Vec<_>>());
-        let time = |k: usize| track.time[track.rows_of(k).start];
-        let slip = |k: usize| speeds[0][k].0 - speeds[1][k].0;
-        let paces: Vec<f64> = (0..n).map(|k| pace(&speeds, time, k)).collect();
-        // What is not known does not end a stretch.
-        let together =
-            |k: usize| !(slip(k).abs() > LOCKED * sigma + most * paces[k].abs()) && !track.rows_of(k).any(|row| track.brake[row]);
-        let mut begin = 0;
-        for k in 0..=n {
-            if k < n && together(k) {
-                continue;
-            }
-            if k > begin && time(k - 1) - time(begin) > TOGETHER_S {
-                let inside = begin + PACE_OBSERVATIONS..(k - PACE_OBSERVATIONS).max(begin + PACE_OBSERVATIONS);
-                let known = inside.filter(|&j| slip(j).is_finite());
-                products -= known.clone().map(|j| slip(j) * paces[j]).sum::<f64>();
-                squares += known.map(|j| paces[j].powi(2)).sum::<f64>();
-            }
-            begin = k + 1;
-        }
-    }
-    (products / squares).clamp(-most, most)
-}
-
-/// Observations in which the measured speeds do not differ. They begin while the clutch is closed, for speeds that only cross are not locked, and last until a
-/// sample, or the mean of three, shows slip beyond that of two sensors that are not equally late: how long a clutch takes to open is not known. What is not known
-/// stays as it was.
-fn locked(speeds: &[Vec<(f64, usize)>; 2], with: &Disturbances, time: impl Fn(usize) -> f64, closed: impl Fn(usize) -> bool) -> Vec<bool> {
-    let sigma = slip_noise(with);
-    let slip: Vec<f64> = (0..speeds[0].len()).map(|k| speeds[0][k].0 - speeds[1][k].0 + with.skew * pace(speeds, &time, k)).collect();
-    let mean = |k: usize| {
-        let near = &slip[k.saturating_sub(1)..(k + 2).min(slip.len())];
-        near.iter().sum::<f64>() / near.len() as f64
-    };
-    let slips = |k: usize| slip[k].abs() > LOCKED * sigma || mean(k).abs() > LOCKED_MEAN * sigma;
-    let mut now = false;
-    (0..slip.len())
-        .map(|k| {
-            if slip[k].is_finite() {
-                now = !slips(k) && (now || closed(k));
-            }
-            now
-        })
-        .collect()
-}
-
-/// Noise of the slip of one sample, rad/s.
-fn slip_noise(with: &Disturbances) -> f64 {
-    let spread = |c: usize| with.noise[c].white.hypot(with.noise[c].coloured);
-    spread(0).hypot(spread(1))
-}
-
-/// Standard deviation in rad/s of slip around measured lock-ups, from the pace at which slip goes.
-fn lock_up_blur(track: &Track, speeds: &[Vec<(f64, usize)>; 2], locked: &[bool]) -> Vec<f64> {
-    let slip = |k: usize| speeds[0][k].0 - speeds[1][k].0;
-    let n = locked.len();
-    let mut blur: Vec<f64> = vec![0.0; n];
-    for k in (1..n).filter(|&k| locked[k] != locked[k - 1]) {
-        let (a, b) =
-            if locked[k] { (k.saturating_sub(LOCK_UP_OBSERVATIONS + 1), k - 1) } else { (k, (k + LOCK_UP_OBSERVATIONS).min(n - 1)) };
-        let time = |k: usize| track.time[track.rows_of(k).start];
-        let pace = (slip(b) - slip(a)) / (time(b) - time(a)).max(1e-3);
-        if pace.is_finite() {
-            let reach = k.saturating_sub(LOCK_UP_OBSERVATIONS)..(k + LOCK_UP_OBSERVATIONS).min(n);
-            blur[reach].iter_mut().for_each(|b| *b = b.max(pace.abs() * LOCK_UP_TIMING_S));
-        }
-    }
-    blur
 }
 
 /// Gains of the bench channels; `beyond` are the variances by observation of what each shows, beyond its noise.

@@ -4,6 +4,7 @@ pub mod clock;
 pub mod column;
 pub mod course;
 pub mod filter;
+pub mod lock_up;
 pub mod missing;
 pub mod noise;
 pub mod prepare;

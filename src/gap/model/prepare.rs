@@ -1,7 +1,8 @@
 //! From a campaign to what is fitted: tracks, noise, tolerances, filters.
 
 use super::clock::CONTROL_INTERVAL_S;
-use super::filter::{self, Disturbances, Filter, filter};
+use super::filter::{Disturbances, Filter, filter};
+use super::lock_up;
 use super::missing;
 use super::noise::{self, Noise};
 use super::replay;
@@ -27,7 +28,7 @@ const NONE: Wander = Wander { sigma: 0.0, time_s: 1.0 };
 /// Disturbances of a healthy car: sensors as the recordings show them, the rest as declared or by default.
 pub fn disturbances(tracks: &[Track], tolerances: &Tolerances) -> Disturbances {
     let with = healthy(noise::channels(tracks), noise::of_report(tracks), noise::report_quantum(tracks), tolerances);
-    Disturbances { skew: filter::skew(tracks, &with, tolerances.skew()), stamps: noise::stamps(tracks), ..with }
+    Disturbances { skew: lock_up::skew(tracks, &with, tolerances.skew()), stamps: noise::stamps(tracks), ..with }
 }
 
 /// The same with sensors of this noise, and a torque report of this noise and in these steps, N·m.

@@ -192,7 +192,7 @@ fn stepped(
     let seen = track.unknown_clutch.as_ref().map(|_| unknown_clutch::as_seen(car));
     let car = seen.as_ref().unwrap_or(car);
     let loaded = missing.filter(|m| m.rolling > 0.0).map(|m| {
-        let mut car = car.clone();
+        let mut car = *car;
         car.vehicle.driveline.T_L0 += m.rolling;
         car
     });

@@ -1,0 +1,112 @@
+//! When a clutch is locked, as the measured speeds show it: fixed by the recording, and not by what is fitted.
+
+use super::filter::Disturbances;
+use super::tolerance::LATE_SIGMAS;
+use super::track::{Channel, Track};
+use super::unseen::{PACE_OBSERVATIONS, slope};
+use crate::vehicle::Vehicle;
+
+/// Observations around a measured lock-up in which a lock-up a little earlier or later is not held against a replay, and how much it may be off, s.
+const OBSERVATIONS: usize = 4;
+const TIMING_S: f64 = 0.012;
+
+/// Slip in units of its noise that counts as locked: of one sample, and of the mean of three.
+pub const LOCKED: f64 = 6.0;
+/// See [`LOCKED`].
+pub const LOCKED_MEAN: f64 = 3.0;
+/// Least time in which two speeds that go together are those of a locked clutch, s.
+const TOGETHER_S: f64 = 0.3;
+
+/// Whether the command at observation `k` asks for a closed clutch: two speeds that only cross while it is open are not locked.
+pub fn closed(track: &Track, vehicle: &Vehicle, k: usize) -> bool {
+    track.ticks[track.tick_of_row[track.rows_of(k).start]].x_to > vehicle.actuator.x_cnt_0
+}
+
+/// Slope of the mean of both speeds around an observation, rad/s², from the first and the last sample there that are known; zero where two are not.
+fn pace(speeds: &[Vec<(f64, usize)>; 2], time: impl Fn(usize) -> f64, k: usize) -> f64 {
+    slope(&speeds[0], &time, k).zip(slope(&speeds[1], &time, k)).map_or(0.0, |(f, c)| 0.5 * (f + c))
+}
+
+/// How much later the flywheel's speed is sensed than the disc's, s, at most `most`: by least squares over stretches of the recordings in which two speeds that
+/// change go together, free of brakes. Two sensors that are not equally late show slip of a locked clutch, the more the faster it changes.
+pub fn skew(tracks: &[Track], with: &Disturbances, most: f64) -> f64 {
+    if most <= 0.0 {
+        return 0.0;
+    }
+    let sigma = slip_noise(with);
+    let (mut products, mut squares) = (0.0, (LATE_SIGMAS * sigma / most).powi(2));
+    for track in tracks {
+        let n = track.observations();
+        let speeds = [Channel::OmegaF, Channel::OmegaC].map(|c| (0..n).map(|k| track.mean(c, k)).collect::<Vec<_>>());
+        let time = |k: usize| track.time[track.rows_of(k).start];
+        let slip = |k: usize| speeds[0][k].0 - speeds[1][k].0;
+        let paces: Vec<f64> = (0..n).map(|k| pace(&speeds, time, k)).collect();
+        // What is not known does not end a stretch.
+        let together =
+            |k: usize| !(slip(k).abs() > LOCKED * sigma + most * paces[k].abs()) && !track.rows_of(k).any(|row| track.brake[row]);
+        let mut begin = 0;
+        for k in 0..=n {
+            if k < n && together(k) {
+                continue;
+            }
+            if k > begin && time(k - 1) - time(begin) > TOGETHER_S {
+                let inside = begin + PACE_OBSERVATIONS..(k - PACE_OBSERVATIONS).max(begin + PACE_OBSERVATIONS);
+                let known = inside.filter(|&j| slip(j).is_finite());
+                products -= known.clone().map(|j| slip(j) * paces[j]).sum::<f64>();
+                squares += known.map(|j| paces[j].powi(2)).sum::<f64>();
+            }
+            begin = k + 1;
+        }
+    }
+    (products / squares).clamp(-most, most)
+}
+
+/// Observations in which the measured speeds do not differ. They begin while the clutch is closed, for speeds that only cross are not locked, and last until a
+/// sample, or the mean of three, shows slip beyond that of two sensors that are not equally late: how long a clutch takes to open is not known. What is not known
+/// stays as it was.
+pub fn locked(
+    speeds: &[Vec<(f64, usize)>; 2],
+    with: &Disturbances,
+    time: impl Fn(usize) -> f64,
+    closed: impl Fn(usize) -> bool,
+) -> Vec<bool> {
+    let sigma = slip_noise(with);
+    let slip: Vec<f64> = (0..speeds[0].len()).map(|k| speeds[0][k].0 - speeds[1][k].0 + with.skew * pace(speeds, &time, k)).collect();
+    let mean = |k: usize| {
+        let near = &slip[k.saturating_sub(1)..(k + 2).min(slip.len())];
+        near.iter().sum::<f64>() / near.len() as f64
+    };
+    let slips = |k: usize| slip[k].abs() > LOCKED * sigma || mean(k).abs() > LOCKED_MEAN * sigma;
+    let mut now = false;
+    (0..slip.len())
+        .map(|k| {
+            if slip[k].is_finite() {
+                now = !slips(k) && (now || closed(k));
+            }
+            now
+        })
+        .collect()
+}
+
+/// Noise of the slip of one sample, rad/s.
+pub fn slip_noise(with: &Disturbances) -> f64 {
+    let spread = |c: usize| with.noise[c].white.hypot(with.noise[c].coloured);
+    spread(0).hypot(spread(1))
+}
+
+/// Standard deviation in rad/s of slip around measured lock-ups, from the pace at which slip goes.
+pub fn blur(track: &Track, speeds: &[Vec<(f64, usize)>; 2], locked: &[bool]) -> Vec<f64> {
+    let slip = |k: usize| speeds[0][k].0 - speeds[1][k].0;
+    let n = locked.len();
+    let mut blur: Vec<f64> = vec![0.0; n];
+    for k in (1..n).filter(|&k| locked[k] != locked[k - 1]) {
+        let (a, b) = if locked[k] { (k.saturating_sub(OBSERVATIONS + 1), k - 1) } else { (k, (k + OBSERVATIONS).min(n - 1)) };
+        let time = |k: usize| track.time[track.rows_of(k).start];
+        let pace = (slip(b) - slip(a)) / (time(b) - time(a)).max(1e-3);
+        if pace.is_finite() {
+            let reach = k.saturating_sub(OBSERVATIONS)..(k + OBSERVATIONS).min(n);
+            blur[reach].iter_mut().for_each(|b| *b = b.max(pace.abs() * TIMING_S));
+        }
+    }
+    blur
+}
