@@ -13,7 +13,6 @@
 //!
 //! `docs/architecture.md` has the layers and their invariants. Without the feature `cli`, only what the shared library inside the FMUs needs is built.
 #![deny(unsafe_code)]
-#![warn(missing_docs)]
 
 #[cfg(feature = "campaign")]
 pub mod campaign;

@@ -141,7 +141,7 @@ fn logged() -> Vec<(&'static str, Vec<Recording>)> {
                 (r.time, r.sample_rate_hz) = ((0..5 * n).map(|k| 0.2 * step * k as f64).collect(), 5.0 * r.sample_rate_hz);
             }),
         ),
-        ("braked", each(&|r| r.brake = Some((0..r.time.len()).map(|k| k < 20 || k > 250).collect()))),
+        ("braked", each(&|r| r.brake = Some((0..r.time.len()).map(|k| !(20..=250).contains(&k)).collect()))),
         (
             "bench",
             each(&|r| {
@@ -309,7 +309,9 @@ fn screening_fits_and_evidence() {
     let mut found = Vec::new();
     let gusts = |t: f64| 6.0 * ((1.7 * t).sin() + (3.1 * t + 0.5).sin());
     let mut p = made_up_under(|e| (e[param::vehicle_mass::factor], e[param::judder::sine]) = (1.15, 0.05), gusts);
-    (p.tracks.truncate(3), p.filters.truncate(3), p.states.truncate(3));
+    p.tracks.truncate(3);
+    p.filters.truncate(3);
+    p.states.truncate(3);
     p.coarsen();
     let nominal = p.nominal();
     let anchor = Anchor::new(&p, &nominal, &[], None, None).unwrap();

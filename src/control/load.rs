@@ -26,6 +26,7 @@ pub struct Load {
 
 impl Load {
     /// Advances by `h` s a driveline of inertia `j` kg·m² with the filtered torque `t` in N·m and the filtered speed `omega` in rad/s; `most` bounds d̂ in N·m.
+    #[expect(clippy::too_many_arguments, reason = "one for each quantity of the equation")]
     #[inline]
     pub fn advance(&mut self, d: &Driveline, j: f64, t: f64, omega: f64, bandwidth: f64, most: f64, h: f64) {
         let slow = bandwidth * h / (1.0 + bandwidth * h);

@@ -146,9 +146,9 @@ fn limits(marks: &[Mark]) -> (String, f64) {
     );
     for power in low as i32..=high as i32 {
         let at = x(10f64.powi(power));
-        let _ = write!(
+        let _ = writeln!(
             svg,
-            "<path d=\"M{at} {bottom}v5\" stroke=\"currentColor\"/><text x=\"{at}\" y=\"{}\" text-anchor=\"middle\" fill=\"currentColor\">{}</text>\n",
+            "<path d=\"M{at} {bottom}v5\" stroke=\"currentColor\"/><text x=\"{at}\" y=\"{}\" text-anchor=\"middle\" fill=\"currentColor\">{}</text>",
             bottom + 20.0,
             plain(10f64.powi(power), 1)
         );
@@ -168,21 +168,21 @@ fn limits(marks: &[Mark]) -> (String, f64) {
         }
         if m.now < 1e3 {
             let colour = if m.now <= 1.0 { SHOWN } else { HIDDEN };
-            let _ = write!(
+            let _ = writeln!(
                 svg,
-                "<circle cx=\"{at}\" cy=\"{y}\" r=\"5\" fill=\"{colour}\"/><text x=\"{}\" y=\"{}\" fill=\"currentColor\" stroke=\"white\" stroke-width=\"3\" paint-order=\"stroke\">{}</text>\n",
+                "<circle cx=\"{at}\" cy=\"{y}\" r=\"5\" fill=\"{colour}\"/><text x=\"{}\" y=\"{}\" fill=\"currentColor\" stroke=\"white\" stroke-width=\"3\" paint-order=\"stroke\">{}</text>",
                 x(m.now) + 9.0,
                 y + 4.5,
                 plain(m.now, 2),
                 at = x(m.now)
             );
         } else {
-            let _ = write!(svg, "<text x=\"{}\" y=\"{}\" text-anchor=\"end\" fill=\"{HIDDEN}\">not shown</text>\n", WIDTH - RIGHT, y + 4.5);
+            let _ = writeln!(svg, "<text x=\"{}\" y=\"{}\" text-anchor=\"end\" fill=\"{HIDDEN}\">not shown</text>", WIDTH - RIGHT, y + 4.5);
         }
     }
     if marks.iter().any(|m| m.best.is_some_and(|b| b < 0.8 * m.now)) {
         let _ =
-            write!(svg, "<text x=\"{LEFT}\" y=\"{}\" fill=\"currentColor\">hollow: with the best further manoeuvre</text>\n", height - 3.0);
+            writeln!(svg, "<text x=\"{LEFT}\" y=\"{}\" fill=\"currentColor\">hollow: with the best further manoeuvre</text>", height - 3.0);
     }
     (svg, height)
 }
@@ -200,10 +200,10 @@ fn worth(next: &Value) -> Option<(String, f64)> {
         let y = TOP + ROW * k as f64;
         let rate = m["nats_per_minute"].as_f64().unwrap_or(0.0);
         let long = rate.max(0.0) / most * (WIDTH - LEFT - RIGHT - 150.0);
-        let _ = write!(
+        let _ = writeln!(
             svg,
             "<text x=\"{}\" y=\"{}\" text-anchor=\"end\" fill=\"currentColor\">{}</text><rect x=\"{LEFT}\" y=\"{}\" width=\"{long:.1}\" height=\"{}\" fill=\"{SHOWN}\"/>\
-             <text x=\"{:.1}\" y=\"{}\" fill=\"currentColor\">{}, {:.0} % chance of settling it</text>\n",
+             <text x=\"{:.1}\" y=\"{}\" fill=\"currentColor\">{}, {:.0} % chance of settling it</text>",
             LEFT - 12.0,
             y + 15.0,
             escape(m["name"].as_str().unwrap_or_default()),

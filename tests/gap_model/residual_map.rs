@@ -29,7 +29,8 @@ fn gathered(problem: &Problem, point: &Point, speed: usize) -> Gathered {
             }
             let cut = e[2 * j + speed].clamp(-6.0, 6.0);
             let cell = all.entry(places[j]).or_default();
-            (cell.0.push(cut), cell.2 += (e[2 * j + speed] / weight).powi(2));
+            cell.0.push(cut);
+            cell.2 += (e[2 * j + speed] / weight).powi(2);
             let sum = sums.entry(places[j]).or_default();
             (sum.0, sum.1) = (sum.0 + cut, sum.1 + 1);
             if sum.1 == half_a_second {

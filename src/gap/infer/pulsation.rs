@@ -199,7 +199,7 @@ fn explained(stretches: &[Stretch], phasors: &[Vec<(f64, f64)>]) -> (f64, [f64; 
     let (mut cc, mut ss, mut cs, mut cr, mut sr) = (1e-9, 1e-9, 0.0, 0.0, 0.0);
     for (t, turned) in stretches.iter().zip(phasors) {
         let (mut c, mut s) = (0.0, 0.0);
-        for j in 0..t.torque.len() {
+        for (j, (sin, cos)) in turned.iter().enumerate() {
             let w = t.weight[j];
             let (wc, ws, r) = (w * c, w * s, t.innovation[j]);
             cc += wc * wc;
@@ -207,7 +207,6 @@ fn explained(stretches: &[Stretch], phasors: &[Vec<(f64, f64)>]) -> (f64, [f64; 
             cs += wc * ws;
             cr += wc * r;
             sr += ws * r;
-            let (sin, cos) = turned[j];
             c = t.forget[j] * c - t.gain[j] * t.torque[j] * cos;
             s = t.forget[j] * s - t.gain[j] * t.torque[j] * sin;
         }
@@ -243,7 +242,10 @@ mod tests {
                 let (gain, forget, torque) = (0.05, 0.7, 100.0);
                 s.innovation.push(speed + 0.3 * unknown.next());
                 s.angle.push(angle + 0.005 * slip);
-                (s.torque.push(torque), s.gain.push(gain), s.forget.push(forget), s.weight.push(1.0));
+                s.torque.push(torque);
+                s.gain.push(gain);
+                s.forget.push(forget);
+                s.weight.push(1.0);
                 speed = forget * speed - gain * torque * 0.2 * (order * (angle + 0.005 * slip) + phase).cos();
                 angle += 0.01 * slip;
             }
