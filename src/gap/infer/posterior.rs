@@ -89,20 +89,8 @@ fn beside_sets(problem: &Problem, search: &Search, best: &Hypothesis, known: &[U
 
 /// Weighs missing laws beside what the search found; `known` ones are not worked out again.
 pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Posterior {
-    let mut all: Vec<Explanation> = Vec::new();
     let tolerated = |effects: &[usize], fit: &Fit| effects.iter().any(|&e| problem.is_tolerated(&fit.point, e));
     let sets: Vec<&Hypothesis> = search.hypotheses.iter().filter(|h| !tolerated(&h.effects, &h.fit)).collect();
-    for h in &sets {
-        all.push(Explanation {
-            effects: h.effects.clone(),
-            place: None,
-            log_posterior: f64::NEG_INFINITY,
-            by_accuracy: h.by_accuracy,
-            strains: h.strains,
-            probability: 0.0,
-            fit: Some(h.fit.clone()),
-        });
-    }
     let best = sets.first().copied().unwrap_or(search.base());
     let mut unknowns = beside_sets(problem, search, best, known);
     // The set that is believed may be a smaller one than that which leads.
@@ -114,25 +102,67 @@ pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Poste
     if let Some(first) = unknowns.iter().find(|u| u.fit.is_some()).filter(|u| u.lead > best.lead).cloned() {
         unknowns.extend(changed_beside(problem, search, first));
     }
-    unknowns.retain(|u| u.fit.as_ref().is_none_or(|fit| !tolerated(&u.effects, fit)));
-    // Of two fits of one explanation the better one, and either before a promise.
-    unknowns.sort_by(|a, b| b.fit.is_some().cmp(&a.fit.is_some()).then(b.lead.total_cmp(&a.lead)));
-    let mut distinct: Vec<Unknown> = Vec::new();
-    for u in unknowns {
-        if !distinct.iter().any(|d| d.effects == u.effects && d.law.place == u.law.place) {
-            distinct.push(u);
+    let mut left_out: Vec<(Vec<usize>, Subsystem)> = Vec::new();
+    loop {
+        unknowns.retain(|u| u.fit.as_ref().is_none_or(|fit| !tolerated(&u.effects, fit)));
+        // Of two fits of one explanation the better one, and either before a promise.
+        unknowns.sort_by(|a, b| b.fit.is_some().cmp(&a.fit.is_some()).then(b.lead.total_cmp(&a.lead)));
+        let mut distinct: Vec<Unknown> = Vec::new();
+        for u in unknowns {
+            if !distinct.iter().any(|d| d.effects == u.effects && d.law.place == u.law.place) {
+                distinct.push(u);
+            }
         }
+        unknowns = distinct;
+        let posterior = weighed(problem, search, &sets, &unknowns);
+        // What stands has been tried without each of its effects: what is believed in the end is not what steered the search.
+        let first = posterior.best();
+        let Some(first) = unknowns.iter().find(|u| u.effects == first.effects && Some(u.law.place) == first.place) else {
+            return posterior;
+        };
+        let Some(fit) = &first.fit else { return posterior };
+        let is_tried = |rest: &Vec<usize>| {
+            let fitted = unknowns.iter().filter(|u| u.fit.is_some()).map(|u| (&u.effects, u.law.place));
+            fitted.chain(left_out.iter().map(|(effects, place)| (effects, *place))).any(|of| of == (rest, first.law.place))
+        };
+        let without = |e: &usize| (all_but(&first.effects, *e), fit.point.without(*e));
+        let untried: Vec<(Vec<usize>, Point)> = first.effects.iter().map(without).filter(|(rest, _)| !is_tried(rest)).collect();
+        if untried.is_empty() {
+            return posterior;
+        }
+        let place = first.law.place;
+        let further: Vec<Unknown> = untried.iter().map(|(rest, start)| beside(problem, rest, &first.law, start, fit.known())).collect();
+        left_out.extend(untried.into_iter().map(|(rest, _)| (rest, place)));
+        unknowns.extend(further);
     }
-    let apart: Vec<f64> = distinct.iter().map(|u| prior_beside_the_library(search, u) + prior_beside_a_law(search, &distinct, u)).collect();
-    all.extend(distinct.into_iter().zip(apart).map(|(u, apart)| Explanation {
-        effects: u.effects,
-        place: Some(u.law.place),
-        log_posterior: f64::NEG_INFINITY,
-        by_accuracy: u.by_accuracy.map(|l| l + apart),
-        strains: u.strains,
-        probability: 0.0,
-        fit: u.fit,
-    }));
+}
+
+/// Effects without one of them.
+fn all_but(effects: &[usize], dropped: usize) -> Vec<usize> {
+    effects.iter().copied().filter(|e| *e != dropped).collect()
+}
+
+/// The posterior of sets of effects and of missing laws beside them.
+fn weighed(problem: &Problem, search: &Search, sets: &[&Hypothesis], unknowns: &[Unknown]) -> Posterior {
+    let of_set = |h: &&Hypothesis| Explanation {
+        effects: h.effects.clone(),
+        by_accuracy: h.by_accuracy,
+        strains: h.strains,
+        fit: Some(h.fit.clone()),
+        ..Explanation::default()
+    };
+    let of_law = |u: &Unknown| {
+        let apart = prior_beside_the_library(search, u) + prior_beside_a_law(search, unknowns, u);
+        Explanation {
+            effects: u.effects.clone(),
+            place: Some(u.law.place),
+            by_accuracy: u.by_accuracy.map(|l| l + apart),
+            strains: u.strains,
+            fit: u.fit.clone(),
+            ..Explanation::default()
+        }
+    };
+    let mut all: Vec<Explanation> = sets.iter().map(of_set).chain(unknowns.iter().map(of_law)).collect();
     let beyond = average(&mut all, problem.shared.len());
     order(&mut all, |e| e.fit.is_some());
     Posterior { explanations: all, beyond, base_misfit: search.base().fit.misfit() }
@@ -167,7 +197,7 @@ fn departures(
     without: impl Fn(&[usize]) -> Option<f64>,
 ) -> f64 {
     let one = |effect: &usize| {
-        let rest: Vec<usize> = effects.iter().copied().filter(|e| e != effect).collect();
+        let rest = all_but(effects, *effect);
         with_law(&rest).zip(without(&rest)).map_or(0.0, |(alone, neither)| departure(neither, with_all, alone))
     };
     effects.iter().filter(|e| REGISTRY[**e].effect.subsystem == place).map(one).sum()
@@ -242,11 +272,8 @@ fn changed_beside(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unk
     let mut current = first;
     for _ in 0..2 * MOST_EFFECTS {
         let from = current.fit.as_ref().expect("only what was fitted is tried");
-        let without = |dropped: usize| {
-            let rest: Vec<usize> = current.effects.iter().copied().filter(|e| *e != dropped).collect();
-            (rest, from.point.without(dropped))
-        };
-        let mut others: Vec<(Vec<usize>, Point)> = current.effects.iter().map(|e| without(*e)).collect();
+        let without = |e: &usize| (all_but(&current.effects, *e), from.point.without(*e));
+        let mut others: Vec<(Vec<usize>, Point)> = current.effects.iter().map(without).collect();
         if from.strains() && current.effects.len() < MOST_EFFECTS {
             others.extend(taken_over(problem, &from.point, &current.effects));
         }
