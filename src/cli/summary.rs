@@ -3,7 +3,7 @@
 use super::output::{Colour, coloured, folded, width};
 use crate::gap::diagnosis::Diagnosis;
 use crate::report::open_questions::of_recording;
-use crate::report::text::{capitalised, estimate, number, unit};
+use crate::report::text::{capitalised, estimate, number, probability, unit};
 use crate::report::{Input, doubts, names, verdict};
 use serde_json::Value;
 use std::io::IsTerminal;
@@ -30,7 +30,8 @@ pub fn summary(diagnosis: &Diagnosis, out: Option<&Path>) -> String {
     rest.extend(verdict::replayed(json));
     for effect in list(&json["which"]["effects"]) {
         let id = text(&effect["id"]);
-        rest.push(format!("  {} ({id})", names::effect(&id)));
+        let mass = effect["probability"].as_f64().map_or_else(String::new, |p| format!(", probability {}", probability(p)));
+        rest.push(format!("  {} ({id}){mass}", names::effect(&id)));
         rest.extend(effect["parameters"].as_object().into_iter().flatten().map(|(name, p)| parameter(name, p)));
         let group: Vec<String> =
             list(&effect["ambiguous_with"]).iter().map(|v| format!("{} ({})", names::effect(&text(v)), text(v))).collect();

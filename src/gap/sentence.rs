@@ -11,6 +11,14 @@ fn each_with_rivals(groups: &[String]) -> String {
     listed(groups, if groups.iter().any(|g| g.contains(" or ")) { ", and " } else { " and " })
 }
 
+/// Whether an effect is likelier not to be there, nor one that may stand in its place.
+fn likelier_not(f: &Findings, e: usize) -> bool {
+    let mut group = rivals(f, e);
+    group.push(e);
+    let holds = f.posterior.explanations.iter().filter(|x| x.effects.iter().any(|k| group.contains(k)));
+    holds.map(|x| x.probability).sum::<f64>() < 0.5
+}
+
 /// Verdict, effects and how much of the gap they close, of which `closed` is the share.
 pub fn sentence(f: &Findings, closed: f64) -> String {
     let with_rivals = |e: usize| {
@@ -26,6 +34,13 @@ pub fn sentence(f: &Findings, closed: f64) -> String {
     let at = listed(&places, " or ");
     let of_it = if closed > 0.0 { percent(closed) } else { "none".to_owned() };
     let share = format!("{of_it} of the gap on {}, which took no part in the fit", f.held_out_name);
+    if matches!(c.verdict, Verdict::Explained | Verdict::PartlyExplained) && effects.iter().any(|e| likelier_not(f, *e)) {
+        let rest = match c.verdict {
+            Verdict::Explained => String::new(),
+            _ => format!("; something structured remains in {at} that no effect in the library accounts for"),
+        };
+        return format!("The most probable explanation ({}) is {names}, which {closes} {share}{rest}.", percent(c.probability));
+    }
     match c.verdict {
         Verdict::NoGap if position_free(f) => format!(
             "No effect is needed in engine, driveline and sensors: there the model follows the car within the tolerances of its vehicle file. Without a position, {} are not assessable.",

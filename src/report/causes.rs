@@ -6,7 +6,7 @@ use super::absent;
 use super::chart::Scale;
 use super::json::{list, real, text, texts};
 use super::names;
-use super::text::{alternatives, escape, estimate, meaning as readable, number, percent, unit, words};
+use super::text::{alternatives, escape, estimate, meaning as readable, number, probability, unit, words};
 use crate::effects::{PARAMETERS, REGISTRY};
 
 /// The section.
@@ -25,10 +25,8 @@ fn effect(e: &Value, which: &Value) -> String {
         let side = if nats >= 0.0 { "ahead of" } else { "behind" };
         format!("<strong>{} nats</strong> {side} the best explanation without it", number(nats.abs(), 3))
     });
-    let mass = real(e, "probability").map_or_else(
-        || "probability not stated".to_owned(),
-        |p| format!("probability {} among the explanations compared", percent(p.min(0.9999))),
-    );
+    let mass = real(e, "probability")
+        .map_or_else(|| "probability not stated".to_owned(), |p| format!("probability {} among the explanations compared", probability(p)));
     let parameters = match e["parameters"].as_object() {
         Some(map) if !map.is_empty() => {
             let rows: String = map.iter().map(|(name, p)| parameter(id, name, p)).collect();

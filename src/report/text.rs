@@ -79,6 +79,11 @@ pub fn percent(share: f64) -> String {
     }
 }
 
+/// The probability of an explanation among those compared, in percent: never all of it.
+pub fn probability(p: f64) -> String {
+    percent(p.min(0.9999))
+}
+
 /// An id as words: `kiss_point_offset` is "Kiss point offset".
 pub fn title(id: &str) -> String {
     capitalised(&words(id))

@@ -41,6 +41,7 @@ fn marked(diagnosis: &Value) -> String {
         Some("no_gap") => "No effect is needed: the model follows the car within the tolerances of its vehicle file.".to_owned(),
         Some(verdict @ ("explained" | "partly_explained")) => {
             let part = if verdict == "explained" { "the gap" } else { "part of the gap" };
+            let names = named(effects);
             let [explains, closes] = if alone { ["explains", "closes"] } else { ["explain", "close"] };
             let only = if closes_none(&diagnosis["how_far"]) {
                 format!(" in the recordings used in the fit, but {closes} none of it on held-out data")
@@ -52,7 +53,12 @@ fn marked(diagnosis: &Value) -> String {
             } else {
                 format!("; the rest lies in {place}, and no effect in the library explains it")
             };
-            format!("{} {explains} {part}{only}{rest}.", named(effects))
+            if likelier_not(diagnosis) {
+                let at = percent(real(diagnosis, "confidence").unwrap_or(0.0));
+                let only = if only.is_empty() { "" } else { "; it closes none of it on held-out data" };
+                return format!("The most probable explanation of {part}, at {at}, is {names}{only}{rest}.");
+            }
+            format!("{} {explains} {part}{only}{rest}.", capitalised(&names))
         }
         Some("unexplained") => format!("No effect in the library explains the gap; it lies in {place}."),
         Some("inputs_do_not_fit") if !texts(diagnosis, "hidden_without_position").is_empty() => {
@@ -67,6 +73,20 @@ fn marked(diagnosis: &Value) -> String {
         }
         _ => "The diagnosis holds no verdict.".to_owned(),
     }
+}
+
+/// Whether one of the effects that are named is likelier not to be there, nor any that may stand in its place.
+fn likelier_not(diagnosis: &Value) -> bool {
+    let which = &diagnosis["which"];
+    let holds = |group: &[&str]| -> f64 {
+        let all = list(which, "explanations").iter().filter(|e| texts(e, "effects").iter().any(|id| group.contains(id)));
+        all.filter_map(|e| real(e, "probability")).sum()
+    };
+    let group = |e: &Value| -> f64 {
+        let own = text(e, "id").into_iter().chain(texts(e, "ambiguous_with")).collect::<Vec<_>>();
+        real(e, "probability").unwrap_or(1.0).max(holds(&own))
+    };
+    list(which, "effects").iter().any(|e| group(e) < 0.5)
 }
 
 /// Whether what was held out is no nearer after retuning.
@@ -85,10 +105,10 @@ fn named(effects: &[Value]) -> String {
         })
         .collect();
     if groups.is_empty() {
-        return "An effect that is not named".to_owned();
+        return "an effect that is not named".to_owned();
     }
     let doubtful = groups.iter().any(|g| g.contains(MARK));
-    capitalised(&listed(&groups, if doubtful { ", and " } else { " and " }))
+    listed(&groups, if doubtful { ", and " } else { " and " })
 }
 
 /// Where the remainder or the unexplained gap lies, with what may stand in its place.

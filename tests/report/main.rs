@@ -344,6 +344,29 @@ fn a_headline_tells_effects_that_close_nothing_of_what_was_held_out() {
     assert!(!headline(&made.diagnosis).contains(only), "nothing was held out");
 }
 
+/// An effect that is likelier not to be there is not said to explain the gap; one of two that share its probability is.
+#[test]
+fn a_headline_tells_an_explanation_that_is_likelier_not_to_hold() {
+    let mut made = campaign::campaign();
+    let explanation = |effects: Value, probability: f64| json!({"effects": effects, "missing_law": null, "probability": probability});
+    made.diagnosis["verdict"] = json!("explained");
+    made.diagnosis["confidence"] = json!(0.42);
+    made.diagnosis["which"]["explanations"] =
+        json!([explanation(json!(["judder", "road_load"]), 0.42), explanation(json!(["clutch_drag", "road_load"]), 0.38)]);
+    let effect = |id: &str, probability: f64, rivals: Value| json!({"id": id, "probability": probability, "parameters": {}, "ambiguous_with": rivals});
+    let mut headline = |rivals: Value| {
+        made.diagnosis["which"]["effects"] = json!([effect("judder", 0.42, rivals), effect("road_load", 0.8, json!([]))]);
+        kisspoint::report::verdict::headline(&made.diagnosis)
+    };
+    let tentative = headline(json!([]));
+    assert!(
+        tentative.starts_with("The most probable explanation of the gap, at 42\u{202f}%, is ") && !tentative.contains(" explain "),
+        "{tentative}"
+    );
+    let shared = headline(json!(["clutch_drag"]));
+    assert!(shared.contains(" or ") && shared.contains(" explain the gap"), "{shared}");
+}
+
 /// Numbers that the fit moved farther than the drawing reaches are told from those at its edge.
 #[test]
 fn a_number_beyond_the_scale_is_drawn_as_an_arrow() {
