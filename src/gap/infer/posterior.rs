@@ -105,15 +105,7 @@ pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Poste
     let mut left_out: Vec<(Vec<usize>, Subsystem)> = Vec::new();
     loop {
         unknowns.retain(|u| u.fit.as_ref().is_none_or(|fit| !tolerated(&u.effects, fit)));
-        // Of two fits of one explanation the better one, and either before a promise.
-        unknowns.sort_by(|a, b| b.fit.is_some().cmp(&a.fit.is_some()).then(b.lead.total_cmp(&a.lead)));
-        let mut distinct: Vec<Unknown> = Vec::new();
-        for u in unknowns {
-            if !distinct.iter().any(|d| d.effects == u.effects && d.law.place == u.law.place) {
-                distinct.push(u);
-            }
-        }
-        unknowns = distinct;
+        unknowns = distinct(unknowns);
         let posterior = weighed(problem, search, &sets, &unknowns);
         // What stands has been tried without each of its effects: what is believed in the end is not what steered the search.
         let first = posterior.best();
@@ -135,6 +127,18 @@ pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Poste
         left_out.extend(untried.into_iter().map(|(rest, _)| (rest, place)));
         unknowns.extend(further);
     }
+}
+
+/// Each explanation once: of two fits the better one, and either before a promise.
+fn distinct(mut unknowns: Vec<Unknown>) -> Vec<Unknown> {
+    unknowns.sort_by(|a, b| b.fit.is_some().cmp(&a.fit.is_some()).then(b.lead.total_cmp(&a.lead)));
+    let mut distinct: Vec<Unknown> = Vec::new();
+    for u in unknowns {
+        if !distinct.iter().any(|d| d.effects == u.effects && d.law.place == u.law.place) {
+            distinct.push(u);
+        }
+    }
+    distinct
 }
 
 /// Effects without one of them.
