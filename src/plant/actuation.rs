@@ -143,11 +143,9 @@ fn actuate(config: &Config, state: &State, x_cmd: f64, h: f64) -> Actuated {
     let limited = rate_limited(c.inverse_speed, c.approach, state.limited, x_cmd, h);
     let lagged = match c.actuator_lag.time_constant > 0.0 {
         true if h == 0.0 => state.lagged,
-        true => {
-            // A command that jumps at the start of the substep counts as held; one that the rate limit slows is a ramp.
-            let (u, slope) = if c.inverse_speed > 0.0 { (state.limited, (limited - state.limited) / h) } else { (x_cmd, 0.0) };
-            lag::advance(&c.actuator_lag, state.lagged, u, slope, h)
-        }
+        // A command that jumps at the start of the substep counts as held.
+        true if c.inverse_speed <= 0.0 => lag::advance(&c.actuator_lag, state.lagged, x_cmd, 0.0, h),
+        true => behind_the_limit(config, state, x_cmd, limited, h),
         false => LagState { value: limited, rate: 0.0 },
     };
     let led = if config.empirical.slow { learned(config, state, lagged.value, h) } else { lagged.value };
@@ -277,6 +275,23 @@ fn drag_along(follower: f64, leader: f64, reach: f64) -> f64 {
     } else {
         low
     }
+}
+
+/// Lag behind a rate limit that comes to `limited` in `h` seconds: a ramp at full speed, one that takes as long on average as the approach does, and what is left of the time at rest.
+fn behind_the_limit(config: &Config, state: &State, x_cmd: f64, limited: f64, h: f64) -> LagState {
+    let c = &config.constants;
+    let approach = c.approach.max(0.0);
+    let full = (((x_cmd - state.limited).abs() - approach).max(0.0) * c.inverse_speed).min(h);
+    let slowing = (2.0 * approach * c.inverse_speed).min(h - full);
+    let there = rate_limited(c.inverse_speed, approach, state.limited, x_cmd, full);
+    let mut at = state.lagged;
+    for (from, to, seconds) in [(state.limited, there, full), (there, limited, slowing), (limited, limited, h - full - slowing)] {
+        // What takes no time jumps.
+        if seconds > SHORTEST_PIECE {
+            at = lag::advance(&c.actuator_lag, at, from, (to - from) / seconds, seconds);
+        }
+    }
+    at
 }
 
 #[inline]
@@ -414,6 +429,37 @@ pub fn carry_over(old: &Config, new: &Config, state: &mut State) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// However long the step, a fast rate limit is none: what it lacks to that is no more than the time that it takes. With an approach, too.
+    #[test]
+    fn a_lag_behind_a_fast_rate_limit_is_the_lag_of_what_is_commanded() {
+        use crate::effects::{null, param};
+        use crate::plant::{Inputs, Start};
+        let position = |inverse_speed: f64, approach: f64, steps: usize| {
+            let mut effects = null();
+            effects[param::actuator_lag::time_constant] = 0.01;
+            effects[param::actuator_rate_limit::inverse_speed] = inverse_speed;
+            effects[param::actuator_rate_limit::approach] = approach;
+            let config = Config::new(&crate::vehicle::Vehicle::paper(), &effects);
+            let start = Start { omega_f: 100.0, omega_c: 0.0, theta_c: 30.0, theta_b: 30.0 };
+            let mut state = events::initial(&start, &Inputs { x_to: 1.0, t_e_ref: 0.0, theta_h: 25.0, t_load: 0.0 });
+            (state.limited, state.lagged) = (1.0, LagState { value: 1.0, rate: 0.0 });
+            for _ in 0..steps {
+                Actuated { limited: state.limited, lagged: state.lagged, .. } = actuate(&config, &state, 2.0, 0.01 / steps as f64);
+            }
+            state.lagged.value
+        };
+        let jumped = 2.0 - (-1.0_f64).exp();
+        for inverse_speed in [0.0, 1e-13, 1e-9, 1e-6] {
+            let found = position(inverse_speed, 0.0, 1);
+            assert!((found - jumped).abs() < 50.0 * inverse_speed + 1e-9, "{inverse_speed}: {found}, not {jumped}");
+        }
+        // A limit that takes part of the step, and one that slows down on its way, against short steps.
+        for (inverse_speed, approach, bound) in [(0.004, 0.0, 1e-9), (0.02, 0.0, 1e-9), (0.004, 0.2, 2e-3), (0.004, 0.6, 2e-2)] {
+            let (one, fine) = (position(inverse_speed, approach, 1), position(inverse_speed, approach, 1000));
+            assert!((one - fine).abs() < bound, "{inverse_speed} s/mm, {approach} mm: {one}, not {fine}");
+        }
+    }
 
     #[test]
     fn a_lag_is_short_for_a_step_of_more_than_twice_its_time() {

@@ -1,23 +1,24 @@
-//! Noise of the speed sensors by maximum likelihood, at an explanation of the car; and whether the logger misses commands.
+//! Noise of the sensors by maximum likelihood, at an explanation of the car; and whether the logger misses commands.
 //!
 //! White noise is known from the recordings alone. Noise with a memory is not: it looks like motion. It is looked for where innovations that should be
 //! white are not, and taken if the innovations' likelihood under the filter that knows of it asks for it. A sensor is a good sensor: its coloured noise is
-//! at most twice its white noise, or a gap could hide behind it.
+//! at most twice its white noise, or a gap could hide behind it. So could it behind a lasting error of a position or a clutch torque, which no disturbance
+//! of the car takes up: their noise has a memory of a sample at most, as that of a channel does which was interpolated.
 
 use super::density::{Point, Problem, Residuals, misfit};
 use super::search::Hypothesis;
 use crate::effects::Parameters;
-use crate::gap::model::filter::Disturbances;
+use crate::gap::model::filter::{Disturbances, Filter};
 use crate::gap::model::noise::Noise;
 use crate::gap::model::prepare;
-use crate::gap::model::track::Track;
+use crate::gap::model::track::{Channel, Track};
 use rayon::prelude::*;
 
 /// Correlation of neighbouring innovations from which a memory is looked for.
 const CORRELATED: f64 = 0.08;
 /// Sizes, in white noises, and memories in s that are tried.
 const SIZES: [f64; 3] = [0.5, 1.0, 2.0];
-const MEMORIES_S: [f64; 3] = [0.03, 0.1, 0.3];
+const MEMORIES_S: [f64; 4] = [0.01, 0.03, 0.1, 0.3];
 /// Nats that a memory has to gain, two parameters of a sensor, and a control unit that is as slow as a slow logger or faster than a quick one, which is rare.
 const WORTH_NATS: f64 = 8.0;
 
@@ -67,12 +68,13 @@ pub const TOLD_APART: usize = 4;
 pub fn refined(problem: &Problem, point: &Point, residuals: &[Residuals], with: &Disturbances) -> Option<Disturbances> {
     let mut best = *with;
     let mut found = None;
-    for c in 0..2 {
+    for c in [Channel::OmegaF, Channel::OmegaC, Channel::XTo, Channel::TFc].map(|channel| channel as usize) {
         if correlation(problem, residuals, c) < CORRELATED {
             continue;
         }
         let white = with.noise[c].white;
-        let tried = SIZES.iter().flat_map(|size| MEMORIES_S.iter().map(move |m| Noise { white, coloured: size * white, memory_s: *m }));
+        let memories = if c < 2 { &MEMORIES_S[..] } else { &MEMORIES_S[..1] };
+        let tried = SIZES.iter().flat_map(|size| memories.iter().map(move |m| Noise { white, coloured: size * white, memory_s: *m }));
         // Part of what looked white was the memory's.
         let tried = tried.flat_map(|n| [1.0, 0.8].map(|share| Noise { white: share * white, ..n }));
         let mut most = minus_log_likelihood(problem, point, &best) - 2.0 * WORTH_NATS;
@@ -89,15 +91,25 @@ pub fn refined(problem: &Problem, point: &Point, residuals: &[Residuals], with: 
     found
 }
 
-/// Correlation of neighbouring innovations of a speed, outliers cut.
+/// Correlation of neighbouring innovations of a channel, outliers cut.
 fn correlation(problem: &Problem, residuals: &[Residuals], c: usize) -> f64 {
     let (mut products, mut squares) = (0.0, 0.0);
     for (filter, r) in problem.filters.iter().zip(residuals) {
-        let v: Vec<f64> = (0..filter.gains.len()).map(|k| r[2 * k + c].clamp(-4.0, 4.0)).collect();
+        let v: Vec<f64> = of_channel(filter, r, c).map(|x| x.clamp(-4.0, 4.0)).collect();
         products += v.windows(2).map(|w| w[0] * w[1]).sum::<f64>();
         squares += v.iter().map(|x| x * x).sum::<f64>();
     }
     products / squares.max(1e-9)
+}
+
+/// Innovations of a channel.
+fn of_channel<'a>(filter: &Filter, residuals: &'a Residuals, c: usize) -> impl Iterator<Item = f64> + 'a {
+    let speeds = 2 * filter.gains.len();
+    let (first, count, step) = match c.checked_sub(2) {
+        None => (c, speeds / 2, 2),
+        Some(place) => (speeds + filter.bench[..place].iter().map(Vec::len).sum::<usize>(), filter.bench[place].len(), 1),
+    };
+    residuals[first..].iter().step_by(step).take(count).copied()
 }
 
 /// Twice, up to a constant.
@@ -177,6 +189,37 @@ mod tests {
         let of = |log_evidence: f64| Hypothesis::made_up(&[], Fit { log_evidence, ..Fit::made_up(Vec::new()) });
         let other = |problem: &Problem, by: f64| rather_other((problem, &of(100.0 + by)), (&usual, &of(100.0)));
         assert_eq!([other(&usual, 7.9), other(&usual, 8.1), other(&wider, 17.9), other(&wider, 18.1)], [false, true, false, true]);
+    }
+
+    /// The mean of two neighbours, as an interpolating logger writes halfway between its samples, has noise with a memory; a sample has not.
+    #[test]
+    fn interpolated_channels_have_noise_with_a_memory() {
+        use crate::gap::model::prepare::{disturbances, problem, read};
+        use crate::{campaign, vehicle::Vehicle};
+        let campaign = campaign::read(std::path::Path::new("tests/data/cases/3/campaign"), &Default::default()).unwrap();
+        let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
+        let noise = |campaign: &campaign::Campaign| {
+            let (tracks, tolerances) = read(&campaign.recordings.iter().take(3).collect::<Vec<_>>(), &campaign.vehicle_json).unwrap();
+            let with = disturbances(&tracks, &tolerances);
+            let problem = problem(tracks, &vehicle, &tolerances, &with);
+            let point = problem.nominal();
+            (with.noise, refined(&problem, &point, &problem.all_residuals(&point, None), &with).unwrap_or(with).noise)
+        };
+        let (white, sampled) = noise(&campaign);
+        let mut halfway = campaign.clone();
+        for r in &mut halfway.recordings {
+            for column in [r.x_to.as_mut(), r.t_fc.as_mut()].into_iter().flatten() {
+                (1..column.len()).rev().for_each(|k| column[k] = 0.5 * (column[k] + column[k - 1]));
+            }
+        }
+        let (_, interpolated) = noise(&halfway);
+        for c in [Channel::XTo, Channel::TFc].map(|channel| channel as usize) {
+            let (is, was) = (interpolated[c], white[c].white);
+            assert!(is.coloured > 0.0 && is.memory_s == 0.01, "{is:?}");
+            // Half the variance of what was sampled.
+            let whole = is.white.hypot(is.coloured) / was;
+            assert!((whole - 0.5f64.sqrt()).abs() < 0.25, "{whole} of {sampled:?}");
+        }
     }
 
     #[test]

@@ -112,13 +112,23 @@ impl Input {
         self.own.as_ref().map_or(sample, |own| own[sample])
     }
 
-    /// Value at a time after `row` and before the next one, from the values of the samples: that of the last sample, or on the way to the next one if the control unit is faster than that.
-    pub fn at(&self, values: &[f64], time: &[f64], row: usize, t: f64, control: f64) -> f64 {
+    /// Mean value over a tick after `row` and before the next one, from the values of the samples: that of the last sample; on the way to the next one where it steps at some
+    /// time in the last `spread` of their interval, a share of it; or that on the straight way to the next one, at the tick's beginning, if the control unit steps several times between the two.
+    pub fn at(&self, values: &[f64], time: &[f64], row: usize, tick: Range<f64>, control: f64, spread: f64) -> f64 {
         let sample = self.sample(row);
-        let (Some(a), next) = (values.get(sample), values.get(sample + 1)) else { return 0.0 };
-        let Some(b) = next.filter(|_| misses(self.interval, control)) else { return *a };
+        let (Some(a), Some(b)) = (values.get(sample), values.get(sample + 1)) else { return values.get(sample).copied().unwrap_or(0.0) };
         let (from, to) = (time[self.row(sample)], time[self.row(sample + 1)]);
-        a + (t - from) / (to - from) * (b - a)
+        let share = if misses(self.interval, control) {
+            (tick.start - from) / (to - from)
+        } else if spread > 0.0 {
+            // The mean of a ramp that ends at the next sample.
+            let spread = spread * (to - from);
+            let sum = |t: f64| (t - to + spread).max(0.0).powi(2) / (2.0 * spread);
+            (sum(tick.end) - sum(tick.start)) / (tick.end - tick.start)
+        } else {
+            return *a;
+        };
+        a + share * (b - a)
     }
 }
 
@@ -138,13 +148,10 @@ pub fn ticks(r: &Recording, step: f64, [report, command]: [&Input; 2]) -> (Vec<T
         let length = if next > k { r.time[next] - r.time[k] } else { step };
         let count = if slow { (length / control).round().max(1.0) as usize } else { 1 };
         for part in 0..count {
-            let time = r.time[k] + part as f64 / count as f64 * length;
-            ticks.push(Tick {
-                time,
-                t_e: report.at(&reports, &r.time, k, time, control),
-                x_to: command.at(&commands, &r.time, k, time, control),
-                theta_h: r.theta_h[k],
-            });
+            let begin = |part: usize| r.time[k] + part as f64 / count as f64 * length;
+            let time = begin(part);
+            let value = |input: &Input, values| input.at(values, &r.time, k, time..begin(part + 1), control, 0.0);
+            ticks.push(Tick { time, t_e: value(report, &reports), x_to: value(command, &commands), theta_h: r.theta_h[k] });
         }
     }
     of_row.push(ticks.len());

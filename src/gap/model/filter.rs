@@ -87,6 +87,8 @@ pub struct Gain {
     pub of: [[f64; STATES]; 2],
     /// Inverse standard deviations of the two innovations; 0 where there is no sample.
     pub weight: [f64; 2],
+    /// Share of the flywheel speed's error that the disc speed has too, for both samples have one stamp.
+    pub common: f64,
     /// Factors by which the disturbances decay to the next observation.
     pub decay: [f64; STATES],
 }
@@ -100,7 +102,8 @@ impl Gain {
             if self.weight[c] == 0.0 {
                 return None;
             }
-            let innovation = errors[c] - corrected[c] - estimate[[NOISE_F, NOISE_C][c]];
+            let left = |c: usize| errors[c] - corrected[c] - estimate[[NOISE_F, NOISE_C][c]];
+            let innovation = left(c) - if c == 1 && self.common != 0.0 { self.common * left(0) } else { 0.0 };
             (0..2).for_each(|s| corrected[s] += self.of[c][s] * innovation);
             (2..STATES).for_each(|s| estimate[s] += self.of[c][s] * innovation);
             Some(innovation)
@@ -222,6 +225,8 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     for k in 0..n {
         let mut gain = Gain { interval: interval(track, k), ..Gain::default() };
         let pinned = unknown.is_some() && !locked[k];
+        // Error of the stamp, as the flywheel speed shows it, and the variance of all errors of that.
+        let mut flywheel = None;
         if unknown.is_some() && (k == 0 && pinned || k > 0 && locked[k] != locked[k - 1]) {
             p = switched(&p, pinned, j_f, j_c);
         }
@@ -233,9 +238,16 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
             let (speed, noise) = [(OMEGA_F, NOISE_F), (OMEGA_C, NOISE_C)][c];
             let share = if c == 0 { j_c / total } else { j_f / total };
             let stamp = unseen::of_stamps(track, with.stamps, &speeds[c], k);
-            let r = variance(c, count) + (share * blur[k]).powi(2) + stamp + if pinned { followed } else { 0.0 };
+            let mut r = variance(c, count) + (share * blur[k]).powi(2) + stamp.powi(2) + if pinned { followed } else { 0.0 };
             let mut h = SVector::<f64, STATES>::zeros();
             (h[speed], h[noise]) = (1.0, 1.0);
+            if let Some((of_flywheel, all)) = flywheel.filter(|_| stamp != 0.0) {
+                // Less what the flywheel speed tells of it, the disc speed's error is one of its own.
+                gain.common = of_flywheel * stamp / all;
+                r -= gain.common * of_flywheel * stamp;
+                (h[OMEGA_F], h[NOISE_F]) = (-gain.common, -gain.common);
+            }
+            flywheel = Some((stamp, r));
             let ph = p * h;
             let s = h.dot(&ph) + r;
             let kalman = ph / s;
@@ -387,7 +399,8 @@ fn bench(
             return Vec::new();
         }
         let lasting = if channel == Channel::ThetaC { LASTING_TEMPERATURE_K } else { 0.0 };
-        let wander = if channel == Channel::XTo { with.bearing } else { Wander { sigma: 0.0, time_s: 1.0 } };
+        let further = if channel == Channel::XTo { with.bearing } else { Wander { sigma: 0.0, time_s: 1.0 } };
+        let wander = joined(with.noise[channel as usize], further);
         let mut p = wander.sigma.powi(2);
         let means: Vec<(f64, usize)> = (0..track.observations()).map(|k| track.mean(channel, k)).collect();
         (0..track.observations())
@@ -399,7 +412,7 @@ fn bench(
                 let near = k.saturating_sub(2)..(k + 3).min(locked.len());
                 let jumps = channel == Channel::TFc && near.clone().any(|j| locked[j] != locked[k]);
                 if mean.is_finite() && !jumps {
-                    let further = beyond[place][k] + unseen::of_stamps(track, with.stamps, &means, k);
+                    let further = beyond[place][k] + unseen::of_stamps(track, with.stamps, &means, k).powi(2);
                     let r = with.noise[channel as usize].white.powi(2) / count as f64 + lasting.powi(2) / dt + further;
                     let s = p + r;
                     (gain.weight, gain.of) = (1.0 / s.sqrt(), p / s);
@@ -417,6 +430,7 @@ fn bench(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gap::model::{prepare, tolerance};
 
     #[test]
     fn slip_adds_no_momentum() {
@@ -429,5 +443,35 @@ mod tests {
         };
         assert!((variance(1.0, -1.0) - 0.09).abs() < 1e-12 && variance(j_f, j_c).abs() < 1e-12);
         assert!((q.trace() - variance(1.0, 0.0) - variance(0.0, 1.0)).abs() < 1e-12);
+    }
+
+    /// Two speeds that rise by 80 and 30 rad/s², read under one stamp that is off by 2 ms: what the disc speed tells beyond the flywheel speed has no error in common with that.
+    #[test]
+    fn an_error_of_the_stamp_is_common_to_both_speeds() {
+        let (stamps, white, pace) = (2e-3, [0.1, 0.07], [80.0, 30.0]);
+        let speed = |c: usize| (0..60).map(|k| 100.0 * (1 - c) as f64 + 0.01 * pace[c] * f64::from(k)).collect::<Vec<_>>();
+        let track = Track::new(&crate::campaign::Recording {
+            sample_rate_hz: 100.0,
+            time: (0..60).map(|k| 0.01 * f64::from(k)).collect(),
+            omega_f: speed(0),
+            omega_c: speed(1),
+            t_e: vec![0.0; 60],
+            x_to_cmd: vec![0.0; 60],
+            theta_h: vec![25.0; 60],
+            ..Default::default()
+        });
+        let tolerances = tolerance::read(&serde_json::json!({}), tolerance::Logger::UNIFORM).unwrap();
+        let noise = |c: usize| Noise { white: white[c], coloured: 0.0, memory_s: 1.0 };
+        let with = Disturbances { stamps, ..prepare::healthy([noise(0), noise(1), noise(0), noise(0), noise(0)], 0.0, 0.0, &tolerances) };
+        let gain = filter(&track, &Vehicle::paper(), &with, &[]).gains[30];
+        let (own, shared) = (white[0].powi(2) + (stamps * pace[0]).powi(2), stamps.powi(2) * pace[0] * pace[1]);
+        assert!((gain.common - shared / own).abs() < 1e-9, "{} is not {}", gain.common, shared / own);
+        // Errors of a stamp alone: the disc speed's is as large as the flywheel speed's lets expect.
+        let without = Gain { of: [[0.0; STATES]; 2], ..gain };
+        let [first, second] = without.innovations([0.8, 0.3], &mut [0.0; STATES]).map(Option::unwrap);
+        assert!((first - 0.8).abs() < 1e-12 && (second - (0.3 - 0.8 * gain.common)).abs() < 1e-12, "{first} {second}");
+        let even = filter(&track, &Vehicle::paper(), &Disturbances { stamps: 0.0, ..with }, &[]).gains[30];
+        assert_eq!(even.common, 0.0);
+        assert!(even.weight[1] > gain.weight[1] && even.weight[0] > gain.weight[0], "a stamp that is right leaves less open");
     }
 }

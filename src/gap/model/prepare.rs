@@ -85,6 +85,8 @@ pub fn filter_of(track: &Track, vehicle: &Vehicle, with: &Disturbances) -> Filte
 /// Tolerances that are not sound.
 pub fn read(recordings: &[&Recording], vehicle_json: &serde_json::Value) -> Result<(Vec<Track>, Tolerances), tolerance::ToleranceError> {
     let mut tracks: Vec<Track> = recordings.iter().map(|r| Track::new(r)).collect();
+    let stamps = noise::stamps(&tracks);
+    tracks.iter_mut().for_each(|t| t.sampled_loosely(stamps));
     let (white, quantum) = (noise::of_report(&tracks), noise::report_quantum(&tracks));
     tracks.par_iter_mut().for_each(|t| t.believe(&noise::without_noise(&t.report_time, &t.reported, white, quantum)));
     let sensors = noise::channels(&tracks);

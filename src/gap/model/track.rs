@@ -1,7 +1,7 @@
 //! A recording as the inference takes it: real samples of every channel, and the inputs between them.
 //!
 //! Nothing is resampled. Rows are the stamps at which something was recorded; a channel that has no sample there is NaN. An input is held from one sample to
-//! the next. A logger that is slower than the control unit misses commands in between: such an interval is cut into ticks along which the input
+//! the next, or, where samples are taken at uneven times, on its way there ([`Track::sampled_loosely`]). A logger that is slower than the control unit misses commands in between: such an interval is cut into ticks along which the input
 //! goes from one sample to the next, as a command that changes at every tick would. How fast the control unit is may be said otherwise
 //! ([`Recording::control_interval_s`]).
 //!
@@ -91,6 +91,8 @@ pub struct Track {
     speed_interval: f64,
     /// Whether channels have clocks of their own.
     several_clocks: bool,
+    /// Share of an interval, at its end, in which an input may have stepped: 0 of a logger that samples in step with the control unit. See [`Self::sampled_loosely`].
+    spread: f64,
     /// Interval at which the control unit is taken to compute, s.
     pub control_interval: f64,
     /// Whether no position was recorded. Bench channels then say nothing either.
@@ -131,6 +133,7 @@ impl Track {
             inputs: [report, command],
             speed_interval: if several_clocks { step } else { mean_interval(&r.time) },
             several_clocks,
+            spread: 0.0,
             control_interval: control_interval(r),
             position_free,
             unknown_clutch: None,
@@ -139,12 +142,40 @@ impl Track {
 
     /// Takes this for the engine's torque in N·m, sample by sample, instead of what was reported.
     pub fn believe(&mut self, torque: &[f64]) {
-        let report = &self.inputs[0];
-        for row in 0..self.rows() {
-            for k in self.tick_of_row[row]..self.tick_of_row[row + 1] {
-                self.ticks[k].t_e = report.at(torque, &self.time, row, self.ticks[k].time, self.control_interval);
-            }
+        self.between_samples(0, torque).into_iter().zip(&mut self.ticks).for_each(|(t_e, tick)| tick.t_e = t_e);
+    }
+
+    /// Takes its samples as taken at uneven times, but for an error of the stamps of this standard deviation in s.
+    ///
+    /// Samples whose times spread evenly over √12 σ see a step of the control unit so much later at most; over a whole interval, it came at any time since the last of them.
+    pub fn sampled_loosely(&mut self, stamps: f64) {
+        if !self.jitters() {
+            return;
         }
+        self.spread = self.share_of_interval((self.unevenness().powi(2) - stamps.powi(2)).max(0.0).sqrt());
+        let commands: Vec<f64> = self.inputs[1].own_rows(self.rows()).map(|row| self.ticks[self.tick_of_row[row]].x_to).collect();
+        self.between_samples(1, &commands).into_iter().zip(&mut self.ticks).for_each(|(x_to, tick)| tick.x_to = x_to);
+    }
+
+    /// Share of an interval over which times of this standard deviation in s spread evenly.
+    fn share_of_interval(&self, sigma: f64) -> f64 {
+        (12f64.sqrt() * sigma / self.speed_interval).min(1.0)
+    }
+
+    /// Share of an interval at whose end an input may have stepped, whether for uneven samples or for uneven stamps: 0 where stamps are even.
+    pub fn unevenness_of_steps(&self) -> f64 {
+        if self.jitters() { self.share_of_interval(self.unevenness()) } else { 0.0 }
+    }
+
+    /// An input, tick by tick, from its samples.
+    fn between_samples(&self, input: usize, values: &[f64]) -> Vec<f64> {
+        let of_row = |row: usize| {
+            let ticks = self.tick_of_row[row]..self.tick_of_row[row + 1];
+            ticks.map(move |k| {
+                self.inputs[input].at(values, &self.time, row, self.ticks[k].time..self.tick_end(k), self.control_interval, self.spread)
+            })
+        };
+        (0..self.rows()).flat_map(of_row).collect()
     }
 
     /// Number of rows.
@@ -236,12 +267,20 @@ impl Track {
         self.time.iter().zip(speed).filter(|(_, v)| v.is_finite()).map(|(t, _)| *t).collect()
     }
 
-    /// Standard deviation of the stamps around a uniform grid, s.
+    /// Standard deviation of the stamps around the uniform grid that is nearest to them by least squares, s.
     pub fn unevenness(&self) -> f64 {
         let clock = self.clock();
-        let (first, interval) = (clock.first().copied().unwrap_or(0.0), mean_interval(&clock));
-        let off = |(k, t): (usize, &f64)| (t - first - k as f64 * interval).powi(2);
-        (clock.iter().enumerate().map(off).sum::<f64>() / clock.len().max(1) as f64).sqrt()
+        let n = clock.len() as f64;
+        if clock.len() < 2 {
+            return 0.0;
+        }
+        // Numbers of the samples, from the middle one on.
+        let number = |k: usize| k as f64 - 0.5 * (n - 1.0);
+        let mean = clock.iter().sum::<f64>() / n;
+        let products: f64 = clock.iter().enumerate().map(|(k, t)| number(k) * (t - mean)).sum();
+        let pace = products / (n * (n * n - 1.0) / 12.0);
+        let off = |(k, t): (usize, &f64)| (t - mean - pace * number(k)).powi(2);
+        (clock.iter().enumerate().map(off).sum::<f64>() / n).sqrt()
     }
 
     /// Whether stamps are off a uniform grid by more than the digits they are written with.
@@ -360,6 +399,38 @@ mod tests {
         };
         let track = Track::new(&fast);
         assert!((0..20).all(|k| track.rows_of(k) == (20 * k..20 * k + 20)), "{:?}", track.rows_of(1));
+    }
+
+    /// Of samples that are taken at any time within an interval, a command came halfway to the next one on average; if their stamps are off instead, it is held.
+    #[test]
+    fn a_command_between_uneven_samples_came_at_any_time() {
+        // Off by 4.5 ms to either side, which is as uneven as an interval is long (√12 · 4.5 > 10), or by half a millisecond.
+        for (off, share) in [(0.0045, 1.0), (0.0005, 12f64.sqrt() * 0.05)] {
+            let time: Vec<f64> = (0..401).map(|k| 0.01 * f64::from(k) + if k % 2 == 1 { off } else { -off }).collect();
+            let x_to_cmd: Vec<f64> = (0..401).map(|k| f64::from(k * 53 % 97)).collect();
+            let held = Recording {
+                sample_rate_hz: 100.0,
+                omega_f: vec![0.0; 401],
+                omega_c: vec![0.0; 401],
+                t_e: x_to_cmd.clone(),
+                theta_h: vec![25.0; 401],
+                x_to_cmd: x_to_cmd.clone(),
+                time,
+                ..Recording::default()
+            };
+            let (held, mut loose) = (Track::new(&held), Track::new(&held));
+            assert!(held.jitters() && (held.unevenness() - off).abs() < 1e-4, "{}", held.unevenness());
+            loose.sampled_loosely(0.0);
+            loose.believe(&x_to_cmd);
+            for k in 0..400 {
+                let mean = x_to_cmd[k] + 0.5 * share * (x_to_cmd[k + 1] - x_to_cmd[k]);
+                assert!((loose.ticks[k].x_to - mean).abs() < 0.3 && (loose.ticks[k].t_e - mean).abs() < 0.3, "{k}: {:?}", loose.ticks[k]);
+                assert_eq!(held.ticks[k].x_to, x_to_cmd[k]);
+            }
+            loose = held.clone();
+            loose.sampled_loosely(off + 0.001);
+            assert!((0..400).all(|k| loose.ticks[k].x_to == x_to_cmd[k]));
+        }
     }
 
     /// Between its own samples, 20 ms apart, a command goes straight; at 10 ms it is held.

@@ -1,4 +1,4 @@
-//! What a logger does not show: where a signal went between slow samples, and when a sample was taken whose stamp is off.
+//! What a logger does not show: where a signal went between slow samples, when it stepped between uneven ones, and when a sample was taken whose stamp is off.
 
 use super::clock::{Tick, misses};
 use super::track::Track;
@@ -39,7 +39,7 @@ pub fn at_samples(track: &Track, input: impl Fn(&Tick) -> f64) -> Vec<f64> {
     (0..samples(track)).map(|sample| input(&track.ticks[track.tick_of_row[row_of(track, sample)]])).collect()
 }
 
-/// What a signal may have done between the samples of a slow logger, beyond the straight line from each to the next, observation by observation.
+/// What a signal may have done between the samples of a logger that is slow or uneven, beyond what it does on average, observation by observation.
 pub struct Unseen {
     /// Variance of its integral, which for a torque is an impulse.
     pub integral: Vec<f64>,
@@ -47,9 +47,12 @@ pub struct Unseen {
     pub before: Vec<f64>,
 }
 
-/// The same from its samples, of which those of some observations count; nothing where a sample shows every step of the control unit.
+/// The same from its samples, of which those of some observations count; nothing where a sample shows every step of the control unit as it comes.
 ///
-/// A signal that goes any way between its samples is a Wiener process. With intervals T its variance s² per second shows in how far a sample lies off the
+/// A logger as quick as the control unit whose samples or stamps are uneven sees every step Δ, but not when in the last w of an interval it came: its integral has the variance
+/// Δ² w²/12, and just before a sample of a whole interval T it has come or it has not, which has the variance Δ²/4 · w/T.
+///
+/// Of a slower logger, a signal that goes any way between its samples is a Wiener process. With intervals T its variance s² per second shows in how far a sample lies off the
 /// middle of its neighbours, δ² = s² T/2. The integral between two samples, given both, has the variance s² T³/12 = δ² T²/6. The
 /// signal itself has s² T u (1 − u) = 2 δ² u (1 − u) at the share u of the way.
 pub fn unseen(track: &Track, signal: &[f64], counts: impl Fn(usize) -> bool) -> Unseen {
@@ -61,16 +64,30 @@ pub fn unseen(track: &Track, signal: &[f64], counts: impl Fn(usize) -> bool) -> 
         if known { (signal[i] - 0.5 * (signal[i - 1] + signal[i + 1])).powi(2) } else { 0.0 }
     };
     // Mean of δ² at both ends of the interval after each sample.
-    let bend = |i: usize| if misses(length(i), track.control_interval) { 0.5 * (off(i) + off(i + 1)) } else { 0.0 };
+    let bend = |i: usize| 0.5 * (off(i) + off(i + 1));
+    let missing = |i: usize| misses(length(i), track.control_interval);
+    let uneven = track.unevenness_of_steps();
+    // Square of the step to the next sample.
+    let step = |i: usize| {
+        let known = i + 1 < signal.len() && counts(observation(i)) && counts(observation(i + 1));
+        if known { (signal[i + 1] - signal[i]).powi(2) } else { 0.0 }
+    };
+    let integral = |i: usize| {
+        if missing(i) { bend(i) * length(i).powi(2) / 6.0 } else { step(i) * (uneven * length(i)).powi(2) / 12.0 }
+    };
     let before = |i: usize| {
-        let Some((j, bend)) = i.checked_sub(1).map(|j| (j, bend(j))).filter(|(_, bend)| *bend > 0.0) else { return 0.0 };
-        let left = track.control_interval / length(j);
-        2.0 * bend * left * (1.0 - left)
+        let Some(j) = i.checked_sub(1) else { return 0.0 };
+        if missing(j) {
+            let left = track.control_interval / length(j);
+            2.0 * bend(j) * left * (1.0 - left)
+        } else {
+            0.25 * uneven * step(j)
+        }
     };
     let of = |k: usize, variance: &dyn Fn(usize) -> f64| samples_of(track, k).map(variance).sum::<f64>();
     let all = 0..track.observations();
     Unseen {
-        integral: all.clone().map(|k| of(k, &|i| bend(i) * length(i).powi(2) / 6.0)).collect(),
+        integral: all.clone().map(|k| of(k, &integral)).collect(),
         before: all.map(|k| of(k, &before) / (samples_of(track, k).len() as f64).powi(2)).collect(),
     }
 }
@@ -83,10 +100,56 @@ pub fn slope(samples: &[(f64, usize)], time: &impl Fn(usize) -> f64, k: usize) -
     Some((samples[b].0 - samples[a].0) / (time(b) - time(a)).max(1e-3))
 }
 
-/// Variance of a sample whose stamp is off by `stamps` s, one standard deviation.
+/// What a channel has changed by in `stamps` s around an observation: its error if the stamp is off by so much.
 pub fn of_stamps(track: &Track, stamps: f64, samples: &[(f64, usize)], k: usize) -> f64 {
     if stamps == 0.0 {
         return 0.0;
     }
-    (stamps * slope(samples, &|k| track.time[track.rows_of(k).start], k).unwrap_or(0.0)).powi(2)
+    stamps * slope(samples, &|k| track.time[track.rows_of(k).start], k).unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::campaign::Recording;
+
+    /// A step that comes at any time between two samples, against what it does on average.
+    #[test]
+    fn steps_between_uneven_samples_have_the_variance_of_their_instants() {
+        let off = |k: i32| 0.0045 * f64::from(k * 37 % 101 - 50) / 50.0;
+        let time: Vec<f64> = (0..2000).map(|k| 0.01 * f64::from(k) + off(k)).collect();
+        let signal: Vec<f64> = (0..2000).map(|k| f64::from(k * 53 % 89)).collect();
+        let track = Track::new(&Recording { time, ..logged(&signal) });
+        let share = track.unevenness_of_steps();
+        assert!((share - 0.9).abs() < 0.05, "{share}: nine of ten milliseconds");
+        let found = unseen(&track, &signal, |_| true);
+        let (mut integral, mut before) = ((0.0, 0.0), (0.0, 0.0));
+        for k in (0..1998).filter(|k| !misses(interval(&track, *k), track.control_interval)) {
+            let (length, step) = (interval(&track, k), signal[k + 1] - signal[k]);
+            // The instant goes through the share of the interval in even steps.
+            let mut off = (0..200).map(|i| (f64::from(i) + 0.5) / 200.0 - 0.5);
+            integral.0 += off.by_ref().map(|u| (u * share * length * step).powi(2)).sum::<f64>() / 200.0;
+            integral.1 += found.integral[k];
+            // Just before the sample it has come or it has not, as likely, in that share of the cases.
+            before.0 += share * (0.5 * step).powi(2);
+            before.1 += found.before[k + 1];
+        }
+        assert!((integral.1 / integral.0 - 1.0).abs() < 1e-3, "{integral:?}");
+        assert!((before.1 / before.0 - 1.0).abs() < 1e-3, "{before:?}");
+        let even = Track::new(&Recording { time: (0..2000).map(|k| 0.01 * f64::from(k)).collect(), ..logged(&signal) });
+        let nothing = unseen(&even, &signal, |_| true);
+        assert!(nothing.integral.iter().chain(&nothing.before).all(|v| *v == 0.0), "a sample in step shows every step");
+    }
+
+    fn logged(signal: &[f64]) -> Recording {
+        let zeros = vec![0.0; signal.len()];
+        Recording {
+            sample_rate_hz: 100.0,
+            omega_f: zeros.clone(),
+            omega_c: zeros.clone(),
+            t_e: signal.to_vec(),
+            theta_h: zeros,
+            ..Recording::default()
+        }
+    }
 }
