@@ -226,3 +226,69 @@ fn the_diagnosis_without_start_temperatures_names_the_effect_first() {
     }
     assert!(named(&c).contains(&"kiss_point_thermal".to_string()));
 }
+
+/// However fast the raster of an export, held or interpolated: what it put between the samples is left out, and what was sampled is as it was.
+#[test]
+fn a_faster_raster_reads_as_what_was_sampled() {
+    let whole = whole();
+    for (name, every, interpolates) in [("raster_held", 10, false), ("raster_interpolated", 5, true), ("raster_twice", 2, false)] {
+        let exported = altered(name, |_, rows| {
+            let value = |row: &[String], c: usize| number(&row[c]);
+            let between = |k: usize, part: usize| -> Vec<String> {
+                let (this, next) = (&rows[k], &rows[k + 1]);
+                let share = part as f64 / every as f64;
+                let cell = |c: usize| {
+                    let slope = if c == TIME || interpolates { value(next, c) - value(this, c) } else { 0.0 };
+                    format!("{:.5}", value(this, c) + share * slope)
+                };
+                (0..this.len()).map(cell).collect()
+            };
+            let all: Rows =
+                (0..rows.len() - 1).flat_map(|k| (0..every).map(move |part| (k, part))).map(|(k, part)| between(k, part)).collect();
+            let last = rows.pop().unwrap();
+            *rows = all;
+            rows.push(last);
+        });
+        for (was, is) in whole.recordings.iter().zip(&exported.recordings) {
+            let near = |a: &[f64], b: &[f64]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-4);
+            assert!((is.sample_rate_hz - was.sample_rate_hz).abs() < 1e-6, "{name}, {}: {} Hz", is.name, is.sample_rate_hz);
+            let columns = [
+                (&was.time, &is.time),
+                (&was.omega_f, &is.omega_f),
+                (&was.omega_c, &is.omega_c),
+                (&was.t_e, &is.t_e),
+                (&was.x_to_cmd, &is.x_to_cmd),
+            ];
+            for (c, (was, is)) in columns.into_iter().enumerate() {
+                assert!(near(was, is), "{name}, {}, column {c}: {} rows instead of {}", is.len(), is.len(), was.len());
+            }
+            assert_eq!(is.input_rows, was.input_rows);
+        }
+        let said = if interpolates { "are interpolated and are left out" } else { "repeat it and are left out" };
+        let lines = notes(&exported);
+        assert_eq!(lines.matches(said).count(), whole.recordings.len(), "{lines}");
+        assert!(lines.contains(&format!("one row in {every} is a sample")), "{lines}");
+    }
+}
+
+/// Speeds at 50 Hz that a logger at 100 Hz repeats, beside inputs at 100 Hz.
+#[test]
+fn speeds_that_a_logger_repeats_have_samples_where_they_change() {
+    let whole = whole();
+    let repeated = altered("repeated_speeds", |_, rows| {
+        for k in (1..rows.len()).step_by(2) {
+            for c in [OMEGA_F, OMEGA_C] {
+                rows[k][c] = rows[k - 1][c].clone();
+            }
+        }
+    });
+    for (was, is) in whole.recordings.iter().zip(&repeated.recordings) {
+        assert_eq!((is.sample_rate_hz, &is.t_e, &is.x_to_cmd), (50.0, &was.t_e, &was.x_to_cmd));
+        let kept = |k: usize| is.omega_f[k] == was.omega_f[k] && is.omega_c[k] == was.omega_c[k];
+        assert!(
+            (0..is.time.len()).all(|k| if k % 2 == 0 { kept(k) } else { is.omega_f[k].is_nan() && is.omega_c[k].is_nan() }),
+            "{}",
+            is.name
+        );
+    }
+}

@@ -8,6 +8,7 @@ use super::doubt;
 use super::error::{Defect, RecordingError};
 use super::manifest::Entry;
 use super::pick::{Signal, pick};
+use super::raster::samples_alone;
 use super::rows::{SAME_S, held, own_rows, rows, sensed};
 use super::span::{Track, check_rate, round, span, tracks};
 use super::table::Measurement;
@@ -35,6 +36,7 @@ pub(crate) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry) -> R
     for track in &tracks {
         checks::plausible(&m, &track.signal, entry)?;
     }
+    notes.extend(samples_alone(&mut tracks));
     // A sensor's dead band bounds nothing: the speed is not known there, and the recording goes on.
     notes.extend(tracks.iter_mut().filter_map(|t| below_threshold(&mut t.signal)));
     let mut time = rows(tracks.iter().map(|t| &t.signal).filter(|s| s.channel != Channel::ThetaH), start, end);

@@ -6,7 +6,7 @@
 //! interpolated: the rows of a recording are real samples.
 //!
 //! The way of a file: bytes, [`table`] (csv, mdf, parquet), [`pick`] (channel map, units), [`checks`], [`span`] (with
-//! [`clock`]), [`assemble`] (with [`rows`]), [`Recording`].
+//! [`clock`]), [`raster`], [`assemble`] (with [`rows`]), [`Recording`].
 
 mod assemble;
 mod channel_map;
@@ -25,6 +25,7 @@ mod manifest;
 mod mdf;
 mod parquet;
 mod pick;
+mod raster;
 mod rows;
 mod span;
 mod table;

@@ -21,6 +21,17 @@ fn likelier_not(f: &Findings, e: usize) -> bool {
 
 /// Verdict, effects and how much of the gap they close, of which `closed` is the share.
 pub fn sentence(f: &Findings, closed: f64) -> String {
+    let said = of_verdict(f, closed);
+    if f.posterior.beyond <= 0.5 || matches!(f.conclusion.verdict, Verdict::Unexplained | Verdict::InputsDoNotFit) {
+        return said;
+    }
+    let none = percent(f.posterior.beyond);
+    format!(
+        "With a probability of {none} none of the explanations compared holds: they strain the tolerances of the vehicle file. The nearest one: {said}"
+    )
+}
+
+fn of_verdict(f: &Findings, closed: f64) -> String {
     let with_rivals = |e: usize| {
         let mut words = vec![REGISTRY[e].id];
         words.extend(rivals(f, e).iter().map(|&k| REGISTRY[k].id));

@@ -26,7 +26,19 @@ pub fn headline(diagnosis: &Value) -> String {
     marked(diagnosis).replace(MARK, "")
 }
 
+/// The headline with marks around what is set bold. It begins with what is likelier than all that was compared, if something is.
 fn marked(diagnosis: &Value) -> String {
+    let said = of_verdict(diagnosis);
+    let compared = matches!(text(diagnosis, "verdict"), Some("no_gap" | "explained" | "partly_explained"));
+    let none = beyond(diagnosis).0;
+    if compared && none > 0.5 {
+        format!("Most probably ({}) none of the explanations compared holds. The nearest one: {said}", percent(none))
+    } else {
+        said
+    }
+}
+
+fn of_verdict(diagnosis: &Value) -> String {
     let effects = list(&diagnosis["which"], "effects");
     let place = places(diagnosis);
     let alone = effects.len() < 2;
@@ -342,6 +354,18 @@ pub fn or_places(ids: &[&str]) -> String {
 mod tests {
     use super::*;
     use serde_json::json;
+
+    #[test]
+    fn the_headline_begins_with_what_is_likelier_than_all_that_was_compared() {
+        for (verdict, beyond, none) in
+            [("no_gap", 0.4, false), ("no_gap", 0.9, true), ("explained", 0.9, true), ("unexplained", 0.9, false)]
+        {
+            let diagnosis = json!({"verdict": verdict, "which": {"effects": [{"id": "vehicle_mass"}], "beyond": beyond}, "where": {}});
+            let said = headline(&diagnosis);
+            let none_holds = said.starts_with(&format!("Most probably ({}) none of the explanations compared holds.", percent(beyond)));
+            assert_eq!(none_holds, none, "{verdict} {beyond}: {said}");
+        }
+    }
 
     #[test]
     fn what_none_of_the_explanations_accounts_for_is_said() {
