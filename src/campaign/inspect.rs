@@ -10,6 +10,7 @@ use super::channels::{CHANNELS, Channel, Presence};
 use super::clock;
 use super::doubt;
 use super::guess;
+use super::raster;
 use super::table::{self, Format, Group, Series};
 use super::units;
 
@@ -199,9 +200,12 @@ fn faults(group: &Group, channels: &[ChannelInfo]) -> Vec<String> {
     let fault = |series: &Series| {
         let channel = guess(series).filter(|c| *c != Channel::Time)?;
         let moves = matches!(channel, Channel::OmegaF | Channel::OmegaC);
-        doubt::faults_of(&series.name, &time, &mut series.values.clone(), moves)
+        let mut values = series.values.clone();
+        let fault = doubt::faults_of(&series.name, &time, &mut values, moves);
+        let between = if moves { raster::samples_of(&series.name, &time, &mut values) } else { None };
+        Some([fault, between].into_iter().flatten())
     };
-    group.series.iter().filter_map(fault).collect()
+    group.series.iter().filter_map(fault).flatten().collect()
 }
 
 /// Adds the guesses for all channels but clocks and texts.

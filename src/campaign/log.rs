@@ -8,7 +8,7 @@ use super::error::{CampaignError, Defect};
 use super::guess;
 use super::table::{self, Group};
 use super::units::{self, Quantity};
-use super::{Channel, doubt};
+use super::{Channel, doubt, raster};
 
 /// A file.
 #[derive(Clone, Debug)]
@@ -107,6 +107,7 @@ fn channel(group: &Group, at: usize, clock: &Rc<Vec<f64>>, notes: &mut Vec<Strin
     // What has no unit may be a counter or a state, whose jumps are no faults.
     let fault = unit.and_then(|_| doubt::faults_of(&series.name, &time, &mut values, speed));
     notes.extend(fault);
+    notes.extend(if speed { raster::samples_of(&series.name, &time, &mut values) } else { None });
     thin(&mut time, &mut values);
     let spacing = clock::spacing(&time, &values).filter(|_| series.text.is_none())?;
     let dead_band = doubt::dead_band(&time, &values, doubt::LIKELY).filter(|_| speed).map(|(threshold, _)| threshold);
