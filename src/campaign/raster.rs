@@ -10,6 +10,7 @@ use super::clock::valid;
 use super::doubt::quantum;
 use super::pick::Signal;
 use super::span::Track;
+use std::collections::HashMap;
 
 /// Longest lattice, rows.
 const LONGEST: usize = 100;
@@ -83,76 +84,94 @@ impl Raster {
 
     /// Whether a signal of the same rows has values where this has samples, and nothing happens to it beside them.
     fn holds(&self, signal: &Signal) -> bool {
-        let (rows, t, v) = known(&signal.time, &signal.values);
-        let events = events(&t, &v, self.between);
-        let beside = events.iter().filter(|&&k| !self.is_sample[rows[k]]).count();
-        let samples = self.is_sample.iter().filter(|is| **is).count();
-        let shared = rows.iter().filter(|&&row| self.is_sample[row]).count();
-        beside as f64 <= BESIDE * events.len() as f64 && shared as f64 >= (1.0 - BESIDE) * samples as f64
+        let (mut all, mut beside) = (0, 0);
+        for (_, row) in events(&signal.time, &signal.values, self.between) {
+            all += 1;
+            beside += usize::from(!self.is_sample[row]);
+        }
+        let samples = || self.is_sample.iter().zip(&signal.values).filter(|(is, _)| **is);
+        let lacking = samples().filter(|(_, v)| v.is_nan()).count();
+        let few = |part: usize, of: usize| part as f64 <= BESIDE * of as f64;
+        few(beside, all) && few(lacking, samples().count())
     }
-}
-
-/// Rows that have a value, their times and their values.
-fn known(time: &[f64], values: &[f64]) -> (Vec<usize>, Vec<f64>, Vec<f64>) {
-    let rows: Vec<usize> = valid(time, values).map(|(row, ..)| row).collect();
-    let of = |column: &[f64]| rows.iter().map(|&row| column[row]).collect();
-    let (t, v) = (of(time), of(values));
-    (rows, t, v)
 }
 
 /// The likeliest raster that is faster than its source; none if every row may be a sample.
 fn raster(time: &[f64], values: &[f64]) -> Option<Raster> {
-    let (rows, t, v) = known(time, values);
     let of = |between: Between| {
-        let events = events(&t, &v, between);
-        let best = (2..=LONGEST).map(|every| (lead(&events, every), every)).max_by(|a, b| a.0.total_cmp(&b.0))?;
-        (best.0 > SURE_NATS).then_some((best.0, between, best.1, events))
+        let distances = Distances::of(events(time, values, between).map(|(number, _)| number));
+        (2..=LONGEST).map(move |every| (distances.lead(every), between, every)).max_by(|a, b| a.0.total_cmp(&b.0))
     };
-    let likelier = |a: &(f64, Between, usize, Vec<usize>), b: &(f64, Between, usize, Vec<usize>)| a.0.total_cmp(&b.0);
-    let (_, between, every, events) = [Between::Repeats, Between::Lines].into_iter().filter_map(of).max_by(likelier)?;
+    let best = [Between::Repeats, Between::Lines].into_iter().filter_map(of).max_by(|a, b| a.0.total_cmp(&b.0));
+    let (_, between, every) = best.filter(|(lead, ..)| *lead > SURE_NATS)?;
+    let mut events = events(time, values, between).map(|(number, _)| number).peekable();
+    // The lattice begins anew with each event; before the first one it goes back from it.
+    let mut origin = events.peek().copied()? % every;
     let mut is_sample = vec![false; values.len()];
-    let ends = events.iter().skip(1).copied().chain([rows.len()]);
-    // Before the first event the lattice goes back from it.
-    let before = (1..=events[0] / every).map(|k| events[0] - k * every);
-    let after = events.iter().copied().zip(ends).flat_map(|(from, to)| (from..to).step_by(every));
-    before.chain(after).for_each(|k| is_sample[rows[k]] = true);
+    for (number, (row, ..)) in valid(time, values).enumerate() {
+        if let Some(event) = events.next_if_eq(&number) {
+            origin = event;
+        }
+        is_sample[row] = number >= origin && (number - origin) % every == 0;
+    }
     Some(Raster { between, every, is_sample })
 }
 
-/// Samples that differ from the one before, or bends.
-fn events(t: &[f64], v: &[f64], between: Between) -> Vec<usize> {
-    match between {
-        Between::Repeats => (1..v.len()).filter(|&k| v[k] != v[k - 1]).collect(),
-        Between::Lines => {
-            let most = v.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
-            // A row and both its neighbours are rounded, be it to single precision.
-            let rounding = 1.01 * quantum(v) + 2.5e-7 * most;
-            let off = |k: usize| {
-                let share = (t[k] - t[k - 1]) / (t[k + 1] - t[k - 1]);
-                (v[k] - v[k - 1] - share * (v[k + 1] - v[k - 1])).abs()
-            };
-            (1..v.len().saturating_sub(1)).filter(|&k| off(k) > rounding).collect()
+/// Numbers and rows of the samples that differ from the one before, or at which a line bends.
+fn events<'a>(time: &'a [f64], values: &'a [f64], between: Between) -> impl Iterator<Item = (usize, usize)> + 'a {
+    // A row and both its neighbours are rounded, be it to single precision.
+    let rounding = match between {
+        Between::Repeats => 0.0,
+        Between::Lines => 1.01 * quantum(values) + 2.5e-7 * valid(time, values).fold(0.0, |most: f64, (.., v)| most.max(v.abs())),
+    };
+    let mut before = [None; 2];
+    valid(time, values).enumerate().filter_map(move |(number, now)| {
+        let [first, middle] = before;
+        before = [middle, Some(now)];
+        let (_, t_1, v_1) = middle?;
+        match between {
+            Between::Repeats => (now.2 != v_1).then_some((number, now.0)),
+            Between::Lines => {
+                let (_, t_0, v_0) = first?;
+                let off = v_1 - v_0 - (t_1 - t_0) / (now.1 - t_0) * (now.2 - v_0);
+                (off.abs() > rounding).then_some((number - 1, middle?.0))
+            }
         }
-    }
+    })
 }
 
-/// Nats by which events on a lattice of so many rows are likelier than events in any row, each with the rates that suit it best; −∞ if too many lie beside it, or it has too few.
-fn lead(events: &[usize], every: usize) -> f64 {
-    let (Some(first), Some(last)) = (events.first(), events.last()) else { return f64::NEG_INFINITY };
-    let rows = (last - first) as f64;
-    let (mut on, mut passed, mut beside) = (0.0, 0.0, 0.0);
-    for distance in events.windows(2).map(|w| w[1] - w[0]) {
-        passed += ((distance - 1) / every) as f64;
-        *(if distance % every == 0 { &mut on } else { &mut beside }) += 1.0;
+/// How many samples apart events follow each other, and how often.
+struct Distances(HashMap<usize, usize>);
+
+impl Distances {
+    fn of(events: impl Iterator<Item = usize>) -> Self {
+        let (mut all, mut last) = (HashMap::new(), None);
+        for event in events {
+            if let Some(before) = last.replace(event) {
+                *all.entry(event - before).or_default() += 1;
+            }
+        }
+        Self(all)
     }
-    if beside > BESIDE * (on + beside) || on < HAPPENS * (on + passed) {
-        return f64::NEG_INFINITY;
+
+    /// Nats by which events on a lattice of so many rows are likelier than events in any row, each with the rates that suit it best; −∞ if too many lie beside it, or it has too few.
+    fn lead(&self, every: usize) -> f64 {
+        let (mut rows, mut on, mut passed, mut beside) = (0.0, 0.0, 0.0, 0.0);
+        for (&distance, &count) in &self.0 {
+            let count = count as f64;
+            rows += distance as f64 * count;
+            passed += ((distance - 1) / every) as f64 * count;
+            *(if distance % every == 0 { &mut on } else { &mut beside }) += count;
+        }
+        if rows == 0.0 || beside > BESIDE * (on + beside) || on < HAPPENS * (on + passed) {
+            return f64::NEG_INFINITY;
+        }
+        let bernoulli = |events: f64, rows: f64| {
+            let part = |n: f64| if n > 0.0 { n * (n / rows).ln() } else { 0.0 };
+            part(events) + part(rows - events)
+        };
+        bernoulli(on, on + passed) + bernoulli(beside, rows - on - passed) - bernoulli(on + beside, rows) - (LONGEST as f64).ln()
     }
-    let bernoulli = |events: f64, rows: f64| {
-        let part = |n: f64| if n > 0.0 { n * (n / rows).ln() } else { 0.0 };
-        part(events) + part(rows - events)
-    };
-    bernoulli(on, on + passed) + bernoulli(beside, rows - on - passed) - bernoulli(on + beside, rows) - (LONGEST as f64).ln()
 }
 
 #[cfg(test)]
