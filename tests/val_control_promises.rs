@@ -5,7 +5,7 @@
 mod coupled;
 
 use coupled::{Coupled, STANDSTILL};
-use kisspoint::control::controller::Mode;
+use kisspoint::control::state::Mode;
 use kisspoint::control::{Controller, Fault, Inputs, Settings};
 use kisspoint::effects::{self, param};
 use kisspoint::launch::controller_inputs;

@@ -1,9 +1,10 @@
 //! Where the governed law sends the bearing: inverse map, torque feedback, learning, and the soft close after lock-up.
 
-use super::controller::{Controller, Mode};
+use super::controller::Controller;
 use super::filter;
 use super::governed::LEAST_DELIVERY;
 use super::guard::Inputs;
+use super::state::Mode;
 use crate::physics::map;
 
 /// Bandwidth of the torque feedback when the facings bite, 1/s, and that times the time since, until it has come down to `torque_bandwidth`.

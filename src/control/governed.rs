@@ -25,7 +25,7 @@
 //! - **Hill** ([`super::hill`]): brakes hold the car until the clutch carries its grade; without a sensor of it the load is observed also while the clutch is open and the car rolls; **creep**: a ramp to `creep_speed` in slip.
 
 use super::approach;
-use super::controller::{Controller, Mode, State, engine_limits};
+use super::controller::{Controller, engine_limits};
 use super::figure_3::clutch_limits;
 use super::filter::{self, Lags};
 use super::guard::Inputs;
@@ -33,6 +33,7 @@ use super::landing::Landing;
 use super::load::{Inertia, Load};
 use super::pi::Gains;
 use super::settings::Settings;
+use super::state::{Mode, State};
 use crate::physics::driveline;
 
 /// Bandwidth of the load observer while the clutch is open: it closes no loop then, 1/s.

@@ -1,9 +1,10 @@
 //! Reference governor of the governed law: how much torque the engine can spare, and how fast the plan's time may run.
 
-use super::controller::{Controller, State};
+use super::controller::Controller;
 use super::guard::Inputs;
 use super::reference::{self, References};
 use super::settings::Settings;
+use super::state::State;
 use crate::physics::driveline;
 
 /// Errors of the clutch speed in rad/s at which the governor begins to slow the plan, and stops it.

@@ -3,8 +3,9 @@
 //! T_brake = 2 T_grade while held, else 0. `T_grade` comes from the car's inclination sensor; without one (0) nothing is held.
 //! While the car is held its load cannot be observed, so the sensor's counts and the plan waits.
 
-use super::controller::{Controller, Mode};
+use super::controller::Controller;
 use super::guard::Inputs;
+use super::state::Mode;
 
 /// Brakes over the torque of the grade.
 const BRAKES: f64 = 2.0;

@@ -16,6 +16,7 @@
 //! - [`approach`]: until the facings bite; [`landing`]: the second half of the launch; [`hill`]: hill holder
 //! - [`filter`], [`load`]: lags that references share with measurements, load observer
 //! - [`learning`]: touch point and friction over launches
+//! - [`state`]: outputs, and all that changes while it runs
 //! - [`controller`]: phases and estimates that both laws share
 
 pub mod approach;
@@ -36,8 +37,10 @@ pub mod performance;
 pub mod pi;
 pub mod reference;
 pub mod settings;
+pub mod state;
 pub mod temperature;
 
-pub use controller::{Controller, Outputs};
+pub use controller::Controller;
 pub use guard::{Fault, Inputs, Wish};
 pub use settings::Settings;
+pub use state::Outputs;

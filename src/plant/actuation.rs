@@ -3,14 +3,11 @@
 //! Command → delay → rate limit → lag → what was learned → play → bearing; report → gain and bias → lag, with what was learned of its time → crankshaft. Inputs are held over
 //! a substep, so the chain is solved exactly at its start, middle and end and no lag, however short, is stiff.
 
-use super::clutch::{Branch, Found};
+use super::clutch::Branch;
 use super::config::Config;
-use super::events;
-use super::motion::{self, index};
-use super::sensed;
+use super::rate_limit::{behind_the_limit, rate_limited};
 use super::{MAX_SUBSTEP, State};
 use crate::effects::empirical;
-use crate::physics::driveline;
 use crate::physics::lag::{self, LagState};
 
 /// Engine torque in N·m and bearing position in mm at one instant.
@@ -277,38 +274,6 @@ fn drag_along(follower: f64, leader: f64, reach: f64) -> f64 {
     }
 }
 
-/// Lag behind a rate limit that comes to `limited` in `h` seconds: a ramp at full speed, one that takes as long on average as the approach does, and what is left of the time at rest.
-fn behind_the_limit(config: &Config, state: &State, x_cmd: f64, limited: f64, h: f64) -> LagState {
-    let c = &config.constants;
-    let approach = c.approach.max(0.0);
-    let full = (((x_cmd - state.limited).abs() - approach).max(0.0) * c.inverse_speed).min(h);
-    let slowing = (2.0 * approach * c.inverse_speed).min(h - full);
-    let there = rate_limited(c.inverse_speed, approach, state.limited, x_cmd, full);
-    let mut at = state.lagged;
-    for (from, to, seconds) in [(state.limited, there, full), (there, limited, slowing), (limited, limited, h - full - slowing)] {
-        // What takes no time jumps.
-        if seconds > SHORTEST_PIECE {
-            at = lag::advance(&c.actuator_lag, at, from, (to - from) / seconds, seconds);
-        }
-    }
-    at
-}
-
-#[inline]
-fn rate_limited(inverse_speed: f64, approach: f64, from: f64, to: f64, h: f64) -> f64 {
-    if inverse_speed <= 0.0 {
-        return to;
-    }
-    let (most, distance) = (h / inverse_speed, (to - from).abs());
-    if approach <= 0.0 || distance - most >= approach {
-        return from + (to - from).clamp(-most, most);
-    }
-    // Full speed down to the approach, then the rest of the distance decays.
-    let slowing = h - (distance - approach).max(0.0) * inverse_speed;
-    let left = distance.min(approach) * (-slowing / (approach * inverse_speed)).exp();
-    to - left * (to - from).signum()
-}
-
 /// Share of a lag's time constant that one piece may take while the lag is under way: three stages then see its exponential to 1e-7.
 const PIECE_OF_A_LAG: f64 = 0.2;
 
@@ -319,7 +284,7 @@ const ARRIVED: f64 = 1e-9;
 const SHORTEST_PIECE_OF_A_TABLE: f64 = MAX_SUBSTEP / 16.0;
 
 /// Shortest piece that is cut for the chain's sake, s.
-const SHORTEST_PIECE: f64 = 1e-9;
+pub const SHORTEST_PIECE: f64 = 1e-9;
 
 /// Time in s for which the chain is smooth enough for one Runge–Kutta step, up to the moment at which the rate limit reaches its target. A fit,
 /// which asks for more than [`MAX_SUBSTEP`], is content with the stages that a substep has.
@@ -374,92 +339,9 @@ pub fn rest(config: &Config, state: &mut State) {
     state.presliding = Presliding { x, ..Presliding::default() };
 }
 
-/// Torque in N·m that a rigid driveline passes on behind the disc's share of its inertia.
-fn carried_behind_disc(old: &Config, new: &Config, state: &State) -> f64 {
-    let (d, y) = (&old.constants.driveline, &state.y);
-    let t_fc = events::clutch_torque(old, &Found::NOTHING, state);
-    let acceleration =
-        driveline::driveline_acceleration(d.J_c, t_fc, motion::resistance(old, y, state.inputs.t_load, state.rest.braking()));
-    let acceleration = if state.rest.car { 0.0 } else { acceleration };
-    t_fc - new.disc_inertia() * acceleration
-}
-
-/// Disc and car become one, and the flywheel that sticks to them, at the speed that keeps their momentum. What stands is decided anew.
-fn stiffen(old: &Config, state: &mut State) {
-    let (d, disc) = (&old.constants.driveline, old.disc_inertia());
-    let before = if state.stuck { disc + d.J_f } else { disc };
-    let y = &mut state.y;
-    let common = events::common_speed([before, d.J_c - disc], [y[index::OMEGA_C], y[index::OMEGA_V]]);
-    (y[index::OMEGA_C], y[index::OMEGA_V]) = (common, common);
-    if state.stuck {
-        y[index::OMEGA_F] = common;
-    }
-    events::correct_speeds(state, 0.0, 0.0);
-}
-
-/// When effects are set while running, a state that was not in use starts where its signal is; shafts that become elastic are twisted by the
-/// torque that they carry, and those that become rigid make one speed of two.
-pub fn carry_over(old: &Config, new: &Config, state: &mut State) {
-    let springs = |config: &Config| [config.constants.compliance, config.constants.tyre.softness].map(|soft| soft > 0.0);
-    if old.compliant() && !new.compliant() {
-        stiffen(old, state);
-    }
-    if new.compliant() && !old.compliant() {
-        state.y[index::OMEGA_V] = state.y[index::OMEGA_C];
-        state.y[index::TWIST] = motion::twist_under(new, carried_behind_disc(old, new, state));
-    } else if new.compliant() && springs(new) != springs(old) {
-        state.y[index::TWIST] = motion::twist_under(new, motion::spring_torque(old, &state.y));
-    }
-    for (k, place) in sensed::PLACES.into_iter().enumerate() {
-        if !sensed::filters(old, k) && sensed::filters(new, k) {
-            state.filtered[k] = state.y[place];
-        }
-    }
-    if old.constants.release.width <= 0.0 {
-        state.presliding = Presliding { x: state.led, ..Presliding::default() };
-    }
-    if new.constants.surface.resistance == 0.0 {
-        state.y[index::SURFACE] = 0.0;
-    }
-    if !old.remembers() && new.remembers() {
-        state.memory = Branch { x: state.bearing, z: 0.0 };
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// However long the step, a fast rate limit is none: what it lacks to that is no more than the time that it takes. With an approach, too.
-    #[test]
-    fn a_lag_behind_a_fast_rate_limit_is_the_lag_of_what_is_commanded() {
-        use crate::effects::{null, param};
-        use crate::plant::{Inputs, Start};
-        let position = |inverse_speed: f64, approach: f64, steps: usize| {
-            let mut effects = null();
-            effects[param::actuator_lag::time_constant] = 0.01;
-            effects[param::actuator_rate_limit::inverse_speed] = inverse_speed;
-            effects[param::actuator_rate_limit::approach] = approach;
-            let config = Config::new(&crate::vehicle::Vehicle::paper(), &effects);
-            let start = Start { omega_f: 100.0, omega_c: 0.0, theta_c: 30.0, theta_b: 30.0 };
-            let mut state = events::initial(&start, &Inputs { x_to: 1.0, t_e_ref: 0.0, theta_h: 25.0, t_load: 0.0 });
-            (state.limited, state.lagged) = (1.0, LagState { value: 1.0, rate: 0.0 });
-            for _ in 0..steps {
-                Actuated { limited: state.limited, lagged: state.lagged, .. } = actuate(&config, &state, 2.0, 0.01 / steps as f64);
-            }
-            state.lagged.value
-        };
-        let jumped = 2.0 - (-1.0_f64).exp();
-        for inverse_speed in [0.0, 1e-13, 1e-9, 1e-6] {
-            let found = position(inverse_speed, 0.0, 1);
-            assert!((found - jumped).abs() < 50.0 * inverse_speed + 1e-9, "{inverse_speed}: {found}, not {jumped}");
-        }
-        // A limit that takes part of the step, and one that slows down on its way, against short steps.
-        for (inverse_speed, approach, bound) in [(0.004, 0.0, 1e-9), (0.02, 0.0, 1e-9), (0.004, 0.2, 2e-3), (0.004, 0.6, 2e-2)] {
-            let (one, fine) = (position(inverse_speed, approach, 1), position(inverse_speed, approach, 1000));
-            assert!((one - fine).abs() < bound, "{inverse_speed} s/mm, {approach} mm: {one}, not {fine}");
-        }
-    }
 
     #[test]
     fn a_lag_is_short_for_a_step_of_more_than_twice_its_time() {

@@ -7,6 +7,8 @@
 //! - [`config`]: vehicle and effects, compiled into constants and lists of what is active
 //! - [`clutch`]: from throwout position to torque capacity
 //! - [`actuation`]: from commands to engine torque and bearing position, solved exactly
+//! - [`rate_limit`]: an actuator of limited speed, and a lag behind it
+//! - [`carry_over`]: effects that are set while it runs
 //! - [`motion`]: the balances as rates of the state, and the Runge–Kutta step
 //! - [`events`]: the stick-slip state machine
 //! - [`rest`]: brakes, and an engine that has stalled
@@ -15,12 +17,14 @@
 //! - [`sensed`]: speeds behind filter and dead time
 
 pub mod actuation;
+pub mod carry_over;
 pub mod clutch;
 pub mod config;
 pub mod events;
 pub mod history;
 pub mod motion;
 pub mod pace;
+pub mod rate_limit;
 pub mod rest;
 pub mod saved;
 pub mod sensed;
@@ -206,7 +210,7 @@ impl Plant {
     pub fn set_effects(&mut self, vehicle: &Vehicle, effects: &Parameters) -> Result<(), TooFast> {
         let config = Config::new(vehicle, effects);
         config.pace.check()?;
-        actuation::carry_over(&self.config, &config, &mut self.state);
+        carry_over::carry_over(&self.config, &config, &mut self.state);
         *self.config = config;
         self.found = Found::NOTHING;
         let held = self.state.inputs.x_to;
