@@ -191,7 +191,7 @@ mod tests {
         assert_eq!([other(&usual, 7.9), other(&usual, 8.1), other(&wider, 17.9), other(&wider, 18.1)], [false, true, false, true]);
     }
 
-    /// The mean of two neighbours, as an interpolating logger writes halfway between its samples, has noise with a memory; a sample has not.
+    /// The mean of two neighbours, as an interpolating logger writes halfway between its samples, has noise with a memory.
     #[test]
     fn interpolated_channels_have_noise_with_a_memory() {
         use crate::gap::model::prepare::{disturbances, problem, read};

@@ -87,7 +87,7 @@ pub struct Gain {
     pub of: [[f64; STATES]; 2],
     /// Inverse standard deviations of the two innovations; 0 where there is no sample.
     pub weight: [f64; 2],
-    /// Share of the flywheel speed's error that the disc speed has too, for both samples have one stamp.
+    /// Share of the flywheel speed's error that the disc speed has too, where both samples have one stamp.
     pub common: f64,
     /// Factors by which the disturbances decay to the next observation.
     pub decay: [f64; STATES],
@@ -241,7 +241,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
             let mut r = variance(c, count) + (share * blur[k]).powi(2) + stamp.powi(2) + if pinned { followed } else { 0.0 };
             let mut h = SVector::<f64, STATES>::zeros();
             (h[speed], h[noise]) = (1.0, 1.0);
-            if let Some((of_flywheel, all)) = flywheel.filter(|_| stamp != 0.0) {
+            if let Some((of_flywheel, all)) = flywheel.filter(|_| stamp != 0.0 && track.has_one_clock()) {
                 // Less what the flywheel speed tells of it, the disc speed's error is one of its own.
                 gain.common = of_flywheel * stamp / all;
                 r -= gain.common * of_flywheel * stamp;
@@ -470,6 +470,18 @@ mod tests {
         let without = Gain { of: [[0.0; STATES]; 2], ..gain };
         let [first, second] = without.innovations([0.8, 0.3], &mut [0.0; STATES]).map(Option::unwrap);
         assert!((first - 0.8).abs() < 1e-12 && (second - (0.3 - 0.8 * gain.common)).abs() < 1e-12, "{first} {second}");
+        // Messages with stamps of their own have errors of their own.
+        let apart = Track::new(&crate::campaign::Recording {
+            sample_rate_hz: 100.0,
+            time: (0..120).map(|k| 0.005 * f64::from(k)).collect(),
+            omega_f: speed(0).into_iter().flat_map(|v| [v, f64::NAN]).collect(),
+            omega_c: speed(1).into_iter().flat_map(|v| [f64::NAN, v]).collect(),
+            t_e: vec![0.0; 120],
+            x_to_cmd: vec![0.0; 120],
+            theta_h: vec![25.0; 120],
+            ..Default::default()
+        });
+        assert!(!apart.has_one_clock() && filter(&apart, &Vehicle::paper(), &with, &[]).gains.iter().all(|gain| gain.common == 0.0));
         let even = filter(&track, &Vehicle::paper(), &Disturbances { stamps: 0.0, ..with }, &[]).gains[30];
         assert_eq!(even.common, 0.0);
         assert!(even.weight[1] > gain.weight[1] && even.weight[0] > gain.weight[0], "a stamp that is right leaves less open");

@@ -203,6 +203,11 @@ impl Track {
         self.observations() < self.rows() && !self.several_clocks
     }
 
+    /// Whether samples of both speeds stand under one stamp, and not each under that of its own message.
+    pub fn has_one_clock(&self) -> bool {
+        !self.several_clocks
+    }
+
     /// Typical interval of the observations, s.
     pub fn pace(&self) -> f64 {
         self.interval() * self.rows() as f64 / self.observations() as f64
