@@ -118,11 +118,11 @@ fn a_missing_law_shows_on_the_bench() {
     }
 }
 
-/// Of four launches of the seventh case's car, in which play and a contact that moved do much the same: play was first met beside judder alone, and lacked what a late speed explains.
+/// Of three launches of the seventh case's car, in which play and a contact that moved do much the same: play was first met beside judder alone, and lacked what a late speed explains.
 #[test]
 fn a_rival_that_was_met_beside_a_part_of_the_best_set_shares_its_probability() {
     let mut campaign = campaign::read(&case("7").join("campaign"), &ReadOptions::default()).unwrap();
-    campaign.recordings.retain(|r| r.name != "r05");
+    campaign.recordings.truncate(3);
     let found = diagnose(&campaign, &|_, _| {}).unwrap();
     let alike = ["actuator_backlash", "kiss_point_offset"];
     let named = found.answer.which.effects.iter().find(|e| alike.contains(&e.id)).expect("one of both is named");

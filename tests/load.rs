@@ -20,6 +20,9 @@ use random::Random;
 const THREADS: usize = 64;
 const INSTANCES: usize = 10_000;
 const STEPS: usize = 10_000_000;
+/// Plants whose energy is followed, and the threads that share them.
+const PLANTS: usize = 200;
+const WORKERS: usize = 4;
 
 struct Counting;
 
@@ -167,12 +170,22 @@ fn effects_at_extremes(random: &mut Random) -> Parameters {
     parameters
 }
 
-#[test]
-fn no_plant_has_more_energy_than_was_put_in() {
-    let begin = Instant::now();
-    let mut random = Random(0x2545_f491_4f6c_dd1d);
-    let (mut plants, mut balanced, mut steps, mut most, mut fell) = (0, 0, 0, 0.0_f64, 0.0_f64);
-    while soak().map_or(plants < 200, |time| begin.elapsed() < time) {
+/// What was seen of the energy of a worker's plants.
+struct Balance {
+    plants: usize,
+    steps: usize,
+    /// Plants whose energy balances to a thousandth.
+    balanced: usize,
+    /// Most energy beyond what was put in, and most heat taken back, as shares of what passed.
+    most: f64,
+    fell: f64,
+}
+
+/// Plants that are drawn one after the other, until a number of them or the time is reached.
+fn balance(worker: usize, until: Option<Instant>) -> Balance {
+    let mut random = Random(0x2545_f491_4f6c_dd1d ^ (worker as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    let mut all = Balance { plants: 0, steps: 0, balanced: 0, most: 0.0, fell: 0.0 };
+    while until.map_or(all.plants < PLANTS / WORKERS, |until| Instant::now() < until) {
         let vehicle = Vehicle::paper();
         let parameters = effects_at_extremes(&mut random);
         let omega_f = 300.0 * random.next();
@@ -187,7 +200,7 @@ fn no_plant_has_more_energy_than_was_put_in() {
         if plant.config().pace.check().is_err() {
             continue;
         }
-        plants += 1;
+        all.plants += 1;
         let first = plant.energy();
         // What went through: without it, a plant that only coasts would have to balance to nothing.
         let (mut last, mut moved, mut off) = (first, first.stored, 0.0_f64);
@@ -199,20 +212,37 @@ fn no_plant_has_more_energy_than_was_put_in() {
                 moved += (now.work_in - last.work_in).abs() + (now.losses - last.losses).abs() + (now.dissipated - last.dissipated).abs();
                 let beyond = now.stored - first.stored + now.losses - now.work_in;
                 // The stages of a Runge–Kutta step weigh the friction work of what settles within it less exactly than its motion: up to a tenth of what a balance may be off by.
-                fell = fell.max((last.dissipated - now.dissipated) / moved);
-                assert!(now.stored >= 0.0 && beyond.is_finite() && fell < 1e-4, "{fell}, {:?}", effects::to_value(&parameters));
-                most = most.max(beyond / moved);
+                all.fell = all.fell.max((last.dissipated - now.dissipated) / moved);
+                assert!(now.stored >= 0.0 && beyond.is_finite() && all.fell < 1e-4, "{}, {:?}", all.fell, effects::to_value(&parameters));
+                all.most = all.most.max(beyond / moved);
                 assert!(beyond < 1e-3 * moved, "{beyond} J of {moved} J beyond what was put in, {:?}", effects::to_value(&parameters));
                 off = off.max((beyond + now.dissipated).abs() / moved);
-                (last, steps) = (now, steps + 1);
+                (last, all.steps) = (now, all.steps + 1);
             }
         }
-        balanced += usize::from(off < 1e-3);
+        all.balanced += usize::from(off < 1e-3);
     }
+    all
+}
+
+#[test]
+fn no_plant_has_more_energy_than_was_put_in() {
+    let until = soak().map(|time| Instant::now() + time);
+    let all: Vec<Balance> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..WORKERS).map(|worker| scope.spawn(move || balance(worker, until))).collect();
+        workers.into_iter().map(|worker| worker.join().expect("no worker fails")).collect()
+    });
+    let sum = |of: fn(&Balance) -> usize| all.iter().map(of).sum::<usize>();
+    let most = |of: fn(&Balance) -> f64| all.iter().map(of).fold(0.0, f64::max);
+    let (plants, balanced) = (sum(|b| b.plants), sum(|b| b.balanced));
     println!(
-        "{plants} plants, {steps} steps: at most {most:.1e} of the energy that passed beyond what was put in, {fell:.1e} of it heat taken back; \
-         {balanced} balance to 1e-3"
+        "{plants} plants, {} steps: at most {:.1e} of the energy that passed beyond what was put in, {:.1e} of it heat taken back; \
+         {balanced} balance to 1e-3",
+        sum(|b| b.steps),
+        most(|b| b.most),
+        most(|b| b.fell)
     );
     // Where friction is so steep that a substep is just stable, its heat is less exact than the motion.
+    assert!(plants >= PLANTS || until.is_some());
     assert!(100 * balanced > 95 * plants, "{balanced} of {plants} balance");
 }
