@@ -13,7 +13,7 @@ use super::infer::density::{Point, Problem};
 use super::infer::exchange::exchange;
 use super::infer::fit::Fit;
 use super::infer::irregular::irregular;
-use super::infer::posterior::{Posterior, laws_far_ahead, posterior};
+use super::infer::posterior::{Posterior, laws_beside_strained, posterior};
 use super::infer::search::{Search, search};
 use super::infer::sensors;
 use super::map;
@@ -288,12 +288,12 @@ fn fitted_whole(problem: &Problem, found: &Search, conclusion: &Conclusion) -> F
 fn weighed(problem: &Problem, found: &mut Search, watch: &Watch) -> Posterior {
     watch.begin("exchange");
     // What strains its tolerances and is far behind a missing law is not worth more work.
-    let far_ahead = laws_far_ahead(problem, found);
-    if far_ahead.is_empty() {
+    let (laws, far_ahead) = laws_beside_strained(problem, found);
+    if !far_ahead {
         exchange(problem, found);
     }
     watch.begin("missing laws");
-    posterior(problem, found, &far_ahead)
+    posterior(problem, found, laws)
 }
 
 /// The fit of the named effects that the FMU gets. It has no law beside its effects: it gets the numbers that suit best without one. Where the law's absence bends them it gets those

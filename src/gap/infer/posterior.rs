@@ -63,36 +63,57 @@ impl Posterior {
     }
 }
 
-/// Missing laws beside the most probable set and beside none, if that set strains its tolerances and one of them leads it by more than is worth a look; else none.
-pub fn laws_far_ahead(problem: &Problem, search: &Search) -> Vec<Unknown> {
-    let best = search.best();
-    if !best.fit.strains() {
-        return Vec::new();
-    }
-    let laws = beside_sets(problem, search, best, &[]);
-    let far = best.lead + search.behind(best.fit.log_evidence);
-    if laws.iter().any(|l| l.fit.is_some() && l.lead > far) { laws } else { Vec::new() }
+/// Missing laws in every place beside a set, as it was fitted then.
+#[derive(Debug)]
+pub struct Beside {
+    effects: Vec<usize>,
+    cost: f64,
+    laws: Vec<Unknown>,
 }
 
-fn beside_sets(problem: &Problem, search: &Search, best: &Hypothesis, known: &[Unknown]) -> Vec<Unknown> {
-    let beside = |set: &Hypothesis, least: f64| {
-        let there: Vec<Unknown> = known.iter().filter(|u| u.effects == set.effects).cloned().collect();
-        if there.is_empty() { places(problem, set, least) } else { there }
-    };
-    let mut all = beside(best, best.lead);
-    if !best.effects.is_empty() {
-        all.extend(beside(search.base(), best.lead - search.behind(best.fit.log_evidence)));
+impl Beside {
+    fn new(problem: &Problem, set: &Hypothesis, least: f64) -> Self {
+        Self { effects: set.effects.clone(), cost: set.fit.cost, laws: places(problem, set, least) }
     }
-    all.sort_by(|a, b| b.lead.total_cmp(&a.lead));
-    all
+
+    /// Whether the set is still fitted as it was.
+    fn is_beside(&self, set: &Hypothesis) -> bool {
+        self.effects == set.effects && self.cost == set.fit.cost
+    }
+}
+
+/// Missing laws beside the most probable set and beside none, if that set strains its tolerances; and whether one of them leads it by more than is worth a look.
+pub fn laws_beside_strained(problem: &Problem, search: &Search) -> (Vec<Beside>, bool) {
+    let best = search.best();
+    if !best.fit.strains() {
+        return (Vec::new(), false);
+    }
+    let beside = beside_sets(problem, search, best, Vec::new());
+    let far = best.lead + search.behind(best.fit.log_evidence);
+    let far_ahead = beside.iter().flat_map(|b| &b.laws).any(|l| l.fit.is_some() && l.lead > far);
+    (beside, far_ahead)
+}
+
+fn beside_sets(problem: &Problem, search: &Search, best: &Hypothesis, known: Vec<Beside>) -> Vec<Beside> {
+    let mut sets = vec![(best, best.lead)];
+    if !best.effects.is_empty() {
+        sets.push((search.base(), best.lead - search.behind(best.fit.log_evidence)));
+    }
+    let mut known = known;
+    let mut beside = |(set, least): (&Hypothesis, f64)| match known.iter().position(|b| b.is_beside(set)) {
+        Some(place) => known.swap_remove(place),
+        None => Beside::new(problem, set, least),
+    };
+    sets.into_iter().map(&mut beside).collect()
 }
 
 /// Weighs missing laws beside what the search found; `known` ones are not worked out again.
-pub fn posterior(problem: &Problem, search: &Search, known: &[Unknown]) -> Posterior {
+pub fn posterior(problem: &Problem, search: &Search, known: Vec<Beside>) -> Posterior {
     let tolerated = |effects: &[usize], fit: &Fit| effects.iter().any(|&e| problem.is_tolerated(&fit.point, e));
     let sets: Vec<&Hypothesis> = search.hypotheses.iter().filter(|h| !tolerated(&h.effects, &h.fit)).collect();
     let best = sets.first().copied().unwrap_or(search.base());
-    let mut unknowns = beside_sets(problem, search, best, known);
+    let mut unknowns: Vec<Unknown> = beside_sets(problem, search, best, known).into_iter().flat_map(|b| b.laws).collect();
+    unknowns.sort_by(|a, b| b.lead.total_cmp(&a.lead));
     // The set that is believed may be a smaller one than that which leads.
     let believed = sets.iter().copied().max_by(|a, b| a.log_posterior.total_cmp(&b.log_posterior)).unwrap_or(best);
     if !believed.effects.is_empty() && believed.effects != best.effects {
@@ -399,6 +420,28 @@ mod tests {
         assert!(all[0].probability < 1.0 / 3.0 + 1e-12, "{}", all[0].probability);
     }
 
+    /// Laws beside a set that is as it was are not worked out again; beside one that has been fitted better since they are.
+    #[test]
+    fn laws_beside_a_set_that_did_not_change_are_kept() {
+        let example = crate::gap::model::prepare::Example::read();
+        let (problem, _) = example.problem(&[&example.campaign.recordings[0]]);
+        let mut base = Hypothesis::fitted(&problem, Vec::new(), &problem.nominal(), 1, None);
+        let told = |set: &Hypothesis| {
+            let mut beside = Beside::new(&problem, set, f64::INFINITY);
+            beside.laws.iter_mut().for_each(|l| l.lead = 1e6);
+            beside
+        };
+        let known = told(&base);
+        let leads = |known: Beside, set: &Hypothesis| {
+            let [beside] = &beside_sets(&problem, &Search::made_up(vec![set.clone()]), set, vec![known])[..] else { panic!("of one set") };
+            beside.laws.iter().map(|l| l.lead).fold(f64::NEG_INFINITY, f64::max)
+        };
+        assert_eq!(leads(known, &base), 1e6);
+        let known = told(&base);
+        base.fit.cost -= 1.0;
+        assert!(leads(known, &base) < 1e6);
+    }
+
     /// A pair leads the search, and one of the two alone is believed more: missing laws are weighed beside the pair, beside that one, and beside none.
     #[test]
     fn laws_are_weighed_beside_the_set_that_is_believed() {
@@ -412,7 +455,7 @@ mod tests {
         };
         // So far ahead that no law is fitted, only promised.
         let sets = vec![of(&pair, 3e9, 1.0), of(&pair[..1], 2e9, 2.0), of(&[], 1e9, 0.0)];
-        let found = posterior(&problem, &Search::made_up(sets), &[]);
+        let found = posterior(&problem, &Search::made_up(sets), Vec::new());
         let beside = |set: &[usize]| found.explanations.iter().filter(|e| e.place.is_some() && e.effects == set).count();
         assert!([beside(&pair), beside(&pair[..1]), beside(&[])].iter().all(|laws| *laws > 0) && beside(&pair[1..]) == 0);
     }

@@ -152,6 +152,10 @@ impl Search {
     pub fn behind(&self, best: f64) -> f64 {
         BEHIND_NATS + BEHIND_SHARE * (best - self.base().fit.log_evidence).max(0.0)
     }
+    /// Whether the same set came further from elsewhere: a start that lags behind is not worth another fit. Ripples of different orders are different starts.
+    fn has_better(&self, h: &Hypothesis) -> bool {
+        !pulsates(&h.effects) && self.of(&h.effects).is_some_and(|o| o.fit.log_evidence >= h.fit.log_evidence)
+    }
     pub(super) fn add(&mut self, h: Hypothesis) {
         match self.hypotheses.iter_mut().find(|o| o.effects == h.effects) {
             Some(o) if o.lead < h.lead => *o = h,
@@ -284,8 +288,8 @@ pub(super) fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
     // More effects can only explain more, but for a ripple out of phase. A look that does not bear that out was led astray by derivatives of elsewhere: the most promising get their own.
     looked.sort_by(|a, b| a.1.total_cmp(&b.1));
     let most = from.fit.cost + least_gain(problem);
-    let astray: Vec<&mut (Hypothesis, f64)> =
-        looked.iter_mut().filter(|l| l.1.is_finite() && !pulsates(&l.0.effects) && l.0.fit.cost > most).take(FITTED).collect();
+    let is_astray = |h: &Hypothesis| h.fit.cost > most && !pulsates(&h.effects) && !found.has_better(h);
+    let astray: Vec<&mut (Hypothesis, f64)> = looked.iter_mut().filter(|l| l.1.is_finite() && is_astray(&l.0)).take(FITTED).collect();
     astray.into_par_iter().for_each(|(h, _)| {
         *h = Hypothesis::fitted(problem, h.effects.clone(), &h.formed.point, LOOK + 1, None);
     });
@@ -414,7 +418,8 @@ pub(super) fn finish(problem: &Problem, found: &mut Search, mut looked: Vec<Hypo
     looked.sort_by(|a, b| b.fit.log_evidence.total_cmp(&a.fit.log_evidence));
     let Some(best) = looked.first().map(|l| l.fit.log_evidence) else { return };
     let most = found.behind(best);
-    let (near, far): (Vec<_>, Vec<_>) = looked.into_iter().enumerate().partition(|(k, l)| *k < FITTED && best - l.fit.log_evidence < most);
+    let is_near = |k: usize, h: &Hypothesis| k < FITTED && best - h.fit.log_evidence < most && !found.has_better(h);
+    let (near, far): (Vec<_>, Vec<_>) = looked.into_iter().enumerate().partition(|(k, h)| is_near(*k, h));
     far.into_iter().for_each(|(_, h)| found.add(h));
     let stays = |(_, h): (usize, Hypothesis)| Hypothesis::fitted(problem, h.effects, &h.formed.point, STAY, h.formed.known());
     let done: Vec<Hypothesis> = near.into_par_iter().map(stays).collect();
@@ -450,6 +455,16 @@ mod tests {
         assert!(found.best().effects.contains(&moves) && found.of(&[heavy]).is_none());
         assert!(found.of(&[moves]).unwrap().lead > found.base().lead + 1000.0);
         assert_eq!(found.screened.iter().map(|(set, _)| set.clone()).collect::<Vec<_>>(), [[moves]]);
+    }
+
+    /// Of a set that came to −100 nats, a start that is at −90 is worth a fit and one that is at −110 is not; nor is a set left that nobody fitted, or a ripple, whose order may be another.
+    #[test]
+    fn a_start_that_lags_behind_a_fit_of_its_set_is_not_worth_another() {
+        let [judder, mass, lag] = ["judder", "vehicle_mass", "actuator_lag"].map(|id| crate::effects::find(id).unwrap());
+        let of = |effects: &[usize], log_evidence: f64| Hypothesis::made_up(effects, Fit { log_evidence, ..Fit::made_up(Vec::new()) });
+        let found = Search::made_up(vec![of(&[mass], -100.0), of(&[judder], -100.0)]);
+        assert_eq!([of(&[mass], -90.0), of(&[mass], -110.0)].each_ref().map(|h| found.has_better(h)), [false, true]);
+        assert_eq!([of(&[lag], -110.0), of(&[judder], -110.0)].each_ref().map(|h| found.has_better(h)), [false, false]);
     }
 
     #[test]
