@@ -94,17 +94,16 @@ pub fn laws_beside_strained(problem: &Problem, search: &Search) -> (Vec<Beside>,
     (beside, far_ahead)
 }
 
-fn beside_sets(problem: &Problem, search: &Search, best: &Hypothesis, known: Vec<Beside>) -> Vec<Beside> {
+fn beside_sets(problem: &Problem, search: &Search, best: &Hypothesis, mut known: Vec<Beside>) -> Vec<Beside> {
     let mut sets = vec![(best, best.lead)];
     if !best.effects.is_empty() {
         sets.push((search.base(), best.lead - search.behind(best.fit.log_evidence)));
     }
-    let mut known = known;
-    let mut beside = |(set, least): (&Hypothesis, f64)| match known.iter().position(|b| b.is_beside(set)) {
+    let beside = |(set, least)| match known.iter().position(|b| b.is_beside(set)) {
         Some(place) => known.swap_remove(place),
         None => Beside::new(problem, set, least),
     };
-    sets.into_iter().map(&mut beside).collect()
+    sets.into_iter().map(beside).collect()
 }
 
 /// Weighs missing laws beside what the search found; `known` ones are not worked out again.
