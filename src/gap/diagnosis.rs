@@ -13,7 +13,7 @@ use super::infer::density::{Point, Problem};
 use super::infer::exchange::exchange;
 use super::infer::fit::Fit;
 use super::infer::irregular::irregular;
-use super::infer::posterior::{Posterior, laws_beside_strained, posterior};
+use super::infer::posterior::{Posterior, Strained, posterior};
 use super::infer::search::{Search, search};
 use super::infer::sensors;
 use super::map;
@@ -28,7 +28,7 @@ use super::plan::{Outlook, Planner, outlook};
 use super::progress::{Watch, Work, watched};
 use super::ready::{Fresh, Read, Ready, commanded_every, read_with_control_unit, read_without_stale};
 use super::retune::{self, Followed};
-use super::verdict::{Conclusion, MISLED, Verdict, conclude};
+use super::verdict::{Conclusion, MISLED, Verdict, conclude, leaves_too_much};
 use crate::campaign::{Campaign, NO_POSITION, Note, Recording};
 use crate::effects::{self, Parameters, REGISTRY, Subsystem};
 use crate::validated::Validated;
@@ -141,6 +141,12 @@ fn diagnosed(
     notes.extend(note);
     notes.extend(notes::position(campaign));
     notes.extend(control_interval_s.map(notes::control_unit));
+    let refiltered = |problem: Problem, with: &Disturbances, found: &mut Search| {
+        let problem = Problem { work: work.clone(), ..prepare::problem(problem.tracks, &vehicle, &tolerances, with) };
+        found.let_go_of_all();
+        *found = searched(&problem, Some(found));
+        problem
+    };
     // What the first search found of the sensors (how late, how noisy) makes a better filter of the second.
     let late = sensors::late(&problem.car(&found.best().fit.point, None).effects);
     let known = Disturbances { late, ..with };
@@ -151,28 +157,37 @@ fn diagnosed(
     if coloured.is_some() || locks_by_position && sensors::sees_the_lock_late(late, prepare::logger(&problem.tracks).interval_s) {
         notes.extend(coloured.as_ref().map(notes::correlated_noise));
         filtered_by = coloured.unwrap_or(known);
-        problem = Problem { work: work.clone(), ..prepare::problem(problem.tracks, &vehicle, &tolerances, &filtered_by) };
-        found.let_go_of_all();
-        found = searched(&problem, Some(&found));
+        problem = refiltered(problem, &filtered_by, &mut found);
     }
-    let mut weights = weighed(&problem, &mut found, watch);
+    // What an explanation leaves may be irregular: then everything is weighed with that in the filter. If the best set strains its tolerances, that is asked before more work goes into it.
+    let mut strained = Strained::new(&problem, &found);
+    let is_one_of_them = |problem: &Problem, found: &Search| !leaves_too_much(problem, &found.best().fit);
+    let mut left = is_one_of_them(&problem, &found).then(|| strained.irregular(&problem, &found, &filtered_by)).flatten();
+    if let Some(left) = &left {
+        filtered_by = left.with;
+        problem = refiltered(problem, &filtered_by, &mut found);
+        strained = Strained::new(&problem, &found);
+    }
+    let mut weights = weighed(&problem, &mut found, strained, watch);
     let mut conclusion = conclude(&problem, &found, &weights);
-    // What an explanation leaves may be irregular: then everything is weighed again with that in the filter. A law alone already says that something is
-    // open, and more of it than a size.
+    // A law alone already says that something is open, and more of it than a size.
     let law_alone = conclusion.explanation.effects.is_empty() && conclusion.explanation.place.is_some();
-    if conclusion.verdict != Verdict::InputsDoNotFit && !law_alone {
+    if left.is_none() && conclusion.verdict != Verdict::InputsDoNotFit && !law_alone {
         let fit = fitted_whole(&problem, &found, &conclusion);
-        if let Some(left) = irregular(&problem, &fit.point, &fit.residuals, &filtered_by) {
+        left = irregular(&problem, &fit.point, &fit.residuals, &filtered_by);
+        if let Some(left) = &left {
             filtered_by = left.with;
-            problem = Problem { work: work.clone(), ..prepare::problem(problem.tracks, &vehicle, &tolerances, &filtered_by) };
-            found.let_go_of_all();
-            found = searched(&problem, Some(&found));
-            weights = weighed(&problem, &mut found, watch);
+            problem = refiltered(problem, &filtered_by, &mut found);
+            strained = Strained::new(&problem, &found);
+            weights = weighed(&problem, &mut found, strained, watch);
             conclusion = conclude(&problem, &found, &weights);
-            conclusion.leave(&left);
-            notes.push(format!("whatever else is wrong, something irregular is left: {}; it is allowed for", left.what));
         }
     }
+    if let Some(left) = &left {
+        conclusion.leave(left);
+        notes.push(format!("whatever else is wrong, something irregular is left: {}; it is allowed for", left.what));
+    }
+    notes.extend(work.was_cut_short().then(notes::cut_short));
     for left in &stale {
         let at_fault = left.probability > 0.5;
         let few = if at_fault { "" } else { ", as few as a logger may lose" };
@@ -285,15 +300,14 @@ fn fitted_whole(problem: &Problem, found: &Search, conclusion: &Conclusion) -> F
 }
 
 /// The posterior over what the search found, exchanges and missing laws.
-fn weighed(problem: &Problem, found: &mut Search, watch: &Watch) -> Posterior {
+fn weighed(problem: &Problem, found: &mut Search, strained: Strained, watch: &Watch) -> Posterior {
     watch.begin("exchange");
     // What strains its tolerances and is far behind a missing law is not worth more work.
-    let (laws, far_ahead) = laws_beside_strained(problem, found);
-    if !far_ahead {
+    if !strained.is_far_ahead(found) {
         exchange(problem, found);
     }
     watch.begin("missing laws");
-    posterior(problem, found, laws)
+    posterior(problem, found, strained)
 }
 
 /// The fit of the named effects that the FMU gets. It has no law beside its effects: it gets the numbers that suit best without one. Where the law's absence bends them it gets those
@@ -390,7 +404,7 @@ mod tests {
         let mut found = search(&problem, None, &|_, _| {});
         found.hypotheses.retain(|h| h.effects.is_empty());
         found.hypotheses.insert(0, fitted(pair));
-        let weights = watched(&|_, _| {}, &work, 1, |watch| weighed(&problem, &mut found, watch));
+        let weights = watched(&|_, _| {}, &work, 1, |watch| weighed(&problem, &mut found, Strained::default(), watch));
         assert_eq!(weights.best().effects, [effects::find("kiss_point_thermal").unwrap()]);
     }
 

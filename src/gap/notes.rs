@@ -4,6 +4,7 @@ use super::infer::density::{Point, Problem};
 use super::model::filter::Disturbances;
 use super::model::noise::Noise;
 use super::model::unknown_clutch;
+use super::progress::MOST_ROWS;
 use crate::campaign::Campaign;
 
 /// Says once what recordings without a position can show, and how.
@@ -37,6 +38,15 @@ pub(super) fn control_unit(interval: f64) -> String {
         "the commands seem to change more often than they are logged: inputs are taken to go straight from sample to sample, which these data make likelier than commands that are held. Feed the retuned plant likewise. Play in the actuator can look the same; a log as fast as the control unit would tell"
     };
     said.to_owned()
+}
+
+/// Says that a search was not allowed to go on.
+pub(super) fn cut_short() -> String {
+    format!(
+        "the search ended after {} million replayed rows, the most that it takes: further combinations of effects are not compared. Fewer or shorter recordings, or those \
+         in which the gap shows, leave room for more",
+        MOST_ROWS / 1_000_000
+    )
 }
 
 /// Standard deviations by which a start temperature may be pulled before that is said.

@@ -10,25 +10,46 @@
 //!
 //! The bar therefore never falls and never leaps, and moves as long as work is done. A second search, which nobody can foresee, makes it slower and does not stop it.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
+/// Rows that replays may have stepped through before a search ends: some minutes of a processor. What fits a car of the library needs a fraction of that.
+pub const MOST_ROWS: u64 = 200_000_000;
+
 /// Rows that replays have stepped through; copies count together.
 #[derive(Clone, Debug, Default)]
-pub struct Work(Arc<AtomicU64>);
+pub struct Work(Arc<Counted>);
+
+#[derive(Debug, Default)]
+struct Counted {
+    rows: AtomicU64,
+    cut_short: AtomicBool,
+}
 
 impl Work {
     /// Counts so many more.
     pub fn add(&self, rows: usize) {
-        self.0.fetch_add(rows as u64, Ordering::Relaxed);
+        self.0.rows.fetch_add(rows as u64, Ordering::Relaxed);
     }
 
     /// Rows replayed so far.
     pub fn rows(&self) -> u64 {
-        self.0.load(Ordering::Relaxed)
+        self.0.rows.load(Ordering::Relaxed)
+    }
+
+    /// Whether a search may go on. To be asked where all threads have come together, so that the answer does not depend on their number.
+    pub fn may_go_on(&self) -> bool {
+        let may = self.rows() < MOST_ROWS;
+        self.0.cut_short.fetch_or(!may, Ordering::Relaxed);
+        may
+    }
+
+    /// Whether a search was not allowed to go on.
+    pub fn was_cut_short(&self) -> bool {
+        self.0.cut_short.load(Ordering::Relaxed)
     }
 }
 

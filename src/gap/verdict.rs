@@ -1,6 +1,7 @@
 //! From the posterior to a verdict: which explanation stands, what may stand in its place, and where the gap lies.
 
 use super::infer::density::{Problem, misfit, prior, size};
+use super::infer::fit::Fit;
 use super::infer::irregular::Irregular;
 use super::infer::posterior::{Explanation, Posterior};
 use super::infer::search::Search;
@@ -76,9 +77,8 @@ pub struct TakenBack {
 pub fn conclude(problem: &Problem, search: &Search, posterior: &Posterior) -> Conclusion {
     let best = posterior.best().clone();
     let fit = best.fit.as_ref().expect("the best was fitted");
-    let left = fit.misfit() / problem.samples().max(1) as f64;
     let shares = shares(search, posterior, &best);
-    let strange = is_strange(left) || problem.tracks.iter().all(|t| t.position_free) && is_beyond_a_car(&best);
+    let strange = leaves_too_much(problem, fit) || problem.tracks.iter().all(|t| t.position_free) && is_beyond_a_car(&best);
     let stands_in = best.place.filter(|_| law_share(problem, search, &best) > STAND_IN_SHARE);
     let named: Vec<usize> = best.effects.iter().copied().filter(|&e| Some(REGISTRY[e].effect.subsystem) != stands_in).collect();
     let verdict =
@@ -186,6 +186,11 @@ fn doubted(all: &[Explanation], shown: &[Subsystem]) -> Vec<Subsystem> {
     Subsystem::ALL.into_iter().filter(|s| !shown.contains(s) && mass(*s) > NAMED_BESIDE).collect()
 }
 
+/// Whether a fit leaves more than any car of this kind does.
+pub fn leaves_too_much(problem: &Problem, fit: &Fit) -> bool {
+    is_strange(fit.misfit() / problem.samples().max(1) as f64)
+}
+
 /// Whether innovations of this mean loss are none of such a car.
 fn is_strange(mean_loss: f64) -> bool {
     mean_loss > STRANGE
@@ -275,7 +280,7 @@ mod tests {
     }
 
     fn left(places: &[Subsystem], share: f64) -> Irregular {
-        Irregular { places: places.to_vec(), what: String::new(), share, probability: 0.9, with: none() }
+        Irregular { places: places.to_vec(), what: String::new(), share, probability: 0.9, gain: 0.0, with: none() }
     }
 
     fn concluded(effects: &[&str]) -> Conclusion {

@@ -8,7 +8,7 @@ use kisspoint::gap::infer::exchange::exchange;
 use kisspoint::gap::infer::fit::{Fit, Free, LOOK, fit};
 use kisspoint::gap::infer::form::forms;
 use kisspoint::gap::infer::irregular::irregular;
-use kisspoint::gap::infer::posterior::posterior;
+use kisspoint::gap::infer::posterior::{Strained, posterior};
 use kisspoint::gap::infer::pulsation;
 use kisspoint::gap::infer::search::{Hypothesis, search, taken_over};
 use kisspoint::gap::model::replay::Missing;
@@ -366,7 +366,7 @@ fn an_effect_that_only_came_along_beside_a_law_is_dropped() {
     let pair = Hypothesis::fitted(&problem, vec![gain, level], &found.best().formed.point, 12, None);
     found.hypotheses.retain(|h| h.effects.is_empty());
     found.hypotheses.insert(0, pair);
-    let weights = posterior(&problem, &found, Vec::new());
+    let weights = posterior(&problem, &found, Strained::default());
     let beside = |set: &[usize]| weights.explanations.iter().find(|e| e.effects == set && e.place.is_some() && e.fit.is_some());
     let mut both = [gain, level];
     both.sort_unstable();

@@ -2,7 +2,7 @@
 
 use crate::made_up::{first, made_up_under};
 use kisspoint::effects::{self, Subsystem, param};
-use kisspoint::gap::infer::posterior::posterior;
+use kisspoint::gap::infer::posterior::{Strained, posterior};
 use kisspoint::gap::infer::search::{Hypothesis, search};
 use kisspoint::gap::infer::unknown::{beside, places};
 use kisspoint::gap::verdict::{Verdict, conclude};
@@ -31,7 +31,7 @@ fn what_comes_and_goes_by_itself_is_placed_and_not_named() {
     let gusts = |t: f64| 6.0 * ((1.7 * t).sin() + (3.1 * t + 0.5).sin());
     let problem = first(5, made_up_under(|_| {}, gusts));
     let found = search(&problem, None, &|_, _| {});
-    let weights = posterior(&problem, &found, Vec::new());
+    let weights = posterior(&problem, &found, Strained::default());
     // A load beside the gusts is their mean: it lies in the law's own place, and is not named.
     let conclusion = conclude(&problem, &found, &weights);
     assert_eq!(

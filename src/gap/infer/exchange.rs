@@ -55,7 +55,7 @@ fn improve(problem: &Problem, found: &mut Search) {
         if best.effects.len() < 2 && !strained {
             return;
         }
-        for &dropped in &best.effects {
+        for &dropped in best.effects.iter().filter(|_| problem.work.may_go_on()) {
             let rest: Vec<usize> = best.effects.iter().copied().filter(|e| *e != dropped).collect();
             let start = best.formed.point.without(dropped);
             let before = found.of(&rest).map(|h| h.fit.cost);
@@ -70,7 +70,7 @@ fn improve(problem: &Problem, found: &mut Search) {
             }
         }
         // The twins of tolerances that are pulled, in the place of each member.
-        if strained {
+        if strained && problem.work.may_go_on() {
             let all = taken_over(problem, &best.formed.point, &best.effects);
             let swapped = all.into_iter().flat_map(|(effects, point)| {
                 best.effects.clone().into_iter().map(move |dropped| {

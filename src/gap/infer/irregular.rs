@@ -23,6 +23,8 @@ pub struct Irregular {
     pub share: f64,
     /// Probability that it is there, given the explanation.
     pub probability: f64,
+    /// Nats by which the recordings are likelier with it, with the likelihood to the powers that steer the search.
+    pub gain: f64,
     /// All disturbances, this one with them.
     pub with: Disturbances,
 }
@@ -165,7 +167,7 @@ pub fn irregular(problem: &Problem, point: &Point, residuals: &[Residuals], with
     let nominal = misfit(&problem.all_residuals(&problem.nominal(), None));
     let explained = 0.5 * power * (nominal - misfit(residuals)).max(0.0);
     let what = format!("{} (rms), for some {memory} s at a time", at.words(&with));
-    Some(Irregular { places, what, share: most / (most + explained), probability: 1.0 / (1.0 + (-lead).exp()), with })
+    Some(Irregular { places, what, share: most / (most + explained), probability: 1.0 / (1.0 + (-lead).exp()), gain: most, with })
 }
 
 #[cfg(test)]

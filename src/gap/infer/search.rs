@@ -228,7 +228,8 @@ impl Search {
     }
 }
 
-/// Searches, without an [`exchange`](super::exchange::exchange); `earlier` is what a search under another filter found. `progress` is told how far it is.
+/// Searches, without an [`exchange`](super::exchange::exchange); `earlier` is what a search under another filter found. `progress` is told how far it is. Once so much
+/// work is done that [no more may begin](crate::gap::progress::Work::may_go_on), no set is extended.
 pub fn search(problem: &Problem, earlier: Option<&Search>, progress: &(dyn Fn(&str, f64) + Sync)) -> Search {
     progress("tolerances", 0.0);
     let nominal = problem.nominal();
@@ -238,7 +239,7 @@ pub fn search(problem: &Problem, earlier: Option<&Search>, progress: &(dyn Fn(&s
     let mut frontier: Vec<Vec<usize>> = vec![Vec::new()];
     for size in 1..=MOST_EFFECTS {
         let best = found.best().lead;
-        for set in &frontier {
+        for set in frontier.iter().filter(|_| problem.work.may_go_on()) {
             progress(["effects", "pairs", "triples"][size - 1], 0.2 * size as f64);
             extend(problem, &mut found, set);
         }
@@ -266,7 +267,7 @@ fn take_up(problem: &Problem, found: &mut Search, earlier: &Search) {
     let fitted: Vec<Hypothesis> = near.par_iter().map(again).collect();
     fitted.into_iter().for_each(|h| found.add(h));
     let best = found.best().effects.clone();
-    if best.len() < MOST_EFFECTS && near.iter().any(|h| h.effects == best) {
+    if best.len() < MOST_EFFECTS && near.iter().any(|h| h.effects == best) && problem.work.may_go_on() {
         extend(problem, found, &best);
     }
 }
@@ -455,6 +456,29 @@ mod tests {
         assert!(found.best().effects.contains(&moves) && found.of(&[heavy]).is_none());
         assert!(found.of(&[moves]).unwrap().lead > found.base().lead + 1000.0);
         assert_eq!(found.screened.iter().map(|(set, _)| set.clone()).collect::<Vec<_>>(), [[moves]]);
+    }
+
+    /// With no work left, a search only takes up what an earlier one found, and nothing is exchanged, though the set that leads strains its tolerances.
+    #[test]
+    fn a_search_ends_when_its_work_is_done() {
+        use crate::gap::infer::exchange::exchange;
+        use crate::gap::progress::{MOST_ROWS, Work};
+        let example = crate::gap::model::prepare::Example::read();
+        let (problem, _) = example.problem(&[&example.campaign.recordings[0]]);
+        let none = Problem { work: Work::default(), ..problem.clone() };
+        none.work.add(MOST_ROWS as usize - 1);
+        assert!(none.work.may_go_on() && !none.work.was_cut_short());
+        none.work.add(1);
+        let moves = vec![crate::effects::find("kiss_point_thermal").unwrap()];
+        let fitted = |set: &[usize]| Hypothesis::fitted(&problem, set.to_vec(), &problem.nominal(), LOOK, None);
+        let single = Hypothesis { lead: 1e6, ..fitted(&moves) };
+        let earlier = Search::made_up(vec![single, fitted(&[])]);
+        let mut found = search(&none, Some(&earlier), &|_, _| {});
+        assert!(none.work.was_cut_short() && found.screened.is_empty());
+        assert_eq!(found.hypotheses.len(), 2);
+        found.hypotheses[0].fit.point.shared.fill(2.0);
+        exchange(&none, &mut found);
+        assert_eq!(found.hypotheses.len(), 2);
     }
 
     /// Of a set that came to −100 nats, a start that is at −90 is worth a fit and one that is at −110 is not; nor is a set left that nobody fitted, or a ripple, whose order may be another.
