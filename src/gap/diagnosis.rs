@@ -13,9 +13,10 @@ use super::infer::density::{Point, Problem};
 use super::infer::exchange::exchange;
 use super::infer::fit::Fit;
 use super::infer::irregular::irregular;
-use super::infer::posterior::{Posterior, Strained, posterior};
+use super::infer::posterior::{Posterior, posterior};
 use super::infer::search::{Search, search};
 use super::infer::sensors;
+use super::infer::strained::Strained;
 use super::map;
 use super::measure::{self, Closed, Overlay};
 use super::model::filter::Disturbances;
@@ -160,15 +161,15 @@ fn diagnosed(
         problem = refiltered(problem, &filtered_by, &mut found);
     }
     // What an explanation leaves may be irregular: then everything is weighed with that in the filter. If the best set strains its tolerances, that is asked before more work goes into it.
-    let mut strained = Strained::new(&problem, &found);
+    let mut before = strained(&problem, &found, watch);
     let is_one_of_them = |problem: &Problem, found: &Search| !leaves_too_much(problem, &found.best().fit);
-    let mut left = is_one_of_them(&problem, &found).then(|| strained.irregular(&problem, &found, &filtered_by)).flatten();
+    let mut left = is_one_of_them(&problem, &found).then(|| before.irregular(&problem, &found, &filtered_by)).flatten();
     if let Some(left) = &left {
         filtered_by = left.with;
         problem = refiltered(problem, &filtered_by, &mut found);
-        strained = Strained::new(&problem, &found);
+        before = strained(&problem, &found, watch);
     }
-    let mut weights = weighed(&problem, &mut found, strained, watch);
+    let mut weights = weighed(&problem, &mut found, before, watch);
     let mut conclusion = conclude(&problem, &found, &weights);
     // A law alone already says that something is open, and more of it than a size.
     let law_alone = conclusion.explanation.effects.is_empty() && conclusion.explanation.place.is_some();
@@ -178,8 +179,8 @@ fn diagnosed(
         if let Some(left) = &left {
             filtered_by = left.with;
             problem = refiltered(problem, &filtered_by, &mut found);
-            strained = Strained::new(&problem, &found);
-            weights = weighed(&problem, &mut found, strained, watch);
+            let before = strained(&problem, &found, watch);
+            weights = weighed(&problem, &mut found, before, watch);
             conclusion = conclude(&problem, &found, &weights);
         }
     }
@@ -299,9 +300,14 @@ fn fitted_whole(problem: &Problem, found: &Search, conclusion: &Conclusion) -> F
     if fit.residuals.is_empty() { anew().unwrap_or(fit) } else { fit }
 }
 
+/// What is to be known of missing laws before an exchange.
+fn strained(problem: &Problem, found: &Search, watch: &Watch) -> Strained {
+    watch.begin("exchange");
+    Strained::new(problem, found)
+}
+
 /// The posterior over what the search found, exchanges and missing laws.
 fn weighed(problem: &Problem, found: &mut Search, strained: Strained, watch: &Watch) -> Posterior {
-    watch.begin("exchange");
     // What strains its tolerances and is far behind a missing law is not worth more work.
     if !strained.is_far_ahead(found) {
         exchange(problem, found);

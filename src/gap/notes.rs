@@ -43,8 +43,8 @@ pub(super) fn control_unit(interval: f64) -> String {
 /// Says that a search was not allowed to go on.
 pub(super) fn cut_short() -> String {
     format!(
-        "the search ended after {} million replayed rows, the most that it takes: further combinations of effects are not compared. Fewer or shorter recordings, or those \
-         in which the gap shows, leave room for more",
+        "the search ended after {} million replayed rows, the most that it takes: further combinations of effects are not compared. To compare more of \
+         them, diagnose fewer or shorter recordings in which the gap shows",
         MOST_ROWS / 1_000_000
     )
 }

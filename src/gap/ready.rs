@@ -80,7 +80,9 @@ pub(super) fn read_without_stale(
             let explained = 0.5 * (misfit(&other.problem.all_residuals(&nominal, None)) - best.fit.misfit()).max(0.0);
             let (what, with) = (standstill.words(&ready.problem.tracks), other.with);
             let probability = probability * standstill.probability_of_fault();
-            stale.push(Irregular { places: vec![Subsystem::Sensors], what, share: gain / (gain + explained), probability, gain, with });
+            let share = gain / (gain + explained);
+            let gain = other.problem.power() * gain;
+            stale.push(Irregular { places: vec![Subsystem::Sensors], what, share, probability, gain, with });
             (campaign, ready, found) = (without, other, Some(there));
         } else {
             earlier = Some(there);

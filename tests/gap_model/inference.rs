@@ -8,9 +8,10 @@ use kisspoint::gap::infer::exchange::exchange;
 use kisspoint::gap::infer::fit::{Fit, Free, LOOK, fit};
 use kisspoint::gap::infer::form::forms;
 use kisspoint::gap::infer::irregular::irregular;
-use kisspoint::gap::infer::posterior::{Strained, posterior};
+use kisspoint::gap::infer::posterior::posterior;
 use kisspoint::gap::infer::pulsation;
 use kisspoint::gap::infer::search::{Hypothesis, search, taken_over};
+use kisspoint::gap::infer::strained::Strained;
 use kisspoint::gap::model::replay::Missing;
 use kisspoint::gap::model::{missing, prepare, tolerance};
 
@@ -277,7 +278,7 @@ fn derivatives_of_a_law_that_are_kept_lead_to_the_same_mode() {
 
 #[test]
 fn an_effect_far_below_its_usual_size_is_no_effect() {
-    use kisspoint::gap::infer::search::moments;
+    use kisspoint::gap::infer::prior::moments;
     let level = effects::find("friction_level").unwrap();
     let nats = |factor: f64| {
         let problem = made_up(|e| e[param::friction_level::factor] = factor);

@@ -2,8 +2,9 @@
 
 use crate::made_up::{first, made_up_under};
 use kisspoint::effects::{self, Subsystem, param};
-use kisspoint::gap::infer::posterior::{Strained, posterior};
+use kisspoint::gap::infer::posterior::posterior;
 use kisspoint::gap::infer::search::{Hypothesis, search};
+use kisspoint::gap::infer::strained::Strained;
 use kisspoint::gap::infer::unknown::{beside, places};
 use kisspoint::gap::verdict::{Verdict, conclude};
 

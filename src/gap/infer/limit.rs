@@ -8,10 +8,10 @@
 //! L(g) = ½ g²/H − ½ ln H + ln odds + ln m − 0.01/m,   m = r² (g²/H² + 1/H),
 //! ```
 //!
-//! r the start in units of a noticeable effect (evidence, look-elsewhere price, prior odds, moment prior: `infer/search.rs`). An effect is found where L > 0,
+//! r the start in units of a noticeable effect (evidence, look-elsewhere price, prior odds, moment prior: `infer/prior.rs`). An effect is found where L > 0,
 //! that is where |g| > g*. It is so with probability Φ((I f − g*)/√I) + Φ((−I f − g*)/√I), and the limit is the size found with probability [`POWER`].
 
-use super::search::{log_prior, moment};
+use super::prior::{log_prior, moment};
 
 /// Probability with which an effect of the limit's size is found: the usual one of a limit of detection (ISO 11843-1).
 pub const POWER: f64 = 0.95;

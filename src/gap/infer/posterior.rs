@@ -5,12 +5,12 @@
 use super::belief::{ACCURACIES, ByAccuracy};
 use super::density::{Point, Problem};
 use super::fit::Fit;
-use super::irregular::{Irregular, irregular};
-use super::search::{Hypothesis, MOST_EFFECTS, Search, moment, taken_over};
+use super::prior::moment;
+use super::search::{Hypothesis, MOST_EFFECTS, Search, taken_over};
+use super::strained::Strained;
 use super::unknown::{PLACE_PRIOR, Unknown, beside, places};
 use super::weigh::log_sum;
 use crate::effects::{REGISTRY, Subsystem};
-use crate::gap::model::filter::Disturbances;
 use std::f64::consts::LN_2;
 
 /// One explanation with its share of the posterior; nothing wrong, and not weighed, unless more is said.
@@ -65,84 +65,12 @@ impl Posterior {
     }
 }
 
-/// Missing laws in every place beside a set, as it was fitted then.
-#[derive(Debug)]
-struct Beside {
-    effects: Vec<usize>,
-    cost: f64,
-    laws: Vec<Unknown>,
-}
-
-impl Beside {
-    fn new(problem: &Problem, set: &Hypothesis, least: f64) -> Self {
-        Self { effects: set.effects.clone(), cost: set.fit.cost, laws: places(problem, set, least) }
-    }
-
-    /// Whether the set is still fitted as it was.
-    fn is_beside(&self, set: &Hypothesis) -> bool {
-        self.effects == set.effects && self.cost == set.fit.cost
-    }
-}
-
-/// What is known of missing laws before sets that strain their tolerances are worked on.
-#[derive(Debug, Default)]
-pub struct Strained {
-    laws: Vec<Beside>,
-}
-
-impl Strained {
-    /// Missing laws beside the most probable set and beside none, if that set strains its tolerances.
-    pub fn new(problem: &Problem, search: &Search) -> Self {
-        let best = search.best();
-        Self { laws: if best.fit.strains() { beside_sets(problem, search, best, Vec::new()) } else { Vec::new() } }
-    }
-
-    /// The law that leads, if one was fitted.
-    fn leader(&self) -> Option<(&Unknown, &Fit)> {
-        let fitted = self.laws.iter().flat_map(|b| &b.laws).filter_map(|u| u.fit.as_ref().map(|fit| (u, fit)));
-        fitted.max_by(|a, b| a.0.lead.total_cmp(&b.0.lead))
-    }
-
-    /// Whether a law leads the sets by more than is worth a look.
-    pub fn is_far_ahead(&self, search: &Search) -> bool {
-        let best = search.best();
-        let far = best.lead + search.behind(best.fit.log_evidence);
-        self.leader().is_some_and(|(law, _)| law.lead > far)
-    }
-
-    /// What comes and goes too fast for a law, if the set that leads strains its tolerances and that makes the recordings likelier than any law does: then what is in the
-    /// filter is wrong, and neither sets nor laws are worth more work before it is right.
-    pub fn irregular(&self, problem: &Problem, search: &Search, with: &Disturbances) -> Option<Irregular> {
-        let best = search.best();
-        if !best.fit.strains() {
-            return None;
-        }
-        let by_law = self.leader().filter(|(law, _)| law.log_posterior > best.log_posterior);
-        let best = best.whole(problem);
-        let gain_of_law = by_law.map_or(0.0, |(law, _)| law.log_posterior - best.log_posterior);
-        let fit = by_law.map_or(&best.fit, |(_, fit)| fit);
-        irregular(problem, &fit.point, &fit.residuals, with).filter(|left| left.gain > gain_of_law)
-    }
-}
-
-fn beside_sets(problem: &Problem, search: &Search, best: &Hypothesis, mut known: Vec<Beside>) -> Vec<Beside> {
-    let mut sets = vec![(best, best.lead)];
-    if !best.effects.is_empty() {
-        sets.push((search.base(), best.lead - search.behind(best.fit.log_evidence)));
-    }
-    let beside = |(set, least)| match known.iter().position(|b| b.is_beside(set)) {
-        Some(place) => known.swap_remove(place),
-        None => Beside::new(problem, set, least),
-    };
-    sets.into_iter().map(beside).collect()
-}
-
 /// Weighs missing laws beside what the search found; `known` ones are not worked out again.
 pub fn posterior(problem: &Problem, search: &Search, known: Strained) -> Posterior {
     let tolerated = |effects: &[usize], fit: &Fit| effects.iter().any(|&e| problem.is_tolerated(&fit.point, e));
     let sets: Vec<&Hypothesis> = search.hypotheses.iter().filter(|h| !tolerated(&h.effects, &h.fit)).collect();
     let best = sets.first().copied().unwrap_or(search.base());
-    let mut unknowns: Vec<Unknown> = beside_sets(problem, search, best, known.laws).into_iter().flat_map(|b| b.laws).collect();
+    let mut unknowns: Vec<Unknown> = known.laws_beside(problem, search, best);
     unknowns.sort_by(|a, b| b.lead.total_cmp(&a.lead));
     // The set that is believed may be a smaller one than that which leads.
     let believed = sets.iter().copied().max_by(|a, b| a.log_posterior.total_cmp(&b.log_posterior)).unwrap_or(best);
@@ -448,52 +376,6 @@ mod tests {
         // A promise weighs at most half as much as the best that was fitted.
         average_of(&mut all, MANY, |e| e.effects == [2]);
         assert!(all[0].probability < 1.0 / 3.0 + 1e-12, "{}", all[0].probability);
-    }
-
-    /// Laws beside a set that is as it was are not worked out again; beside one that has been fitted better since they are.
-    #[test]
-    fn laws_beside_a_set_that_did_not_change_are_kept() {
-        let example = crate::gap::model::prepare::Example::read();
-        let (problem, _) = example.problem(&[&example.campaign.recordings[0]]);
-        let mut base = Hypothesis::fitted(&problem, Vec::new(), &problem.nominal(), 1, None);
-        let told = |set: &Hypothesis| {
-            let mut beside = Beside::new(&problem, set, f64::INFINITY);
-            beside.laws.iter_mut().for_each(|l| l.lead = 1e6);
-            beside
-        };
-        let known = told(&base);
-        let leads = |known: Beside, set: &Hypothesis| {
-            let [beside] = &beside_sets(&problem, &Search::made_up(vec![set.clone()]), set, vec![known])[..] else { panic!("of one set") };
-            beside.laws.iter().map(|l| l.lead).fold(f64::NEG_INFINITY, f64::max)
-        };
-        assert_eq!(leads(known, &base), 1e6);
-        let known = told(&base);
-        base.fit.cost -= 1.0;
-        assert!(leads(known, &base) < 1e6);
-    }
-
-    /// A set strains its tolerances, and something irregular makes the recordings likelier by some nats: it comes first unless a law gains more. A set that strains nothing is worked on.
-    #[test]
-    fn what_is_irregular_comes_before_a_law_that_gains_less() {
-        let example = crate::gap::model::prepare::Example::read();
-        let (problem, with) = example.problem(&[&example.campaign.recordings[0]]);
-        let mut set = Hypothesis::fitted(&problem, Vec::new(), &problem.nominal(), 1, None);
-        let first = |laws: Vec<Beside>, set: &Hypothesis| {
-            Strained { laws }.irregular(&problem, &Search::made_up(vec![set.clone()]), &with).map(|left| left.gain)
-        };
-        set.fit.point.shared.fill(0.5);
-        assert_eq!(first(Vec::new(), &set), None);
-        set.fit.point.shared.fill(2.0);
-        set.fit.residuals = std::sync::Arc::new(problem.all_residuals(&set.fit.point, None));
-        let gain = first(Vec::new(), &set).expect("such a car is far off");
-        let law = |ahead: f64| {
-            let mut beside = Beside::new(&problem, &set, f64::INFINITY);
-            beside.laws.truncate(1);
-            (beside.laws[0].fit, beside.laws[0].log_posterior) = (Some(set.fit.clone()), set.log_posterior + ahead);
-            vec![beside]
-        };
-        assert_eq!(first(law(gain - 1.0), &set), Some(gain));
-        assert_eq!(first(law(gain + 1.0), &set), None);
     }
 
     /// A pair leads the search, and one of the two alone is believed more: missing laws are weighed beside the pair, beside that one, and beside none.

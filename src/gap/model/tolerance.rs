@@ -69,7 +69,7 @@ pub struct Tolerances {
 }
 
 /// Standard deviations of a latency within which a sensor that is late is as it should be: half their square is an effect's price (the odds of
-/// `infer/search.rs`).
+/// `infer/prior.rs`).
 pub const LATE_SIGMAS: f64 = 3.0;
 
 impl Tolerances {
