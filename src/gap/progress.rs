@@ -16,7 +16,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-/// Rows that replays may have stepped through before a search ends: some minutes of a processor. What fits a car of the library needs a fraction of that.
+/// Rows that replays may have stepped through before a search ends: some minutes of a processor.
 pub const MOST_ROWS: u64 = 200_000_000;
 
 /// Rows that replays have stepped through; copies count together.
