@@ -295,7 +295,7 @@ fn files_of_other_kinds_are_named_with_the_step_to_take() {
         ("a.trc", b";$FILEVERSION=1.1", "raw frames (PCAN TRC)"),
         ("a.log", b"(0.0) can0 1#00", "raw frames (candump)"),
         ("a.txt", b"\n(1742339035.686920) can0 108#06D507B007DE00DD\n", "raw frames (candump)"),
-        ("a.csv", b"Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2\n5300,00000410,false,Rx,0,2,11,00,", "raw frames (SavvyCAN's CSV"),
+        ("a.csv", b"Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2\n5300,00000410,false,Rx,0,2,11,00,", "raw frames (a table of them"),
         ("a.xlsx", b"PK\x03\x04....", "the file is a workbook"),
     ] {
         let message = fault(name, bytes);

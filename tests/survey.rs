@@ -94,6 +94,30 @@ fn a_made_up_log_gives_back_what_was_put_in() {
     assert_eq!(kisspoint::survey::export::recordings(&s, "TqShaft", Some(1)).unwrap().len(), 1);
 }
 
+/// A log of VCDS at 3 Hz, engine and road at stamps of their own: the gears are there, and what is too slow for launches and shifts is said.
+#[test]
+fn a_slow_log_in_blocks_side_by_side_has_its_gears() {
+    let mut text = String::from(
+        "Monday,2,March,2026\n\n,Group A:,'001,Group B:,'005\n,,Engine,,Vehicle\n,TIME,Speed,TIME,Speed\nMarker,STAMP, /min,STAMP, km/h\n",
+    );
+    for k in 0..54 {
+        let t = f64::from(k) / 3.0;
+        let (n, v) = (engine(t) * 60.0 / TAU, car(t + 0.15).1 * 3.6);
+        writeln!(text, ",{t:.2},{n:.0},{:.2},{v:.1}", t + 0.15).unwrap();
+    }
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("slow.csv");
+    std::fs::write(&path, text).unwrap();
+    let s = of(&path, &Known::default());
+    assert_eq!(s.gears.levels.len(), 3, "{}", s.to_text());
+    for (gear, ratio) in RATIOS.iter().enumerate() {
+        let expected = ratio * FINAL_DRIVE / RADIUS;
+        near(s.gears.factor(gear), expected, 0.02 * expected, "gear");
+    }
+    assert!(s.engagements.iter().all(|e| e.ringing.is_none()));
+    let slow = "Engine Speed has 3.0 samples a second, Vehicle Speed has 3.0 samples a second: that is enough for gears, but";
+    assert!(s.remarks.iter().any(|r| r.starts_with(slow)), "{:?}", s.remarks);
+}
+
 #[test]
 fn the_campaign_of_a_survey_is_read_back() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("survey_campaign");

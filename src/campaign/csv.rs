@@ -2,6 +2,7 @@
 //!
 //! UTF-8, UTF-16 with its mark, or Latin-1. Lines that start with `#` are comments; [`super::text_shape`] says how the rest is laid out. A
 //! cell that is empty or says NaN, SNA and the like is a missing sample. A column of dates or times of day counts from its first one. A last
+//! Several columns of one clock's name part the table into blocks, each with stamps of its own. A last
 //! row that was cut off while writing is dropped and reported; a ragged row before it is an error. The file is read in a stream.
 
 use std::fs::File;
@@ -54,6 +55,9 @@ fn read_from(file: &str, input: impl Read, wanted: Wanted<'_>) -> Result<Measure
     let mut head = Vec::new();
     input.by_ref().take(HEAD).read_to_end(&mut head).map_err(unreadable)?;
     let Some(shape) = shape(&head) else { return Err(Defect::Empty.in_file(file)) };
+    if shape.is_of_frames() {
+        return Err(Defect::RawFrames("a table of them: save them as .asc, .trc or .mf4 first").in_file(file));
+    }
     let mut lines = Lines { input: BufReader::with_capacity(1 << 20, head.chain(input)), line: Vec::new(), number: 0, ended: true };
     for _ in 0..shape.above {
         lines.next().map_err(|d| d.in_file(file))?;
@@ -136,6 +140,8 @@ struct Table<'a> {
     file: &'a str,
     header: usize,
     columns: Vec<Column>,
+    /// Where blocks side by side begin, if there are several.
+    clocks: Vec<usize>,
     names: Vec<String>,
     lines: Vec<u32>,
     decimal_comma: bool,
@@ -191,12 +197,14 @@ impl Column {
 
 impl<'a> Table<'a> {
     fn new(file: &'a str, shape: &Shape, wanted: Wanted<'_>) -> Self {
-        let columns = shape.columns.iter().enumerate().filter(|(_, (name, _))| wanted(name));
+        let clocks = shape.clocks();
+        let columns = shape.columns.iter().enumerate().filter(|(at, (name, _))| wanted(name) || clocks.contains(at));
         Table {
             file,
             header: shape.columns.len(),
             columns: columns.map(|(at, (name, unit))| Column::new(name, unit.as_deref(), at)).collect(),
             names: shape.columns.iter().map(|(name, _)| name.clone()).collect(),
+            clocks,
             lines: Vec::new(),
             decimal_comma: shape.decimal_comma,
             decimals: [0; 2],
@@ -224,10 +232,27 @@ impl<'a> Table<'a> {
         if self.lines.is_empty() {
             return Err(Defect::NoRows.in_file(self.file));
         }
-        let series: Vec<Series> = self.columns.into_iter().map(|c| c.series).collect();
-        let group = Group { series, ..Group::default() };
-        Ok(Measurement { file: String::new(), groups: vec![group], names: self.names, rows: Rows::Lines(self.lines), notes })
+        let groups = blocks(self.columns, &self.clocks);
+        Ok(Measurement { file: String::new(), groups, names: self.names, rows: Rows::Lines(self.lines), notes })
     }
+}
+
+/// The columns as one group per block; what stands in front of the first clock belongs to its block. A block that ends before the others ends with
+/// its last row that is not empty.
+fn blocks(columns: Vec<Column>, clocks: &[usize]) -> Vec<Group> {
+    let mut groups: Vec<Group> = (0..clocks.len().max(1)).map(|index| Group { index, ..Group::default() }).collect();
+    for column in columns {
+        let at = clocks.iter().filter(|c| **c <= column.at).count().saturating_sub(1);
+        if clocks.get(at) == Some(&column.at) {
+            groups[at].master = Some(groups[at].series.len());
+        }
+        groups[at].series.push(column.series);
+    }
+    for group in groups.iter_mut().filter(|g| g.master.is_some()) {
+        let filled = group.series.iter().filter_map(|s| s.values.iter().rposition(|v| !v.is_nan())).max();
+        group.series.iter_mut().for_each(|s| s.values.truncate(filled.map_or(0, |last| last + 1)));
+    }
+    groups
 }
 
 pub(crate) fn ragged(file: &str, line: u64, found: usize, expected: usize) -> RecordingError {
@@ -313,6 +338,19 @@ mod tests {
         }
     }
 
+    /// Where the unit stands in each row, anything may stand behind it.
+    #[test]
+    fn a_long_table_may_say_more_of_each_row() {
+        let head = "\"SECONDS\";\"PID\";\"VALUE\";\"UNITS\";\"PLACE\";\n";
+        let rows = "\"9.1\";\"Engine RPM\";\"800\";\"rpm\";\"x\";\n\"9.2\";\"Speed\";\"1\";\"km/h\";\"\";\n\"9.3\";\"Engine RPM\";\"810\";\"rpm\";\"\";\n";
+        let m = all(format!("{head}{rows}").as_bytes()).unwrap();
+        let of = |g: usize| (m.groups[g].series[0].values.clone(), m.groups[g].series[1].unit.as_deref().unwrap_or("").to_string());
+        assert_eq!(
+            (m.names.as_slice(), of(0), of(1)),
+            (&["Engine RPM".to_string(), "Speed".into()][..], (vec![9.1, 9.3], "rpm".into()), (vec![9.2], "km/h".into()))
+        );
+    }
+
     #[test]
     fn a_ragged_row_in_the_middle_is_an_error_with_its_line() {
         let e = all(b"t,a\n0,1\n0.01\n0.02,3\n").unwrap_err();
@@ -338,6 +376,30 @@ mod tests {
         let mut lines = Lines { input: BufReader::new(&b"1\n2\n"[..]), line: Vec::new(), number: FILE_ROWS - 1, ended: true };
         assert_eq!(lines.next(), Ok(Some(&b"1"[..])));
         assert_eq!(lines.next(), Err(Defect::TooManyRows(FILE_ROWS)));
+    }
+
+    #[test]
+    fn blocks_side_by_side_have_stamps_of_their_own() {
+        let m = read_from("r.csv", &b"mark,time,a,b,time,c\n,0.0,1,2,0.05,3\n,0.1,4,5,0.15,6\n,0.2,7,,,\n"[..], &|n| n != "b").unwrap();
+        let of = |g: usize| m.groups[g].series.iter().map(|s| (s.name.as_str(), s.values.clone())).collect::<Vec<_>>();
+        assert_eq!(of(0)[1..], [("time", vec![0.0, 0.1, 0.2]), ("a", vec![1.0, 4.0, 7.0])]);
+        assert_eq!(of(1), [("time", vec![0.05, 0.15]), ("c", vec![3.0, 6.0])]);
+        assert_eq!([m.groups[0].master, m.groups[1].master, m.row(1).map(|(_, line)| line as usize)], [Some(1), Some(0), Some(3)]);
+        // A stamp that is missing before the last one is no end.
+        let m = all(b"time,a,time,c\n0,1,,2\n1,2,1.5,3\n").unwrap();
+        assert!(m.groups[1].series[0].values[0].is_nan() && m.groups[1].series[1].values == [2.0, 3.0]);
+        assert_eq!(all(b"time,a,elapsed_time,c\n0,1,0,2\n1,2,1,3\n").unwrap().groups.len(), 1);
+    }
+
+    #[test]
+    fn a_table_of_frames_is_none_of_signals() {
+        for head in ["time,addr,bus,data", "TimestampEpoch;BusChannel;ID;DataBytes", "Time Stamp,ID,Extended,LEN,D1,D2"] {
+            let separator = if head.contains(';') { ";" } else { "," };
+            let row = vec!["1"; head.split([',', ';']).count()].join(separator) + "\n";
+            let e = all(format!("{head}\n{row}{row}").as_bytes()).unwrap_err();
+            assert!(matches!(*e.defect, Defect::RawFrames(_)), "{head}");
+        }
+        assert!(all(b"time,id,n\n0,1,2\n").is_ok());
     }
 
     #[test]

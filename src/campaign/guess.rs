@@ -29,7 +29,7 @@ pub(crate) fn guess(series: &[(&str, Option<&str>)]) -> Vec<Option<Channel>> {
 /// Whether a name is a clock's.
 pub(crate) fn is_time(name: &str, unit: Option<&str>) -> bool {
     let other = unit.and_then(units::parse).is_some_and(|u| u.quantity != units::Quantity::Time);
-    !other && matches!(name.to_lowercase().as_str(), "time_s" | "time" | "t" | "timestamps" | "timestamp" | "zeit" | "times")
+    !other && matches!(name.to_lowercase().as_str(), "time_s" | "time" | "t" | "timestamps" | "timestamp" | "zeit" | "times" | "seconds")
 }
 
 /// Which of these is the clock: by a name that says nothing else, or else the first that runs of those that speak of time.

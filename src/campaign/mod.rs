@@ -32,6 +32,7 @@ mod table;
 mod text_cells;
 mod text_long;
 mod text_shape;
+mod text_stamps;
 mod thrift;
 mod units;
 mod write;

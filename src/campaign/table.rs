@@ -155,7 +155,6 @@ fn other_kind(path: &Path, head: &[u8]) -> Option<Defect> {
         _ if line.starts_with(";$fileversion") => Some("PCAN TRC"),
         _ if line.starts_with("date ") || line.starts_with("base hex") || line.starts_with("base dec") => Some("Vector ASC"),
         _ if is_candump(&line) => Some("candump"),
-        _ if line.starts_with("time stamp,id,") => Some("SavvyCAN's CSV: save them as .asc or .trc there first"),
         _ => None,
     };
     match (frames, ending.as_str()) {

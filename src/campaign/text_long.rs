@@ -23,9 +23,11 @@ pub(crate) struct Roles {
 pub(crate) fn roles(shape: &Shape) -> Option<Roles> {
     let at = |names: &[&str]| shape.columns.iter().position(|(name, _)| names.iter().any(|n| name.eq_ignore_ascii_case(n)));
     let time = shape.columns.iter().position(|(name, unit)| guess::is_time(name, unit.as_deref()))?;
-    let channel = at(&["channel", "signal", "name", "variable", "parameter", "kanal", "signal_name", "channel_name"])?;
+    let channel = at(&["channel", "signal", "name", "variable", "parameter", "kanal", "signal_name", "channel_name", "pid"])?;
     let value = at(&["value", "v", "val", "wert", "y"])?;
-    (shape.columns.len() <= 4).then_some(Roles { time, channel, value, unit: at(&["unit", "einheit"]) })
+    let unit = at(&["unit", "units", "einheit"]);
+    // Beside a unit anything may follow, such as where the car was.
+    (shape.columns.len() <= 4 || unit.is_some()).then_some(Roles { time, channel, value, unit })
 }
 
 /// Reads a long table: one group per channel, the rows of each counted by themselves.

@@ -5,7 +5,7 @@
 //! gives most cells wins. Between names and data there may be rows of units or other words, and titles. `sep=;` in the first line settles the separator.
 
 use super::text_cells::{Cells, is_comment, number, stamp};
-use super::units;
+use super::{guess, text_stamps, units};
 use std::collections::HashSet;
 
 /// The layout of a text file.
@@ -23,10 +23,31 @@ pub(crate) struct Shape {
     pub preamble: usize,
 }
 
+impl Shape {
+    /// Where the clocks are, if several blocks stand side by side: columns of the same name that is a clock's. What follows one of them has its stamps.
+    pub fn clocks(&self) -> Vec<usize> {
+        let is_clock = |k: &usize| guess::is_time(&self.columns[*k].0, self.columns[*k].1.as_deref());
+        let all: Vec<usize> = (0..self.columns.len()).filter(is_clock).collect();
+        let alike = |k: &usize| self.columns[*k] == self.columns[all[0]];
+        Some(all.iter().copied().filter(alike).collect()).filter(|clocks: &Vec<usize>| clocks.len() > 1).unwrap_or_default()
+    }
+
+    /// Whether the names are those of a table of CAN frames: an identifier, and the bytes of its data.
+    pub fn is_of_frames(&self) -> bool {
+        const IDENTIFIERS: [&str; 8] = ["id", "canid", "can_id", "can id", "identifier", "arbitration_id", "addr", "address"];
+        const DATA: [&str; 10] = ["data", "databytes", "data bytes", "data_bytes", "payload", "d0", "d1", "b0", "b1", "data0"];
+        let has = |words: &[&str]| self.columns.iter().any(|(name, _)| words.contains(&name.to_lowercase().as_str()));
+        has(&IDENTIFIERS) && has(&DATA)
+    }
+}
+
 /// Lays out a file by its first lines; `None` if there is no line at all.
 pub(crate) fn shape(head: &[u8]) -> Option<Shape> {
     let lines: Vec<&[u8]> = head.split(|&b| b == b'\n').map(|l| l.strip_suffix(b"\r").unwrap_or(l)).collect();
     let first = lines.iter().position(|l| !is_comment(l))?;
+    if let Some(shape) = text_stamps::shape(&lines) {
+        return Some(shape);
+    }
     let stated = lines[first].trim_ascii().strip_prefix(b"sep=").and_then(|s| s.first().copied());
     let separators = stated.map_or_else(|| vec![b'\t', b';', b',', b' '], |s| vec![s]);
     let skip = if stated.is_some() { first + 1 } else { 0 };
@@ -70,7 +91,7 @@ fn with_separator(lines: &[&[u8]], skip: usize, separator: u8, follow: usize) ->
 }
 
 /// Whether most of a row's cells are numbers.
-fn is_data(row: &[String], decimal_comma: bool) -> bool {
+pub(crate) fn is_data(row: &[String], decimal_comma: bool) -> bool {
     let numbers = row.iter().filter(|c| is_number(c, decimal_comma)).count();
     2 * numbers >= row.iter().filter(|c| !c.is_empty()).count() && numbers > 0
 }

@@ -47,10 +47,10 @@ fn merge(engine: Trace<'_>, road: Trace<'_>, gears: &Gears) -> Vec<Stretch> {
     for s in &gears.stretches {
         let factor = gears.factor(s.gear);
         let slipped = |from: f64, to: f64| {
-            let off = road
-                .within(from, to)
-                .filter(|&k| (engine.at(road.time[k]) - factor * road.values[k]).abs() > 0.15 * engine.at(road.time[k]));
-            off.count() as f64 * 0.02 > 0.1
+            let samples = road.within(from, to);
+            let all = samples.len() as f64;
+            let off = samples.filter(|&k| (engine.at(road.time[k]) - factor * road.values[k]).abs() > 0.15 * engine.at(road.time[k]));
+            off.count() as f64 * (to - from) > 0.1 * all
         };
         match out.last_mut() {
             Some(last) if last.gear == s.gear && s.from - last.to < 1.0 && !slipped(last.to, s.from) => last.to = s.to,

@@ -1,7 +1,7 @@
 //! Ratios of engine to road speed, and the stretches in which one of them holds: the clutch is closed.
 //!
 //! x = ln(ω_e / v). In a gear x stays; while the clutch slips, or without a gear, it wanders. A *stretch* is where the running median of x
-//! over 0.3 s, which takes out the ringing of the driveline, stays within 4.5 % for long enough. Ratios that are given are laid over the levels
+//! over 0.3 s, which takes out the ringing of the driveline, stays within 4.5 % for long enough, without a gap. Ratios that are given are laid over the levels
 //! of all stretches: their one common factor, final drive over tyre radius, is what fits most of the time.
 
 use super::{Known, Trace, median};
@@ -14,6 +14,8 @@ const WITHIN: f64 = 0.045;
 const TEACHES_S: f64 = 1.2;
 /// Shortest stretch in a gear that is known, s.
 const SHORTEST_S: f64 = 0.6;
+/// Fewest samples of a stretch: slow logs have few.
+const FEWEST: usize = 4;
 /// Slowest engine that counts as running, rad/s.
 const RUNNING: f64 = 20.0;
 
@@ -114,18 +116,19 @@ struct Steady {
 /// Stretches of steady x, at any level or at given ones.
 fn stretches(time: &[f64], x: &[f64], shortest: f64, levels: Option<&[f64]>) -> Vec<Steady> {
     let (mut out, mut k) = (Vec::new(), 0);
+    let gap = (2.5 * median(time.windows(2).map(|w| w[1] - w[0]))).max(0.3);
     while k < time.len() {
         let nearest = |x: f64| levels.and_then(|l| l.iter().copied().min_by(|a, b| (a - x).abs().total_cmp(&(b - x).abs())));
         let mut level = nearest(x[k]).unwrap_or(x[k]);
         let (mut sum, mut end) = (0.0, k);
-        while end < time.len() && (x[end] - level).abs() < WITHIN && (end == k || time[end] - time[end - 1] < 0.3) {
+        while end < time.len() && (x[end] - level).abs() < WITHIN && (end == k || time[end] - time[end - 1] < gap) {
             sum += x[end];
             end += 1;
             if levels.is_none() {
                 level = sum / (end - k) as f64;
             }
         }
-        if end > k + 1 && time[end - 1] - time[k] >= shortest {
+        if end >= k + FEWEST && time[end - 1] - time[k] >= shortest {
             out.push(Steady { level: median(x[k..end].iter().copied()), from: time[k], to: time[end - 1] });
             k = end;
         } else {
