@@ -341,14 +341,18 @@ mod tests {
     /// Where the unit stands in each row, anything may stand behind it.
     #[test]
     fn a_long_table_may_say_more_of_each_row() {
-        let head = "\"SECONDS\";\"PID\";\"VALUE\";\"UNITS\";\"PLACE\";\n";
-        let rows = "\"9.1\";\"Engine RPM\";\"800\";\"rpm\";\"x\";\n\"9.2\";\"Speed\";\"1\";\"km/h\";\"\";\n\"9.3\";\"Engine RPM\";\"810\";\"rpm\";\"\";\n";
+        let head = "\"SECONDS\";\"PID\";\"VALUE\";\"UNITS\";\"LATITUDE\";\n";
+        let rows =
+            ["9.1\";\"Engine RPM\";\"800\";\"rpm\";\"48.1", "9.2\";\"Speed\";\"1\";\"km/h\";\"", "9.3\";\"Engine RPM\";\"810\";\"rpm\";\""];
+        let rows: String = rows.iter().map(|row| format!("\"{row}\";\n")).collect();
         let m = all(format!("{head}{rows}").as_bytes()).unwrap();
-        let of = |g: usize| (m.groups[g].series[0].values.clone(), m.groups[g].series[1].unit.as_deref().unwrap_or("").to_string());
-        assert_eq!(
-            (m.names.as_slice(), of(0), of(1)),
-            (&["Engine RPM".to_string(), "Speed".into()][..], (vec![9.1, 9.3], "rpm".into()), (vec![9.2], "km/h".into()))
-        );
+        let of = |g: usize| {
+            let [time, value] = &m.groups[g].series[..] else { panic!("a clock and a channel") };
+            (time.values.clone(), value.values.clone(), value.unit.clone().unwrap_or_default())
+        };
+        assert_eq!(m.names, ["Engine RPM", "Speed"]);
+        assert_eq!(of(0), (vec![9.1, 9.3], vec![800.0, 810.0], "rpm".to_owned()));
+        assert_eq!(of(1), (vec![9.2], vec![1.0], "km/h".to_owned()));
     }
 
     #[test]

@@ -11,30 +11,31 @@ pub(crate) fn shape(lines: &[&[u8]]) -> Option<Shape> {
     [b',', b';', b'\t'].into_iter().find_map(|separator| with_separator(lines, separator))
 }
 
+/// Lines within which the data begin.
+const HEAD: usize = 50;
+
 fn with_separator(lines: &[&[u8]], separator: u8) -> Option<Shape> {
     let mut cells = Cells::new(separator);
-    let mut row = |at: usize| cells.split(lines[at]).texts();
-    let places = |row: &[String], word: &str| (0..row.len()).filter(|k| row[*k] == word).collect::<Vec<_>>();
-    let is_head = |at: usize, row: &mut dyn FnMut(usize) -> Vec<String>| {
-        let stamps = places(&row(at), "STAMP");
-        !stamps.is_empty() && stamps == places(&row(at - 1), "TIME")
+    let rows: Vec<Vec<String>> = lines.iter().take(HEAD).map(|line| cells.split(line).texts()).collect();
+    let places = |row: usize, word: &str| (0..rows[row].len()).filter(|k| rows[row][*k] == word).collect::<Vec<_>>();
+    let is_head = |at: &usize| {
+        let stamps = places(*at, "STAMP");
+        !stamps.is_empty() && stamps == places(at - 1, "TIME")
     };
-    let at = (1..lines.len()).find(|&at| is_head(at, &mut row))?;
+    let at = (1..rows.len()).find(is_head)?;
     let decimal_comma = separator != b',';
-    let data = (at + 1..lines.len()).find(|&below| is_data(&row(below), decimal_comma))?;
+    let data = (at + 1..rows.len()).find(|&below| is_data(&rows[below], decimal_comma))?;
     let units_below = data > at + 1;
-    let (time, stamp) = (row(at - 1), row(at));
-    let above = if at > 1 { row(at - 2) } else { Vec::new() };
-    let units = if units_below { row(at + 1) } else { stamp.clone() };
-    let cell = |row: &[String], k: usize| row.get(k).cloned().unwrap_or_default();
-    let column = |k: usize| match cell(&stamp, k).as_str() {
+    let cell = |row: Option<usize>, k: usize| row.and_then(|r| rows[r].get(k)).cloned().unwrap_or_default();
+    let stamp = |k: usize| cell(Some(at), k);
+    let column = |k: usize| match stamp(k).as_str() {
         "STAMP" => ("TIME".to_string(), Some("s".to_string())),
-        name if units_below => (name.to_string(), stated(cell(&units, k))),
+        name if units_below => (name.to_string(), stated(cell(Some(at + 1), k))),
         // The first column marks rows.
-        _ if k == 0 => (cell(&stamp, k), None),
-        _ => (format!("{} {}", cell(&above, k), cell(&time, k)).trim().to_string(), stated(cell(&units, k))),
+        name if k == 0 => (name.to_string(), None),
+        unit => (format!("{} {}", cell(at.checked_sub(2), k), cell(Some(at - 1), k)).trim().to_string(), stated(unit.to_string())),
     };
-    let columns = (0..row(data).len()).map(column).collect();
+    let columns = (0..rows[data].len()).map(column).collect();
     Some(Shape { separator, decimal_comma, columns, above: data, preamble: at - if units_below { 1 } else { 2.min(at) } })
 }
 
