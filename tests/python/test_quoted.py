@@ -44,6 +44,10 @@ def test_the_counts_of_the_readme_are_those_of_the_validation():
     validation = VALIDATION.read_text(encoding="utf-8")
     counts = re.findall(r"[\d.]+ of \d+", said)
     assert len(counts) >= 4 and not [count for count in counts if not re.search(rf"\b{re.escape(count)}\b", validation)]
+    ((cars, flaws),) = re.findall(r"\| (\d+) new cars, bench .*?wrong claims .*? bench, ([^:]*):", said, re.S)
+    claims = re.search(r"claims of 95 % and more that were true \| (\d+) of (\d+) \|", validation)
+    assert re.search(rf"cars given an effect too many \| \d+ of {cars} \|", validation)
+    assert sum(map(int, re.findall(r"\d+", flaws))) == int(claims[2]) - int(claims[1])
 
 
 @pytest.mark.parametrize("page", [ROOT / "README.md", VALIDATION])
