@@ -256,8 +256,14 @@ fn texts_of_every_layout_equal_the_seed() {
         (1..cells.len()).map(|k| format!("{},{},{}\n", cells[0], names[k], cells[k])).collect::<Vec<_>>()
     });
     let long = format!("t,channel,value\n{}", long.collect::<String>());
+    // A second block from the torque on, behind the same stamps.
+    let blocks = plain.lines().map(|l| {
+        let cells: Vec<&str> = l.split(',').collect();
+        format!("{},{},{}\n", cells[..3].join(","), cells[0], cells[3..].join(","))
+    });
+    let blocks: String = blocks.collect();
     let units = "s,rad/s,rad/s,daNm,mm,degC,mm,Nm,degC";
-    let cases: [(&str, Vec<u8>); 9] = [
+    let cases: [(&str, Vec<u8>); 10] = [
         ("plain.txt", plain.clone().into()),
         ("sep.csv", format!("sep=;\n{semicolons}").into()),
         ("semicolons.csv", semicolons.clone().into()),
@@ -267,6 +273,7 @@ fn texts_of_every_layout_equal_the_seed() {
         ("utf16.csv", utf16),
         ("dated.csv", dated.into()),
         ("long.csv", long.into()),
+        ("blocks.csv", blocks.into()),
     ];
     let seed = seed();
     for (name, bytes) in cases {
@@ -295,7 +302,7 @@ fn files_of_other_kinds_are_named_with_the_step_to_take() {
         ("a.trc", b";$FILEVERSION=1.1", "raw frames (PCAN TRC)"),
         ("a.log", b"(0.0) can0 1#00", "raw frames (candump)"),
         ("a.txt", b"\n(1742339035.686920) can0 108#06D507B007DE00DD\n", "raw frames (candump)"),
-        ("a.csv", b"Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2\n5300,00000410,false,Rx,0,2,11,00,", "raw frames (a table of them"),
+        ("a.csv", b"Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2\n5300,00000410,false,Rx,0,2,11,00,", "raw frames (as a table"),
         ("a.xlsx", b"PK\x03\x04....", "the file is a workbook"),
     ] {
         let message = fault(name, bytes);

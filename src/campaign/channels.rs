@@ -82,17 +82,17 @@ pub const CHANNELS: [Spec; 11] = {
     use Lasting::{Held, Sensed, Slow};
     use Presence::{Always, Bench, Road, Usual};
     [
-        spec(Channel::Time, "time_s", "time", "s", Quantity::Time, Sensed, Always),
-        spec(Channel::OmegaF, "omega_f_rad_s", "omega_f", "rad/s", Quantity::Speed, Sensed, Always),
-        spec(Channel::OmegaC, "omega_c_rad_s", "omega_c", "rad/s", Quantity::Speed, Sensed, Always),
-        spec(Channel::TE, "T_e_Nm", "T_e", "N·m", Quantity::Torque, Held, Always),
-        spec(Channel::XToCmd, "x_to_cmd_mm", "x_to_cmd", "mm", Quantity::Length, Held, Usual),
-        spec(Channel::ThetaH, "theta_h_degC", "theta_h", "°C", Quantity::Temperature, Slow, Usual),
-        spec(Channel::XTo, "x_to_mm", "x_to", "mm", Quantity::Length, Sensed, Bench),
-        spec(Channel::TFc, "T_fc_Nm", "T_fc", "N·m", Quantity::Torque, Sensed, Bench),
-        spec(Channel::ThetaC, "theta_c_degC", "theta_c", "°C", Quantity::Temperature, Sensed, Bench),
-        spec(Channel::Brake, "brake", "brake", "1", Quantity::Flag, Slow, Road),
-        spec(Channel::Valid, "valid", "valid", "1", Quantity::Flag, Slow, Road),
+        spec(Channel::Time, "time_s", "time", Quantity::Time, Sensed, Always),
+        spec(Channel::OmegaF, "omega_f_rad_s", "omega_f", Quantity::Speed, Sensed, Always),
+        spec(Channel::OmegaC, "omega_c_rad_s", "omega_c", Quantity::Speed, Sensed, Always),
+        spec(Channel::TE, "T_e_Nm", "T_e", Quantity::Torque, Held, Always),
+        spec(Channel::XToCmd, "x_to_cmd_mm", "x_to_cmd", Quantity::Length, Held, Usual),
+        spec(Channel::ThetaH, "theta_h_degC", "theta_h", Quantity::Temperature, Slow, Usual),
+        spec(Channel::XTo, "x_to_mm", "x_to", Quantity::Length, Sensed, Bench),
+        spec(Channel::TFc, "T_fc_Nm", "T_fc", Quantity::Torque, Sensed, Bench),
+        spec(Channel::ThetaC, "theta_c_degC", "theta_c", Quantity::Temperature, Sensed, Bench),
+        spec(Channel::Brake, "brake", "brake", Quantity::Flag, Slow, Road),
+        spec(Channel::Valid, "valid", "valid", Quantity::Flag, Slow, Road),
     ]
 };
 
@@ -112,12 +112,11 @@ const fn spec(
     channel: Channel,
     column: &'static str,
     stem: &'static str,
-    unit: &'static str,
     quantity: Quantity,
     lasting: Lasting,
     presence: Presence,
 ) -> Spec {
-    Spec { channel, column, stem, unit, quantity, lasting, presence }
+    Spec { channel, column, stem, unit: quantity.unit(), quantity, lasting, presence }
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Text files: a header, optionally a row of units, then one row per sample; or a long table of time, channel and value.
 //!
 //! UTF-8, UTF-16 with its mark, or Latin-1. Lines that start with `#` are comments; [`super::text_shape`] says how the rest is laid out. A
-//! cell that is empty or says NaN, SNA and the like is a missing sample. A column of dates or times of day counts from its first one. A last
+//! cell that is empty or says NaN, SNA and the like is a missing sample. A column of dates or times of day counts from its first one.
 //! Several columns of one clock's name part the table into blocks, each with stamps of its own. A last
 //! row that was cut off while writing is dropped and reported; a ragged row before it is an error. The file is read in a stream.
 
@@ -56,7 +56,7 @@ fn read_from(file: &str, input: impl Read, wanted: Wanted<'_>) -> Result<Measure
     input.by_ref().take(HEAD).read_to_end(&mut head).map_err(unreadable)?;
     let Some(shape) = shape(&head) else { return Err(Defect::Empty.in_file(file)) };
     if shape.is_of_frames() {
-        return Err(Defect::RawFrames("a table of them: save them as .asc, .trc or .mf4 first").in_file(file));
+        return Err(Defect::RawFrames("as a table: save them as .asc, .trc or .mf4 first").in_file(file));
     }
     let mut lines = Lines { input: BufReader::with_capacity(1 << 20, head.chain(input)), line: Vec::new(), number: 0, ended: true };
     for _ in 0..shape.above {

@@ -34,14 +34,19 @@ pub(crate) fn faults(m: &Measurement, signal: &mut Signal) -> Option<String> {
     let found = take_out(&signal.time, &mut signal.values, bounds(signal.channel), moves);
     let (first, said) = said(&found)?;
     let (at, unit) = (m.row_text(first), signal.channel.spec().unit);
-    Some(format!("{}: {said}, the first at {at}: {} {unit}", signal.label, found[0].1))
+    Some(format!("{}: {said}, the first at {at}: {} {unit}", signal.label, shown(found[0].1)))
 }
 
-/// The same for any series; `moves` if it is a speed.
-pub(crate) fn faults_of(name: &str, time: &[f64], values: &mut [f64], moves: bool) -> Option<String> {
+/// The same for any series in some unit; `moves` if it is a speed.
+pub(crate) fn faults_of((name, unit): (&str, &str), time: &[f64], values: &mut [f64], moves: bool) -> Option<String> {
     let found = take_out(time, values, None, moves);
     let (first, said) = said(&found)?;
-    Some(format!("{name}: {said}, the first at {:.3} s: {}", time[first], found[0].1))
+    Some(format!("{name}: {said}, the first at {:.3} s: {} {unit}", time[first], shown(found[0].1)))
+}
+
+/// A value that may have been converted: three decimals are enough, zeros at the end say nothing.
+fn shown(value: f64) -> String {
+    format!("{value:.3}").trim_end_matches('0').trim_end_matches('.').to_string()
 }
 
 /// Sample, value and reason.
@@ -387,13 +392,18 @@ mod tests {
         );
         assert!(values[60].is_nan() && values[250].is_nan() && values.iter().filter(|v| v.is_nan()).count() == 2);
         let text = faults_of(
-            "n",
+            ("n", "rad/s"),
             &time,
             &mut launch().1.iter().enumerate().map(|(k, v)| v + 30.0 * f64::from(u8::from(k == 40))).collect::<Vec<_>>(),
             true,
         );
-        assert!(text.as_ref().is_some_and(|t| t.starts_with("n: 1 sample is not") && t.contains("the first at 0.400 s: 30")), "{text:?}");
-        assert_eq!(faults_of("n", &time, &mut [2.0; 400], true), None);
+        assert!(
+            text.as_ref()
+                .is_some_and(|t| t.starts_with("n: 1 sample is not") && t.contains("the first at 0.400 s: 30") && t.ends_with(" rad/s")),
+            "{text:?}"
+        );
+        assert_eq!([1_715.623_748, 983.0, -0.5, 0.0].map(shown), ["1715.624", "983", "-0.5", "0"]);
+        assert_eq!(faults_of(("n", "rad/s"), &time, &mut [2.0; 400], true), None);
         assert!(!has_several([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 1.0].into_iter()) && has_several((0..8).map(f64::from)));
     }
 

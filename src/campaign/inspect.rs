@@ -201,7 +201,8 @@ fn faults(group: &Group, channels: &[ChannelInfo]) -> Vec<String> {
         let channel = guess(series).filter(|c| *c != Channel::Time)?;
         let moves = matches!(channel, Channel::OmegaF | Channel::OmegaC);
         let mut values = series.values.clone();
-        let fault = doubt::faults_of(&series.name, &time, &mut values, moves);
+        let unit = series.unit.as_deref().unwrap_or(channel.spec().unit);
+        let fault = doubt::faults_of((&series.name, unit), &time, &mut values, moves);
         let between = if moves { raster::samples_of(&series.name, &time, &mut values) } else { None };
         Some([fault, between].into_iter().flatten())
     };

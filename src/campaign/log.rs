@@ -105,7 +105,7 @@ fn channel(group: &Group, at: usize, clock: &Rc<Vec<f64>>, notes: &mut Vec<Strin
     let mut time = clock.clone();
     thin(&mut time, &mut values);
     // What has no unit may be a counter or a state, whose jumps are no faults.
-    let fault = unit.and_then(|_| doubt::faults_of(&series.name, &time, &mut values, speed));
+    let fault = unit.and_then(|u| doubt::faults_of((&series.name, u.quantity.unit()), &time, &mut values, speed));
     notes.extend(fault);
     notes.extend(if speed { raster::samples_of(&series.name, &time, &mut values) } else { None });
     thin(&mut time, &mut values);

@@ -47,6 +47,7 @@ pub use folder::{read, read_one, read_telling};
 pub use inspect::{ChannelInfo, Inspection, draft_channel_map, inspect};
 pub use log::{Log, LogChannel, open};
 pub use manifest::draft as draft_recordings;
+pub(crate) use span::{SLOWEST_HZ, is_slow};
 pub use units::{Quantity, Unit, parse as parse_unit};
 pub use write::{write_csv, write_recordings_json};
 

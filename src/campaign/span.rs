@@ -18,8 +18,10 @@ const HOLD_S: f64 = 0.1;
 const EDGE_S: f64 = 0.1;
 /// Shortest recording, s.
 const SHORTEST_S: f64 = 0.5;
-/// Slowest rate of the speeds, Hz.
-const SLOWEST_HZ: f64 = 20.0;
+/// Slowest rate of the speeds that follows an engagement, Hz.
+pub(crate) const SLOWEST_HZ: f64 = 20.0;
+/// Share by which a logger's clock may be slow.
+const CLOCK_OFF: f64 = 0.01;
 /// A part of the step that is rounding of the clock.
 const ROUNDING: f64 = 0.02;
 
@@ -86,7 +88,12 @@ pub(crate) fn check_rate(m: &Measurement, tracks: &[Track], entry: &Entry, notes
             notes.push(format!("recordings.json says {stated} Hz, the speeds come at {} Hz; their clock is believed", round(own)));
         }
     }
-    if own < SLOWEST_HZ { Err(m.defect(Defect::TooSlow(own))) } else { Ok(()) }
+    if is_slow(step) { Err(m.defect(Defect::TooSlow(own))) } else { Ok(()) }
+}
+
+/// Whether samples this far apart, s, are too slow to follow an engagement; clocks are not exact.
+pub(crate) fn is_slow(step: f64) -> bool {
+    step * SLOWEST_HZ > 1.0 + CLOCK_OFF
 }
 
 /// Six digits: a clock with rounded times is not known better.
@@ -207,6 +214,7 @@ mod tests {
             (0.01 / 60.0, Some(100.0), "it looks like min", ""),
             (0.049, None, "", ""),
             (0.051, None, "below 20 Hz", ""),
+            (0.0504, None, "", ""),
         ] {
             let (said, notes) = rated(step, stated);
             assert!(said.contains(error) && said.is_empty() == error.is_empty(), "{step}: {said}");

@@ -26,10 +26,9 @@ pub(crate) struct Shape {
 impl Shape {
     /// Where the clocks are, if several blocks stand side by side: columns of the same name that is a clock's. What follows one of them has its stamps.
     pub fn clocks(&self) -> Vec<usize> {
-        let is_clock = |k: &usize| guess::is_time(&self.columns[*k].0, self.columns[*k].1.as_deref());
-        let all: Vec<usize> = (0..self.columns.len()).filter(is_clock).collect();
-        let alike = |k: &usize| self.columns[*k] == self.columns[all[0]];
-        Some(all.iter().copied().filter(alike).collect()).filter(|clocks: &Vec<usize>| clocks.len() > 1).unwrap_or_default()
+        let first = self.columns.iter().find(|(name, unit)| guess::is_time(name, unit.as_deref()));
+        let alike: Vec<usize> = (0..self.columns.len()).filter(|k| first == Some(&self.columns[*k])).collect();
+        if alike.len() > 1 { alike } else { Vec::new() }
     }
 
     /// Whether the names are those of a table of CAN frames: an identifier, and the bytes of its data.

@@ -41,6 +41,23 @@ pub enum Quantity {
     Share,
 }
 
+impl Quantity {
+    /// Our unit of it.
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Self::Time => "s",
+            Self::Speed => "rad/s",
+            Self::Torque => "N·m",
+            Self::Length => "mm",
+            Self::Temperature => "°C",
+            Self::Flag => "1",
+            Self::Velocity => "m/s",
+            Self::Acceleration => "m/s²",
+            Self::Share => "%",
+        }
+    }
+}
+
 /// A unit string that is understood.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unit {

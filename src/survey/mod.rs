@@ -14,7 +14,7 @@ pub mod ringing;
 pub mod show;
 pub mod torque;
 
-use crate::campaign::{Channel, Log, LogChannel, Quantity};
+use crate::campaign::{Channel, Log, LogChannel, Quantity, SLOWEST_HZ, is_slow};
 
 /// What the user knows.
 #[derive(Clone, Debug, Default)]
@@ -106,9 +106,6 @@ pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     if values.is_empty() { f64::NAN } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
-/// Distance of samples above which a speed is too slow for engagements, s: what `diagnose` needs is 20 Hz, and clocks are not exact.
-const SLOW_S: f64 = 0.055;
-
 /// Looks through a log.
 pub fn survey(log: Log, known: &Known) -> Survey {
     let named = |name: &Option<String>| name.as_ref().and_then(|n| log.channels.iter().position(|c| &c.name == n));
@@ -143,13 +140,14 @@ pub fn survey(log: Log, known: &Known) -> Survey {
     // The gearbox input turns as the disc does: no gear lies between.
     let direct = Known { ratios: vec![1.0], tyre_radius: None, ..Known::default() };
     let known = if road.guess == Some(Channel::OmegaC) && known.ratios.is_empty() { &direct } else { known };
-    let slow =
-        [omega, road].into_iter().filter(|c| c.step > SLOW_S).map(|c| format!("{} has {:.1} samples a second", c.name, 1.0 / c.step));
-    let slow: Vec<String> = slow.collect();
+    let mut slow = Vec::new();
+    for c in [omega, road].into_iter().filter(|c| is_slow(c.step)) {
+        slow.push(format!("{} has {:.1} samples a second", c.name, 1.0 / c.step));
+    }
     if !slow.is_empty() {
-        let slow = slow.join(", ");
         s.remarks.push(format!(
-            "{slow}: that is enough for gears, but an engagement takes a second or less: launches and shifts are placed roughly and may be missed. Record at 20 Hz or more, which `kisspoint diagnose` needs"
+            "{}: that is enough for gears, but an engagement takes a second or less: launches and shifts are placed roughly and may be missed. Record at {SLOWEST_HZ} Hz or more, which `kisspoint diagnose` needs",
+            slow.join(", ")
         ));
     }
     let (omega, v) = (omega.trace(), road.trace());

@@ -51,10 +51,11 @@ pub fn after(engine: Trace<'_>, road: Trace<'_>, factor: f64, met: f64, until: f
     // Above a third of the rate two samples and a half make a period: what is seen there is folded.
     let of_engine = engine.within(met, end).len() as f64 / seconds;
     let rate = of_engine.min((points.len() - 1) as f64 / seconds);
-    let count = ((BAND.1.min(rate / 3.0) - BAND.0) / FINE) as usize;
-    if rate / 3.0 < BAND.0 {
+    let highest = BAND.1.min(rate / 3.0);
+    if highest < BAND.0 {
         return None;
     }
+    let count = ((highest - BAND.0) / FINE) as usize;
     let spectrum: Vec<(f64, f64)> = (0..=count).map(|k| BAND.0 + k as f64 * FINE).map(|f| (f, share(&points, f) / total)).collect();
     let &(frequency, best) = spectrum.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
     let independent = 2.0 * (BAND.1 - BAND.0) * seconds;
