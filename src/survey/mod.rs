@@ -150,6 +150,7 @@ pub fn survey(log: Log, known: &Known) -> Survey {
             slow.join(", ")
         ));
     }
+    let steps = (omega.quantum, road.quantum);
     let (omega, v) = (omega.trace(), road.trace());
     s.gears = gears::find(omega, v, known, shaft, &mut s.remarks);
     let drive = known.final_drive.filter(|_| !shaft);
@@ -159,7 +160,7 @@ pub fn survey(log: Log, known: &Known) -> Survey {
     let clutch = s.torques.first().map(|reading| s.log.channels[reading.channel].trace());
     for engagement in &mut s.engagements {
         let factor = s.gears.factor(engagement.gear);
-        engagement.ringing = ringing::after(omega, v, factor, engagement.met, engagement.until);
+        engagement.ringing = ringing::after(omega, v, (factor, steps.0 + factor * steps.1), engagement.met, engagement.until);
         engagement.heat = clutch.map(|torque| engagements::heat(omega, v, torque, factor, engagement));
     }
     s.latency = latency::between(omega, v, &s.gears, &s.engagements);

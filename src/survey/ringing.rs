@@ -5,9 +5,12 @@
 //! frequencies whose residual is below the least one times 1 + 3.84 / N, where N = 2 B T counts the independent values of a band B within
 //! the time T: noise beside a ringing driveline is coloured, so samples are not counted. Where that set has several parts, the data do not
 //! settle which of them is the driveline's.
+//!
+//! It is called an oscillation if noise in that band has so large a peak after one engagement in ten at most, and if it is larger than what the
+//! steps of the readings make of speeds that rise evenly: a sawtooth, whose first harmonic is a πth of the step.
 
 use super::Trace;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// Band of a car's driveline and its neighbours, Hz.
 const BAND: (f64, f64) = (2.0, 12.0);
@@ -19,8 +22,10 @@ const LONGEST_S: f64 = 2.0;
 const MEAN_S: f64 = 0.5;
 /// What comes faster than this is averaged over it, s: far above the band.
 const BIN_S: f64 = 0.01;
-/// Least share of the variance that is called an oscillation.
-const LEAST: f64 = 0.15;
+/// Share of engagements after which noise may be called an oscillation.
+const FALSE_ALARMS: f64 = 0.1;
+/// What is left of a sinusoid less its running mean is up to this many times as large: 1 − sin x / x.
+const MOST_GAIN: f64 = 1.22;
 
 /// An oscillation.
 #[derive(Clone, Debug)]
@@ -33,8 +38,8 @@ pub struct Ringing {
     pub set: Vec<(f64, f64)>,
 }
 
-/// The oscillation after `met`; `None` if there is none or the gear is left too soon.
-pub fn after(engine: Trace<'_>, road: Trace<'_>, factor: f64, met: f64, until: f64) -> Option<Ringing> {
+/// The oscillation after `met`; `None` if there is none or the gear is left too soon. `factor` and `quantum`: engine speed over road speed, and the step in which their difference is read.
+pub fn after(engine: Trace<'_>, road: Trace<'_>, (factor, quantum): (f64, f64), met: f64, until: f64) -> Option<Ringing> {
     let end = until.min(met + LONGEST_S);
     let seconds = end - met;
     if seconds < 3.0 / BAND.0 * 0.5 {
@@ -58,7 +63,11 @@ pub fn after(engine: Trace<'_>, road: Trace<'_>, factor: f64, met: f64, until: f
     let count = ((highest - BAND.0) / FINE) as usize;
     let spectrum: Vec<(f64, f64)> = (0..=count).map(|k| BAND.0 + k as f64 * FINE).map(|f| (f, share(&points, f) / total)).collect();
     let &(frequency, best) = spectrum.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let independent = 2.0 * (BAND.1 - BAND.0) * seconds;
+    let independent = 2.0 * (highest - BAND.0) * seconds;
+    let amplitude = (2.0 * best * total / points.len() as f64).sqrt();
+    if best < least_share(independent) || amplitude < MOST_GAIN * quantum / PI {
+        return None;
+    }
     let enough = 1.0 - (1.0 - best) * (1.0 + 3.84 / independent);
     let mut set: Vec<(f64, f64)> = Vec::new();
     for (f, _) in spectrum.iter().filter(|(_, s)| *s >= enough) {
@@ -67,7 +76,17 @@ pub fn after(engine: Trace<'_>, road: Trace<'_>, factor: f64, met: f64, until: f
             _ => set.push((*f, *f)),
         }
     }
-    (best >= LEAST).then_some(Ringing { frequency, share: best, set })
+    Some(Ringing { frequency, share: best, set })
+}
+
+/// Share of the variance of so many independent values that the largest peak of noise exceeds after one engagement in ten: Baluev, Mon. Not. R.
+/// Astron. Soc. 385 (2008) 1279, of his statistic z₁ without parameters beside the sinusoid.
+fn least_share(independent: f64) -> f64 {
+    // Band times time, as even stamps count: √(4π/12).
+    let width = 0.5 * independent * (PI / 3.0).sqrt();
+    let alarms = |share: f64| width * (0.5 * independent * share).sqrt() * (1.0 - share).powf(0.5 * independent - 1.5);
+    let above = (0..1000).map(|k| f64::from(k) / 1000.0).rfind(|s| independent <= 3.0 || alarms(*s) > FALSE_ALARMS);
+    above.unwrap_or_default()
 }
 
 /// Bin of a time since the speeds met; half a microsecond later than it begins, for stamps are rounded.
@@ -101,4 +120,48 @@ fn share(points: &[(f64, f64)], f: f64) -> f64 {
     }
     let determinant = cc * ss - cs * cs;
     (yc * yc * ss - 2.0 * yc * ys * cs + ys * ys * cc) / determinant
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Slip of an engine at `rate` after the speeds meet at 0, beside a road speed of 10 m/s that is read exactly.
+    fn found(rate: f64, quantum: f64, slip: impl Fn(f64) -> f64) -> Option<Ringing> {
+        let time: Vec<f64> = (0..(4.0 * rate) as usize).map(|k| k as f64 / rate).collect();
+        let (engine, road): (Vec<f64>, Vec<f64>) = time.iter().map(|&t| (100.0 + slip(t), 10.0)).unzip();
+        after(Trace { time: &time, values: &engine }, Trace { time: &time, values: &road }, (10.0, quantum), 0.0, 3.9)
+    }
+
+    /// Noise of the band seldom has so large a peak; one or two frequencies tell nothing.
+    #[test]
+    fn a_peak_is_one_that_noise_seldom_has() {
+        assert!((0.28..0.3).contains(&least_share(40.0)), "{}", least_share(40.0));
+        assert!(least_share(3.0) > 0.99 && least_share(8.0) > 0.8);
+        // Noise of the band from 2 to 12 Hz.
+        let mut seed = 3_u64;
+        let mut normal = || {
+            let mut uniform = || {
+                seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+                (seed >> 11) as f64 / (1_u64 << 53) as f64
+            };
+            (0..12).map(|_| uniform()).sum::<f64>() - 6.0
+        };
+        let count = (0..400).filter(|_| {
+            let waves: Vec<(f64, f64, f64)> = (0..40).map(|k| (2.125 + 0.25 * f64::from(k), normal(), normal())).collect();
+            let slip = |t: f64| waves.iter().map(|(f, a, b)| a * (TAU * f * t).sin() + b * (TAU * f * t).cos()).sum();
+            found(100.0, 0.0, slip).is_some()
+        });
+        let count = count.count();
+        assert!((20..=60).contains(&count), "{count} of 400");
+    }
+
+    #[test]
+    fn steps_of_the_readings_are_no_oscillation() {
+        let ramp = |t: f64| (5.0 * t / 2.0).floor() * 2.0 - 5.0 * t;
+        assert!(found(50.0, 0.0, ramp).is_some_and(|r| (r.frequency - 2.5).abs() < 0.1));
+        assert!(found(50.0, 2.0, ramp).is_none());
+        let rings = |t: f64| 1.5 * (TAU * 4.0 * t).sin();
+        assert!(found(50.0, 2.0, rings).is_some_and(|r| (r.frequency - 4.0).abs() < 0.1));
+    }
 }
