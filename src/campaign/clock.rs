@@ -14,6 +14,12 @@ const JITTER: f64 = 3.0;
 
 /// Distances that are looked at to find their median.
 const MOST: usize = 200_000;
+
+/// The unit of a first stamp that has none, if it is too large for seconds since 1970 (those of the year 5138), and its seconds.
+pub(crate) fn since_1970(first: f64) -> Option<(&'static str, f64)> {
+    [("nanoseconds", 1e-9), ("microseconds", 1e-6), ("milliseconds", 1e-3)].into_iter().find(|(_, factor)| first > 1e8 / factor)
+}
+
 /// That every time is a number and greater than the one before; else the defect and its sample.
 pub(crate) fn check(time: &[f64]) -> Result<(), (Defect, usize)> {
     if let Some(i) = time.iter().position(|t| !t.is_finite()) {
@@ -113,6 +119,14 @@ mod tests {
         assert_eq!(check(&[0.0, 0.1, 0.1]), Err((Defect::ClockRepeats(0.1), 2)));
         assert_eq!(check(&[0.0, 0.2, 0.1]), Err((Defect::ClockBack { from: 0.2, to: 0.1 }, 2)));
         assert_eq!(check(&[0.0, f64::NAN]), Err((Defect::ClockInvalid, 1)));
+    }
+
+    #[test]
+    fn stamps_of_this_century_tell_their_unit() {
+        for (first, unit) in [(1.5e9, None), (1.5e12, Some("milliseconds")), (1.5e15, Some("microseconds")), (1.5e18, Some("nanoseconds"))]
+        {
+            assert_eq!(since_1970(first).map(|(unit, _)| unit), unit);
+        }
     }
 
     #[test]

@@ -14,7 +14,7 @@ use encoding_rs_io::DecodeReaderBytesBuilder;
 use super::error::{Defect, RecordingError};
 use super::limits::{FILE_ROWS, TEXT_BYTES};
 use super::table::{Group, Measurement, Rows, Series, Tell, Wanted};
-use super::text_cells::{Cells, decimals, is_comment, number, stamp, text};
+use super::text_cells::{Cells, decimals, is_comment, number, quantity, stamp, text};
 use super::text_long;
 use super::text_shape::{Shape, shape};
 
@@ -169,10 +169,13 @@ impl Column {
     /// Appends a cell.
     pub fn push(&mut self, cell: &[u8], decimal_comma: bool) {
         let sample = self.series.values.len();
-        let value = number(cell, decimal_comma).or_else(|| self.stamped(cell)).unwrap_or_else(|| {
-            self.series.text.get_or_insert_with(|| (sample, text(cell)));
-            f64::NAN
-        });
+        let value = number(cell, decimal_comma)
+            .or_else(|| self.stamped(cell))
+            .or_else(|| self.measured(cell, decimal_comma))
+            .unwrap_or_else(|| {
+                self.series.text.get_or_insert_with(|| (sample, text(cell)));
+                f64::NAN
+            });
         self.series.values.push(value);
     }
 
@@ -192,6 +195,18 @@ impl Column {
         let first = *self.first.get_or_insert(at);
         self.series.unit = Some("s".to_string());
         Some((at - first) as f64 * 1e-9)
+    }
+}
+
+impl Column {
+    /// A number with its unit behind it, as some loggers write each cell: `1009RPM`. It has to be that of the column.
+    fn measured(&mut self, cell: &[u8], decimal_comma: bool) -> Option<f64> {
+        let cell = text(cell);
+        let (value, unit) = quantity(cell.trim(), decimal_comma)?;
+        if self.series.unit.is_none() && self.series.values.iter().all(|v| v.is_nan()) {
+            self.series.unit = Some(unit.to_string());
+        }
+        Some(value).filter(|_| self.series.unit.as_deref() == Some(unit))
     }
 }
 
@@ -279,6 +294,19 @@ mod tests {
         assert!(s[1].values[1].is_nan() && s[1].values[2].is_nan());
         assert_eq!(s[2].text, Some((0, "D".to_string())));
         assert_eq!(m.row(1), Some(("line", 5)));
+    }
+
+    #[test]
+    fn cells_may_have_a_unit_each() {
+        let m = all(b"t,n,v,T,data,mode\n0,1009RPM,0km/h,20 Nm,0C,1rpm\n1,,12.5km/h,-3.5 Nm,FF,2 km/h\n2,1010RPM,13km/h,4 Nm,1F,3rpm\n")
+            .unwrap();
+        let s = &m.groups[0].series;
+        assert_eq!((s[1].unit.as_deref(), s[1].values[2], s[1].values[1].is_nan()), (Some("RPM"), 1010.0, true));
+        assert_eq!((s[2].unit.as_deref(), s[2].values.as_slice()), (Some("km/h"), &[0.0, 12.5, 13.0][..]));
+        assert_eq!((s[3].unit.as_deref(), s[3].values.as_slice()), (Some("Nm"), &[20.0, -3.5, 4.0][..]));
+        assert!(s[1..4].iter().all(|s| s.text.is_none()) && s[4].text.is_some());
+        // Another unit in the same column is none of its numbers.
+        assert_eq!(s[5].text, Some((1, "2 km/h".to_string())));
     }
 
     #[test]

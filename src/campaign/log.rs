@@ -60,7 +60,12 @@ pub fn open(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<Log, 
             return Err(m.defect(Defect::NoMaster).into());
         };
         let clock = &group.series[at];
-        let factor = clock.unit.as_deref().and_then(units::parse).map_or(1.0, |u| u.factor);
+        let stated = clock.unit.as_deref().and_then(units::parse);
+        let large = clock.values.first().and_then(|first| clock::since_1970(*first)).filter(|_| stated.is_none());
+        if let Some((unit, _)) = large {
+            log.notes.push(format!("no unit is given for {}: its stamps are taken for {unit} since 1970", clock.name));
+        }
+        let factor = stated.map(|u| u.factor).or(large.map(|(_, factor)| factor)).unwrap_or(1.0);
         let time: Rc<Vec<f64>> = Rc::new(clock.values.iter().map(|t| t * factor).collect());
         clock::check(&time).map_err(|(defect, sample)| m.defect_at(defect, &clock.name, Some(sample)))?;
         let others = (0..group.series.len()).filter(|k| *k != at);
@@ -80,6 +85,25 @@ pub fn open(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<Log, 
         channel.guess = guess.filter(|g| channel.quantity.is_none_or(|q| q == g.spec().quantity));
     }
     Ok(log)
+}
+
+/// Largest engine speed that may be in rad/s, as 9549 1/min; only in 1/min are engines faster.
+const FASTEST_ENGINE: f64 = 1000.0;
+
+impl LogChannel {
+    /// Gives an engine speed without a unit the one that its values tell, and says so.
+    pub(crate) fn measure_as_engine(&mut self) -> Option<String> {
+        if self.quantity.is_some() {
+            return None;
+        }
+        let most = self.values.iter().copied().fold(0.0, f64::max);
+        let (unit, factor) = if most > FASTEST_ENGINE { ("1/min", std::f64::consts::PI / 30.0) } else { ("rad/s", 1.0) };
+        self.values.iter_mut().for_each(|v| *v *= factor);
+        self.quantum *= factor;
+        self.dead_band = self.dead_band.map(|threshold| threshold * factor);
+        self.quantity = Some(Quantity::Speed);
+        Some(format!("no unit is given for {}: with values up to {most:.0} it is taken as {unit}", self.name))
+    }
 }
 
 /// A clock that counts from another age is hard to read: times count from the log's first stamp then.
@@ -134,15 +158,20 @@ fn thin(time: &mut Rc<Vec<f64>>, values: &mut Vec<f64>) {
 }
 
 /// The unit that a column of the contract has, or that the end of a name says: `engine_speed_rpm`, `Engine RPM`. A word that stands alone is a unit of speed or torque, if any: `plug in` is no length.
+/// What can be nothing but a unit of speed may stand anywhere: `RPM_OBD`, `SPEED_KMH_GPS`.
 fn from_name(name: &str) -> Option<units::Unit> {
     if let Some(channel) = Channel::from_column(name) {
         return units::parse(channel.spec().unit);
     }
-    if let Some((_, end)) = name.rsplit_once('_') {
-        return (end.len() > 1).then(|| units::parse(end)).flatten();
-    }
-    let word = name.rsplit([' ', '.']).next()?;
-    units::parse(word).filter(|u| word.len() > 1 && matches!(u.quantity, Quantity::Speed | Quantity::Velocity | Quantity::Torque))
+    let last = match name.rsplit_once('_') {
+        Some((_, end)) => units::parse(end).filter(|_| end.len() > 1),
+        None => {
+            let word = name.rsplit([' ', '.']).next()?;
+            units::parse(word).filter(|u| word.len() > 1 && matches!(u.quantity, Quantity::Speed | Quantity::Velocity | Quantity::Torque))
+        }
+    };
+    let certain = |word: &&str| ["rpm", "kmh", "kph", "mph"].iter().any(|unit| word.eq_ignore_ascii_case(unit));
+    last.or_else(|| name.split(|c: char| !c.is_alphabetic()).find(certain).and_then(units::parse))
 }
 
 #[cfg(test)]
@@ -163,6 +192,36 @@ mod tests {
             dead_band: None,
         };
         Log { file: String::new(), channels: starts.iter().map(one).collect(), notes: Vec::new() }
+    }
+
+    #[test]
+    fn an_engine_speed_without_a_unit_is_told_by_its_values() {
+        for (most, factor, said) in
+            [(3205.0, std::f64::consts::PI / 30.0, "up to 3205 it is taken as 1/min"), (335.6, 1.0, "taken as rad/s")]
+        {
+            let mut channel = log(&[0.0]).channels.remove(0);
+            (channel.values, channel.quantum) = (vec![80.0, most, 90.0], 2.0);
+            assert!(channel.measure_as_engine().unwrap().contains(said));
+            assert_eq!((channel.values[1], channel.quantum, channel.quantity), (most * factor, 2.0 * factor, Some(Quantity::Speed)));
+            assert_eq!(channel.measure_as_engine(), None);
+        }
+    }
+
+    #[test]
+    fn names_say_units() {
+        for (name, factor) in [
+            ("engine_rpm", std::f64::consts::PI / 30.0),
+            ("Engine RPM", std::f64::consts::PI / 30.0),
+            ("RPM_OBD", std::f64::consts::PI / 30.0),
+            ("rpm1", std::f64::consts::PI / 30.0),
+            ("SPEED_KMH_GPS", 1.0 / 3.6),
+            ("omega_f_rad_s", 1.0),
+        ] {
+            assert_eq!(from_name(name).map(|u| u.factor), Some(factor), "{name}");
+        }
+        for name in ["plug in", "EngineSpeed", "x_m1", "trpm", "gear_c"] {
+            assert!(from_name(name).is_none(), "{name}");
+        }
     }
 
     #[test]
@@ -216,10 +275,10 @@ mod tests {
         assert_eq!(from_name("omega_f_rad_s").map(|u| u.quantity), Some(Quantity::Speed));
         let of = |name| from_name(name).map(|u| u.quantity);
         assert_eq!(
-            ["rpm", "Engine RPM", "Speed MPH", "Engine.Nm"].map(of),
-            [Quantity::Speed, Quantity::Speed, Quantity::Velocity, Quantity::Torque].map(Some)
+            ["rpm", "Engine RPM", "RPM limit", "Speed MPH", "Engine.Nm"].map(of),
+            [Quantity::Speed, Quantity::Speed, Quantity::Speed, Quantity::Velocity, Quantity::Torque].map(Some)
         );
-        assert_eq!(["plug in", "oil C", "lap min", "RPM limit"].map(of), [None; 4]);
+        assert_eq!(["plug in", "oil C", "lap min"].map(of), [None; 3]);
         assert!(from_name("torque").is_none() && from_name("speed_n").is_none() && from_name("a_m").is_none());
         assert!(read("x", None, vec![f64::NAN; 5]).0.is_none());
     }

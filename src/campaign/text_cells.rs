@@ -1,5 +1,6 @@
 //! The cells of a line of text: splitting, numbers, time stamps.
 
+use super::units;
 use csv_core::{ReadRecordResult, Reader, ReaderBuilder};
 use jiff::civil::{Date, DateTime, Time};
 
@@ -92,6 +93,14 @@ pub(crate) fn number(cell: &[u8], decimal_comma: bool) -> Option<f64> {
         return text.replace(',', "").parse().ok();
     }
     MISSING.iter().any(|m| text.eq_ignore_ascii_case(m)).then_some(f64::NAN)
+}
+
+/// A cell as a number and the unit behind it. One letter may be anything, and is none.
+pub(crate) fn quantity(cell: &str, decimal_comma: bool) -> Option<(f64, &str)> {
+    let end = cell.find(|c: char| !matches!(c, '0'..='9' | '.' | ',' | '+' | '-'))?;
+    let (value, unit) = (number(cell[..end].as_bytes(), decimal_comma)?, cell[end..].trim());
+    let is_unit = (unit == "%" || unit.len() > 1) && units::parse(unit).is_some();
+    Some((value, unit)).filter(|_| is_unit && end > 0)
 }
 
 /// Whether commas part the thousands: `1,234.5`.

@@ -132,6 +132,7 @@ pub fn survey(log: Log, known: &Known) -> Survey {
         s.remarks.push(format!("no channel is {missing}: no gears, launches or shifts can be found"));
         return s;
     };
+    s.remarks.extend(s.log.channels[engine].measure_as_engine());
     let (omega, road) = (&s.log.channels[engine], &s.log.channels[road]);
     let shaft = road.quantity != Some(Quantity::Velocity);
     if road.quantity.is_none() {
