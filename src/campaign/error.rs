@@ -222,7 +222,7 @@ pub enum Defect {
     #[error("the file is damaged or cut short: {0}. Copy it again from the recorder, or export it again")]
     Damaged(String),
     #[error(
-        "no channel for {column} ({unit}): `{wanted}` is not in the file, which has {there}. Export it too, or say in a channel map which channel it is"
+        "no channel for {column} ({unit}): `{wanted}` is not in the file, which has {there}. Export it too, or say which channel it is in a channel map, which `kisspoint inspect FILE --draft-map MAP` drafts and `--channel-map MAP` reads"
     )]
     MissingChannel { column: &'static str, unit: &'static str, wanted: String, there: String },
     #[error("the name occurs {count} times ({places}). Rename one, or give `group` in the channel map")]

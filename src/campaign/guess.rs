@@ -5,7 +5,8 @@
 //! best one wins, ties are left open.
 
 use super::channels::{CHANNELS, Channel};
-use super::table::Series;
+use super::clock;
+use super::table::{Group, Measurement, Series};
 use super::units;
 
 /// Our channel for each of the given names with units, as far as a guess can be made. No channel is given twice.
@@ -33,9 +34,27 @@ pub(crate) fn is_time(name: &str, unit: Option<&str>) -> bool {
 }
 
 /// Which of these is the clock: by a name that says nothing else, or else the first that runs of those that speak of time.
-pub(crate) fn clock(series: &[Series]) -> Option<usize> {
+fn clock(series: &[Series]) -> Option<usize> {
     let exact = series.iter().position(|s| is_time(&s.name, s.unit.as_deref()));
     exact.or_else(|| series.iter().position(|s| speaks_of_time(&s.name, s.unit.as_deref()) && runs(&s.values)))
+}
+
+/// Position of a group's clock: the one that the file names, or else the likeliest.
+pub(crate) fn clock_of(group: &Group) -> Option<usize> {
+    group.master.or_else(|| clock(&group.series))
+}
+
+/// Gives clocks without a unit the one that their first stamp tells, if it counts from 1970, and notes it.
+pub(crate) fn units_of_clocks(m: &mut Measurement) {
+    for group in &mut m.groups {
+        let Some(clock) = clock_of(group).map(|at| &mut group.series[at]) else { continue };
+        let stated = clock.unit.as_deref().and_then(units::parse).is_some();
+        let unit = clock.values.first().and_then(|first| clock::since_1970(*first)).filter(|_| !stated);
+        if let Some(unit) = unit {
+            clock.unit = Some(unit.to_string());
+            m.notes.push(format!("no unit is given for {}: its stamps are taken for {unit} since 1970", clock.name));
+        }
+    }
 }
 
 fn speaks_of_time(name: &str, unit: Option<&str>) -> bool {

@@ -60,7 +60,8 @@ pub fn inspect(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<In
     }
     // A file that is not there is no defect of a recording.
     std::fs::metadata(path).map_err(|source| CampaignError::Io { file: path.to_path_buf(), source })?;
-    let measurement = table::read(path, dbc, &|_| true, tell)?;
+    let mut measurement = table::read(path, dbc, &|_| true, tell)?;
+    guess::units_of_clocks(&mut measurement);
     let format = match table::format(path)? {
         Format::Text => "text",
         Format::Mdf => "MDF4",
@@ -159,21 +160,16 @@ fn toml_text(text: &str) -> String {
     toml::Value::String(text.to_string()).to_string()
 }
 
-/// Position of a group's clock.
-fn clock_at(group: &Group) -> Option<usize> {
-    group.master.or_else(|| guess::clock(&group.series))
-}
-
 /// A group's stamps in s, if they run forward.
 fn clock_of(group: &Group) -> Option<Vec<f64>> {
-    let series = &group.series[clock_at(group)?];
+    let series = &group.series[guess::clock_of(group)?];
     let factor = series.unit.as_deref().and_then(units::parse).map_or(1.0, |u| u.factor);
     let time: Vec<f64> = series.values.iter().map(|t| t * factor).collect();
     clock::check(&time).is_ok().then_some(time)
 }
 
 fn channels_of(group: &Group) -> Vec<ChannelInfo> {
-    let (at, time) = (clock_at(group), clock_of(group));
+    let (at, time) = (guess::clock_of(group), clock_of(group));
     let one = |(i, series): (usize, &Series)| {
         let valid = || series.values.iter().copied().filter(|v| !v.is_nan());
         let spacing = time.as_deref().and_then(|t| clock::spacing(t, &series.values));

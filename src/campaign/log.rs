@@ -52,20 +52,16 @@ pub struct LogChannel {
 /// The file can't be read, is damaged, or has a clock that does not run forward.
 pub fn open(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<Log, CampaignError> {
     std::fs::metadata(path).map_err(|source| CampaignError::Io { file: path.to_path_buf(), source })?;
-    let m = table::read(path, dbc, &|_| true, tell)?;
+    let mut m = table::read(path, dbc, &|_| true, tell)?;
+    guess::units_of_clocks(&mut m);
     let mut log = Log { file: m.file.clone(), channels: Vec::new(), notes: m.notes.clone() };
     let mut words: Vec<String> = Vec::new();
     for group in &m.groups {
-        let Some(at) = group.master.or_else(|| guess::clock(&group.series)) else {
+        let Some(at) = guess::clock_of(group) else {
             return Err(m.defect(Defect::NoMaster).into());
         };
         let clock = &group.series[at];
-        let stated = clock.unit.as_deref().and_then(units::parse);
-        let large = clock.values.first().and_then(|first| clock::since_1970(*first)).filter(|_| stated.is_none());
-        if let Some((unit, _)) = large {
-            log.notes.push(format!("no unit is given for {}: its stamps are taken for {unit} since 1970", clock.name));
-        }
-        let factor = stated.map(|u| u.factor).or(large.map(|(_, factor)| factor)).unwrap_or(1.0);
+        let factor = clock.unit.as_deref().and_then(units::parse).map_or(1.0, |u| u.factor);
         let time: Rc<Vec<f64>> = Rc::new(clock.values.iter().map(|t| t * factor).collect());
         clock::check(&time).map_err(|(defect, sample)| m.defect_at(defect, &clock.name, Some(sample)))?;
         let others = (0..group.series.len()).filter(|k| *k != at);

@@ -98,7 +98,7 @@ pub(crate) fn number(cell: &[u8], decimal_comma: bool) -> Option<f64> {
 /// A cell as a number and the unit behind it. One letter may be anything, and is none.
 pub(crate) fn quantity(cell: &str, decimal_comma: bool) -> Option<(f64, &str)> {
     let end = cell.find(|c: char| !matches!(c, '0'..='9' | '.' | ',' | '+' | '-'))?;
-    let (value, unit) = (number(cell[..end].as_bytes(), decimal_comma)?, cell[end..].trim());
+    let (value, unit) = (number(&cell.as_bytes()[..end], decimal_comma)?, cell[end..].trim());
     let is_unit = (unit == "%" || unit.len() > 1) && units::parse(unit).is_some();
     Some((value, unit)).filter(|_| is_unit && end > 0)
 }
