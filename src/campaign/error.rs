@@ -9,6 +9,11 @@ use thiserror::Error;
 
 use super::LeftOut;
 
+/// A time without digits beyond the nanosecond, which are rounding.
+fn seconds(time: &f64) -> String {
+    format!("{time:.9}").trim_end_matches('0').trim_end_matches('.').to_string()
+}
+
 /// Why a campaign can't be read at all.
 #[derive(Debug, Error)]
 pub enum CampaignError {
@@ -265,9 +270,9 @@ pub enum Defect {
     UnitContradiction { first: &'static str, first_unit: String, second: &'static str, second_unit: String },
     #[error("the unit can't be right: {what}. {remedy}")]
     UnitCannotBeRight { what: String, remedy: String },
-    #[error("the clock runs back from {from} s to {to} s. Remove or re-sort the rows, or split the file there")]
+    #[error("the clock runs back from {} s to {} s. Remove or re-sort the rows, or split the file there", seconds(.from), seconds(.to))]
     ClockBack { from: f64, to: f64 },
-    #[error("the time {0} s occurs twice. Remove the repeated row")]
+    #[error("the time {} s occurs twice. Remove the repeated row", seconds(.0))]
     ClockRepeats(f64),
     #[error("the time is missing or not a finite number. Correct it or remove the row")]
     ClockInvalid,

@@ -44,13 +44,16 @@ pub(crate) fn clock_of(group: &Group) -> Option<usize> {
     group.master.or_else(|| clock(&group.series))
 }
 
-/// Gives clocks without a unit the one that their first stamp tells, if it counts from 1970, and notes it.
+/// Gives clocks without a unit the one that their name ends with, or that their first stamp tells if it counts from 1970, and notes that.
 pub(crate) fn units_of_clocks(m: &mut Measurement) {
     for group in &mut m.groups {
         let Some(clock) = clock_of(group).map(|at| &mut group.series[at]) else { continue };
-        let stated = clock.unit.as_deref().and_then(units::parse).is_some();
-        let unit = clock.values.first().and_then(|first| clock::since_1970(*first)).filter(|_| !stated);
-        if let Some(unit) = unit {
+        if clock.unit.as_deref().and_then(units::parse).is_some() {
+            continue;
+        }
+        if let Some(unit) = words(&clock.name).pop().filter(|last| ["ms", "us", "ns"].contains(&last.as_str())) {
+            clock.unit = Some(unit);
+        } else if let Some(unit) = clock.values.first().and_then(|first| clock::since_1970(*first)) {
             clock.unit = Some(unit.to_string());
             m.notes.push(format!("no unit is given for {}: its stamps are taken for {unit} since 1970", clock.name));
         }
@@ -58,7 +61,7 @@ pub(crate) fn units_of_clocks(m: &mut Measurement) {
 }
 
 fn speaks_of_time(name: &str, unit: Option<&str>) -> bool {
-    const WORDS: [&str; 6] = ["time", "zeit", "stamp", "elapsed", "seconds", "offset"];
+    const WORDS: [&str; 8] = ["time", "zeit", "temps", "tiempo", "stamp", "elapsed", "seconds", "offset"];
     let other = unit.and_then(units::parse).is_some_and(|u| u.quantity != units::Quantity::Time);
     !other && words(name).iter().any(|word| WORDS.iter().any(|known| fits(word, known)))
 }
@@ -99,7 +102,7 @@ fn fits(word: &str, known: &str) -> bool {
 }
 
 /// Lower-case words of a name: split at signs and where a capital follows a small letter.
-fn words(name: &str) -> Vec<String> {
+pub(crate) fn words(name: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut small = false;
     for c in name.chars() {
@@ -362,8 +365,26 @@ mod tests {
         assert_eq!(of(&[("GPS Time", None, &[f64::NAN; 3]), ("Device Time", Some("s"), &up)]), Some(1));
         assert_eq!(of(&[("rpm", None, &up), ("Offset", Some("s"), &up)]), Some(1));
         assert_eq!(of(&[("elapsed_time", Some("s"), &up), ("RPM", None, &up)]), Some(0));
+        assert_eq!(of(&[("Régime moteur", Some("tr/min"), &up), ("Temps", Some("s"), &up)]), Some(1));
         assert_eq!(of(&[("Offset", Some("mm"), &up), ("runtime", Some("s"), &down), ("n", None, &up)]), None);
         assert_eq!(of(&[("Time of day", None, &[1.0])]), None);
+    }
+
+    #[test]
+    fn a_clock_without_a_unit_has_the_one_of_its_name_or_its_stamps() {
+        for (name, unit, first, told, notes) in [
+            ("elapsed_ms", None, 0.0, Some("ms"), 0),
+            ("timestampUs", None, 1.7e15, Some("us"), 0),
+            ("timestamp", None, 1.7e12, Some("ms"), 1),
+            ("timestamp", Some("s"), 1.7e12, Some("s"), 0),
+            ("timestamp", None, 1.7e9, None, 0),
+            ("time_s", None, 0.0, None, 0),
+        ] {
+            let clock = Series { name: name.into(), unit: unit.map(str::to_owned), values: vec![first, first + 20.0], text: None };
+            let mut m = Measurement { groups: vec![Group { series: vec![clock], ..Group::default() }], ..Measurement::default() };
+            units_of_clocks(&mut m);
+            assert_eq!((m.groups[0].series[0].unit.as_deref(), m.notes.len()), (told, notes), "{name} {unit:?}");
+        }
     }
 
     #[test]

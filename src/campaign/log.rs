@@ -154,7 +154,7 @@ fn thin(time: &mut Rc<Vec<f64>>, values: &mut Vec<f64>) {
 }
 
 /// The unit that a column of the contract has, or that the end of a name says: `engine_speed_rpm`, `Engine RPM`. A word that stands alone is a unit of speed or torque, if any: `plug in` is no length.
-/// What can be nothing but a unit of speed may stand anywhere: `RPM_OBD`, `SPEED_KMH_GPS`.
+/// What can be nothing but a unit of speed may stand anywhere: `EngineRPM`, `SPEED_KMH_GPS`.
 fn from_name(name: &str) -> Option<units::Unit> {
     if let Some(channel) = Channel::from_column(name) {
         return units::parse(channel.spec().unit);
@@ -166,8 +166,10 @@ fn from_name(name: &str) -> Option<units::Unit> {
             units::parse(word).filter(|u| word.len() > 1 && matches!(u.quantity, Quantity::Speed | Quantity::Velocity | Quantity::Torque))
         }
     };
-    let certain = |word: &&str| ["rpm", "kmh", "kph", "mph"].iter().any(|unit| word.eq_ignore_ascii_case(unit));
-    last.or_else(|| name.split(|c: char| !c.is_alphabetic()).find(certain).and_then(units::parse))
+    let certain = |word: &&String| matches!(word.trim_end_matches(|c: char| c.is_ascii_digit()), "rpm" | "kmh" | "kph" | "mph");
+    let inside =
+        || guess::words(name).iter().find(certain).and_then(|word| units::parse(word.trim_end_matches(|c: char| c.is_ascii_digit())));
+    last.or_else(inside)
 }
 
 #[cfg(test)]
@@ -210,6 +212,7 @@ mod tests {
             ("Engine RPM", std::f64::consts::PI / 30.0),
             ("RPM_OBD", std::f64::consts::PI / 30.0),
             ("rpm1", std::f64::consts::PI / 30.0),
+            ("EngineRPM", std::f64::consts::PI / 30.0),
             ("SPEED_KMH_GPS", 1.0 / 3.6),
             ("omega_f_rad_s", 1.0),
         ] {
