@@ -60,8 +60,7 @@ pub fn inspect(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<In
     }
     // A file that is not there is no defect of a recording.
     std::fs::metadata(path).map_err(|source| CampaignError::Io { file: path.to_path_buf(), source })?;
-    let mut measurement = table::read(path, dbc, &|_| true, tell)?;
-    guess::units_of_clocks(&mut measurement);
+    let measurement = table::read(path, dbc, &|_| true, tell)?;
     let format = match table::format(path)? {
         Format::Text => "text",
         Format::Mdf => "MDF4",

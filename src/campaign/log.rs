@@ -52,8 +52,7 @@ pub struct LogChannel {
 /// The file can't be read, is damaged, or has a clock that does not run forward.
 pub fn open(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<Log, CampaignError> {
     std::fs::metadata(path).map_err(|source| CampaignError::Io { file: path.to_path_buf(), source })?;
-    let mut m = table::read(path, dbc, &|_| true, tell)?;
-    guess::units_of_clocks(&mut m);
+    let m = table::read(path, dbc, &|_| true, tell)?;
     let mut log = Log { file: m.file.clone(), channels: Vec::new(), notes: m.notes.clone() };
     let mut words: Vec<String> = Vec::new();
     for group in &m.groups {

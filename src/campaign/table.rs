@@ -205,9 +205,11 @@ pub(crate) type Tell<'a> = &'a dyn Fn(f64);
 /// Reads a file with the reader for its format; a database (DBC) turns frames of a CAN bus into signals.
 pub(crate) fn read(path: &Path, dbc: Option<&Path>, wanted: Wanted<'_>, tell: Tell<'_>) -> Result<Measurement, RecordingError> {
     let file = file_name(path);
-    match format(path)? {
+    let mut read = match format(path)? {
         Format::Text => super::csv::read(&file, path, wanted, tell),
         Format::Mdf => super::mdf::read(&file, path, dbc, wanted, tell),
         Format::Parquet => super::parquet::read(&file, path, wanted, tell),
-    }
+    }?;
+    super::guess::units_of_clocks(&mut read);
+    Ok(read)
 }

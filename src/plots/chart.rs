@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 pub struct Series {
     /// Name in the legend.
     pub name: String,
-    /// Points of the line.
+    /// Points of the line; it is broken where an ordinate is not a number.
     pub points: Vec<(f64, f64)>,
     /// Drawn dashed.
     pub dashed: bool,
@@ -117,9 +117,11 @@ fn dashes(dashed: bool) -> &'static str {
 }
 
 fn draw_line(svg: &mut String, series: &Series, colour: &str, x: &impl Fn(f64) -> f64, y: &impl Fn(f64) -> f64) {
-    let points: Vec<String> = series.points.iter().map(|p| format!("{:.2},{:.2}", x(p.0), y(p.1))).collect();
     let dash = dashes(series.dashed);
-    writeln!(svg, "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.8\"{dash}/>", points.join(" ")).unwrap();
+    for part in series.points.split(|p| p.1.is_nan()).filter(|part| !part.is_empty()) {
+        let points: Vec<String> = part.iter().map(|p| format!("{:.2},{:.2}", x(p.0), y(p.1))).collect();
+        writeln!(svg, "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.8\"{dash}/>", points.join(" ")).unwrap();
+    }
 }
 
 fn draw_legend(svg: &mut String, panel: &Panel, top: f64) {
@@ -140,5 +142,14 @@ mod tests {
         let found = ticks(-4.3, 108.0, 6.0);
         assert_eq!(found, vec![0.0, 20.0, 40.0, 60.0, 80.0, 100.0]);
         assert_eq!(label(0.25, &ticks(0.0, 0.5, 5.0)), "0.2");
+    }
+
+    #[test]
+    fn a_line_is_broken_where_it_has_no_value() {
+        let points = vec![(0.0, 0.0), (0.0, 2.0), (0.0, f64::NAN), (1.0, 0.0), (1.0, 2.0)];
+        let panel =
+            Panel { x_label: String::new(), y_label: String::new(), series: vec![Series { name: String::new(), points, dashed: true }] };
+        let svg = render("", &[panel]);
+        assert!(svg.matches("<polyline").count() == 2 && !svg.contains("NaN"));
     }
 }

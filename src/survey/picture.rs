@@ -18,7 +18,7 @@ pub fn svg(s: &Survey) -> Option<String> {
     let panel = |y: &str, series: Vec<Series>| Panel { x_label: "time [s]".into(), y_label: y.into(), series };
     let mut speeds = vec![series("engine", line(engine)), series("behind the clutch × ratio", disc)];
     let top = engine.values.iter().copied().fold(0.0, f64::max);
-    let met = s.engagements.iter().flat_map(|e| [(e.met, 0.0), (e.met, top), (e.met, 0.0)]).collect();
+    let met = s.engagements.iter().flat_map(|e| [(e.met, 0.0), (e.met, top), (e.met, f64::NAN)]).collect();
     speeds.push(Series { dashed: true, ..series("speeds meet", met) });
     let mut panels = vec![panel("speed [rad/s]", speeds), panel("slip [rad/s]", vec![series("engine less disc", slip)])];
     if !s.torques.is_empty() {

@@ -2,6 +2,7 @@
 
 use super::Survey;
 use super::engagements::Engagement;
+use super::latency::Lag;
 use crate::campaign::{LogChannel, Quantity};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -89,14 +90,7 @@ impl Survey {
             }
         }
         if let Some(lag) = &self.latency {
-            let (low, high) = lag.interval;
-            let _ = writeln!(
-                out,
-                "the speed behind the clutch comes {:.0} ms later than the engine's (95 %: {:.0} to {:.0} ms)",
-                1e3 * lag.seconds,
-                1e3 * low,
-                1e3 * high
-            );
+            let _ = writeln!(out, "{}", latency(lag));
         }
         for t in &self.torques {
             let name = &self.log.channels[t.channel].name;
@@ -168,6 +162,21 @@ fn engagement(e: &Engagement) -> Value {
            "slip_s": e.met - e.from, "heat_J": e.heat, "ringing": ringing})
 }
 
+fn latency(lag: &Lag) -> String {
+    let (low, high) = (1e3 * lag.interval.0, 1e3 * lag.interval.1);
+    let speed = "the speed behind the clutch";
+    if low > 0.0 {
+        format!("{speed} comes {:.0} ms later than the engine's (95 %: {low:.0} to {high:.0} ms)", 1e3 * lag.seconds)
+    } else if high < 0.0 {
+        format!("{speed} comes {:.0} ms earlier than the engine's (95 %: {:.0} to {:.0} ms)", -1e3 * lag.seconds, -high, -low)
+    } else {
+        format!(
+            "{speed} and the engine's come at the same time, as far as can be seen (95 %: up to {:.0} ms earlier or {high:.0} ms later)",
+            low.abs()
+        )
+    }
+}
+
 fn ringing(e: &Engagement) -> String {
     let Some(r) = &e.ringing else { return "no oscillation that stands out after it".to_string() };
     let parts: Vec<String> =
@@ -204,4 +213,20 @@ fn number(v: f64) -> String {
 /// To two decimals; next to nothing has no sign.
 fn rounded(value: f64) -> f64 {
     (100.0 * value).round() / 100.0 + 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_delay_is_named_by_its_sign() {
+        let said = |seconds: f64, low: f64, high: f64| latency(&Lag { seconds, interval: (low, high) });
+        assert!(said(0.018, 0.004, 0.032).ends_with("comes 18 ms later than the engine's (95 %: 4 to 32 ms)"));
+        assert!(said(-0.02, -0.03, -0.01).ends_with("comes 20 ms earlier than the engine's (95 %: 10 to 30 ms)"));
+        assert!(
+            said(-0.002, -0.016, 0.012).contains("at the same time")
+                && said(-0.002, -0.016, 0.012).contains("16 ms earlier or 12 ms later")
+        );
+    }
 }
