@@ -292,3 +292,29 @@ fn speeds_that_a_logger_repeats_have_samples_where_they_change() {
         );
     }
 }
+
+/// Speeds at 40 Hz that a logger at 100 Hz repeats now twice, now once. A sensor alone that does so is none of the logger's doing.
+#[test]
+fn speeds_that_a_logger_repeats_unevenly_have_samples_where_they_change() {
+    let repeated = |name: &str, speeds: &[usize]| {
+        altered(name, |_, rows| {
+            let source: Vec<usize> = (0..rows.len()).map(|k| ((k as f64 / 2.5).floor() * 2.5).ceil() as usize).collect();
+            for k in (0..rows.len()).filter(|k| source[*k] != *k) {
+                for &c in speeds {
+                    rows[k][c] = rows[source[k]][c].clone();
+                }
+            }
+        })
+    };
+    let both = repeated("uneven_speeds", &[OMEGA_F, OMEGA_C]);
+    let said = "rows repeat the sample before them, unevenly, and are left out";
+    let lines = notes(&both);
+    assert!(both.recordings.iter().all(|r| lines.contains(&format!("{}: omega_f_rad_s", r.name))) && lines.contains(said), "{lines}");
+    for (is, was) in both.recordings.iter().zip(&whole().recordings) {
+        assert_eq!((&is.t_e, &is.x_to_cmd), (&was.t_e, &was.x_to_cmd), "{}", is.name);
+        let (kept, all) = (is.omega_f.iter().filter(|v| !v.is_nan()).count(), is.omega_f.len());
+        assert!((0.3..0.45).contains(&(kept as f64 / all as f64)), "{}: {kept} of {all}", is.name);
+    }
+    let one = repeated("uneven_speed", &[OMEGA_F]);
+    assert!(!notes(&one).contains(said));
+}

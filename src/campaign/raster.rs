@@ -4,6 +4,9 @@
 //! noise, so that nearly each differs from the one before; in a raster n times as fast only every n-th row does, and between interpolated ones only every n-th row is a bend.
 //! Rows with such an event come by a Bernoulli process: with one rate in any row, or with one on a lattice of n rows and another, next to none, beside it. Where the lattice is
 //! likelier by [`SURE_NATS`], only its rows are samples. It begins anew with each event, so a raster that drifts against its source, or loses rows, is one all the same.
+//!
+//! A source that is polled, or whose rate does not divide that of the raster, is repeated unevenly. While a speed moves by several of its steps from row to row, samples are
+//! seldom alike, whatever their noise; where so many are that this is beyond doubt, rows without an event are none. A sensor that stands still does the same, so both speeds have to.
 
 use super::channels::{Channel, Lasting};
 use super::clock::valid;
@@ -18,24 +21,39 @@ const LONGEST: usize = 100;
 /// Nats by which a lattice has to be likelier than rows that are samples: the odds of e³⁰ that recordings are what they seem are beyond doubt either way.
 const SURE_NATS: f64 = 30.0;
 
+/// Nats of either speed where both together have to be sure: odds of 20 to one.
+const LIKELY_NATS: f64 = 3.0;
+
 /// Share of the events that may lie beside the lattice.
 const BESIDE: f64 = 0.05;
 
 /// Share of the lattice's rows in which something has to happen: samples have noise, while a signal without any may bend where it will.
 const HAPPENS: f64 = 0.3;
 
+/// Steps of its readings by which a speed moves from row to row where repeated rows are counted.
+const MOVES: f64 = 3.0;
+
+/// Readings on either side over which that is judged.
+const AROUND: usize = 5;
+
+/// Share of the speed's range in which its steps are taken as equal: those of a tone wheel grow with it. And the fewest readings that tell them.
+const BINS: usize = 10;
+const FEWEST: usize = 10;
+
 /// What lies between the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Between {
     Repeats,
     Lines,
+    /// Repeats, of which no number of rows is that from one sample to the next.
+    Uneven,
 }
 
 /// A raster that is faster than its source.
 #[derive(Clone, Debug, PartialEq)]
 struct Raster {
     between: Between,
-    /// Rows from one sample to the next.
+    /// Rows from one sample to the next; the most that there are in motion if they are uneven.
     every: usize,
     /// Whether each row is a sample.
     is_sample: Vec<bool>,
@@ -44,11 +62,23 @@ struct Raster {
 /// Takes out what lies between the samples of an export, if either speed shows one; the notes say so.
 pub(super) fn samples_alone(tracks: &mut [Track]) -> Vec<String> {
     let speed = |t: &&Track| matches!(t.signal.channel, Channel::OmegaF | Channel::OmegaC);
-    let of_speeds: Vec<Raster> = tracks.iter().filter(speed).filter_map(|t| raster(&t.signal.time, &t.signal.values)).collect();
+    let of_speed = |t: &Track| {
+        let sure = |r: Raster| (f64::INFINITY, r);
+        raster(&t.signal.time, &t.signal.values).map(sure).or_else(|| uneven(&t.signal.time, &t.signal.values))
+    };
+    let found: Vec<Option<(f64, Raster)>> = tracks.iter().filter(speed).map(of_speed).collect();
+    let nats: f64 = found.iter().flatten().map(|(nats, _)| nats).sum();
+    let both = nats > SURE_NATS && found.iter().all(Option::is_some);
+    let of_speeds: Vec<Raster> = found.into_iter().flatten().map(|(_, r)| r).filter(|r| both || r.between != Between::Uneven).collect();
     let mut said: Vec<(String, Vec<String>)> = Vec::new();
     for signal in tracks.iter_mut().filter(|t| t.lasting() != Lasting::Slow).map(|t| &mut t.signal) {
-        let known = of_speeds.iter().find(|r| r.is_sample.len() == signal.values.len() && r.holds(signal)).cloned();
-        let Some(raster) = known.or_else(|| if of_speeds.is_empty() { None } else { raster(&signal.time, &signal.values) }) else {
+        let is_speed = matches!(signal.channel, Channel::OmegaF | Channel::OmegaC);
+        let may_be =
+            |r: &&Raster| (is_speed || r.between != Between::Uneven) && r.is_sample.len() == signal.values.len() && r.holds(signal);
+        let known = of_speeds.iter().find(may_be).cloned();
+        let other =
+            || raster(&signal.time, &signal.values).or_else(|| Some(uneven(&signal.time, &signal.values).filter(|_| is_speed && both)?.1));
+        let Some(raster) = known.or_else(|| if of_speeds.is_empty() { None } else { other() }) else {
             continue;
         };
         let mut count = 0;
@@ -78,6 +108,7 @@ impl Raster {
         let between = match self.between {
             Between::Repeats => "repeat it",
             Between::Lines => "are interpolated",
+            Between::Uneven => return "rows repeat the sample before them, unevenly, and are left out".to_string(),
         };
         format!("one row in {} is a sample, those between {between} and are left out", self.every)
     }
@@ -104,24 +135,62 @@ fn raster(time: &[f64], values: &[f64]) -> Option<Raster> {
     };
     let best = [Between::Repeats, Between::Lines].into_iter().filter_map(of).max_by(|a, b| a.0.total_cmp(&b.0));
     let (_, between, every) = best.filter(|(lead, ..)| *lead > SURE_NATS)?;
-    let mut events = events(time, values, between).map(|(number, _)| number).peekable();
-    // The lattice begins anew with each event; before the first one it goes back from it.
-    let mut origin = events.peek().copied()? % every;
-    let mut is_sample = vec![false; values.len()];
-    for (number, (row, ..)) in valid(time, values).enumerate() {
-        if let Some(event) = events.next_if_eq(&number) {
-            origin = event;
-        }
-        is_sample[row] = number >= origin && (number - origin) % every == 0;
+    Raster::every(time, values, between, every)
+}
+
+/// The raster that repeats its source unevenly and the nats by which that is likelier than rows that are samples; none if these are as likely.
+fn uneven(time: &[f64], values: &[f64]) -> Option<(f64, Raster)> {
+    let read: Vec<(usize, f64)> = events(time, values, Between::Uneven).map(|(number, row)| (number, values[row])).collect();
+    let (low, high) = read.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (_, v)| (v.min(low), v.max(high)));
+    let bin = |v: f64| (((v - low) / (high - low) * BINS as f64) as usize).min(BINS - 1);
+    let mut steps = [(0, f64::INFINITY); BINS];
+    for two in read.windows(2) {
+        let (count, least) = &mut steps[bin(two[1].1)];
+        (*count, *least) = (*count + 1, least.min((two[1].1 - two[0].1).abs()));
     }
-    Some(Raster { between, every, is_sample })
+    let (mut rows, mut holds): (usize, Vec<usize>) = (0, Vec::new());
+    for around in read.windows(2 * AROUND + 1) {
+        let (first, last, [before, now]) = (around[0], around[2 * AROUND], [around[AROUND - 1], around[AROUND]]);
+        let (count, step) = steps[bin(now.1)];
+        if count >= FEWEST && (last.1 - first.1).abs() > MOVES * step * (last.0 - first.0) as f64 {
+            rows += now.0 - before.0;
+            holds.push(now.0 - before.0);
+        }
+    }
+    let (rows, repeats) = (rows as f64, rows as f64 - holds.len() as f64);
+    // Two readings m steps q apart whose noise is σ are alike with probability q/(2√π σ) exp(−(m q/2σ)²), at most this.
+    let seldom = (-0.5_f64).exp() / (MOVES * (2.0 * std::f64::consts::PI).sqrt());
+    if repeats <= seldom * rows {
+        return None;
+    }
+    let part = |n: f64, share: f64| if n > 0.0 { n * (n / (share * rows)).ln() } else { 0.0 };
+    let lead = part(repeats, seldom) + part(rows - repeats, 1.0 - seldom);
+    // What shows the same for longer than it is repeated in motion was read again.
+    let every = holds.into_iter().max()?;
+    if lead > LIKELY_NATS { Some((lead, Raster::every(time, values, Between::Uneven, every)?)) } else { None }
+}
+
+impl Raster {
+    /// The rows of a lattice that begins anew with each event; before the first one it goes back from it.
+    fn every(time: &[f64], values: &[f64], between: Between, every: usize) -> Option<Self> {
+        let mut events = events(time, values, between).map(|(number, _)| number).peekable();
+        let mut origin = events.peek().copied()? % every;
+        let mut is_sample = vec![false; values.len()];
+        for (number, (row, ..)) in valid(time, values).enumerate() {
+            if let Some(event) = events.next_if_eq(&number) {
+                origin = event;
+            }
+            is_sample[row] = number >= origin && (number - origin) % every == 0;
+        }
+        Some(Raster { between, every, is_sample })
+    }
 }
 
 /// Numbers and rows of the samples that differ from the one before, or at which a line bends.
 fn events<'a>(time: &'a [f64], values: &'a [f64], between: Between) -> impl Iterator<Item = (usize, usize)> + 'a {
     // A row and both its neighbours are rounded, be it to single precision.
     let rounding = match between {
-        Between::Repeats => 0.0,
+        Between::Repeats | Between::Uneven => 0.0,
         Between::Lines => 1.01 * quantum(values) + 2.5e-7 * valid(time, values).fold(0.0, |most: f64, (.., v)| most.max(v.abs())),
     };
     let mut before = [None; 2];
@@ -130,7 +199,7 @@ fn events<'a>(time: &'a [f64], values: &'a [f64], between: Between) -> impl Iter
         before = [middle, Some(now)];
         let (_, t_1, v_1) = middle?;
         match between {
-            Between::Repeats => (now.2 != v_1).then_some((number, now.0)),
+            Between::Repeats | Between::Uneven => (now.2 != v_1).then_some((number, now.0)),
             Between::Lines => {
                 let (_, t_0, v_0) = first?;
                 let off = v_1 - v_0 - (t_1 - t_0) / (now.1 - t_0) * (now.2 - v_0);
@@ -232,6 +301,42 @@ mod tests {
                     let wrong = found.is_sample.iter().enumerate().filter(|(k, is)| **is != (k % every == 0)).count();
                     assert!(wrong <= 4, "{wrong} of {} rows", found.is_sample.len());
                 }
+            }
+        }
+    }
+
+    /// Polled at random, or at a rate that does not divide the raster's; a speed of coarse steps is no such source, and neither is one of steps that grow with it.
+    #[test]
+    fn a_raster_that_repeats_unevenly_is_told_from_samples() {
+        let uneven_of = |values: &[f64]| uneven(&(0..values.len()).map(|k| 0.01 * k as f64).collect::<Vec<_>>(), values);
+        for step in [1e-4, 0.025, 0.105, 0.3, 0.84] {
+            assert_eq!(uneven_of(&sampled(step)), None, "steps of {step} rad/s");
+        }
+        let wheel: Vec<f64> = sampled(1e-4).iter().map(|v| 1e3 / (1e3 / v.max(1.0)).round()).collect();
+        assert_eq!(uneven_of(&wheel), None);
+        for step in [0.001, 0.025, 0.105] {
+            let values = sampled(step);
+            let mut draw = 1_u32;
+            let mut last = 0;
+            let polled: Vec<usize> = (0..values.len())
+                .map(|k| {
+                    draw = draw.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                    last = if draw >> 24 < 100 { k } else { last };
+                    last
+                })
+                .collect();
+            let slower: Vec<usize> = (0..values.len()).map(|k| ((k as f64 / 2.5).floor() * 2.5).ceil() as usize).collect();
+            for source in [polled, slower] {
+                let rows: Vec<f64> = source.iter().map(|k| values[*k]).collect();
+                assert_eq!(raster_of(&rows, 0.01), None);
+                let (nats, found) = uneven_of(&rows).unwrap_or_else(|| panic!("{step}"));
+                assert!(nats > LIKELY_NATS);
+                let (read, kept) = ((1..rows.len()).filter(|k| source[*k] == *k), |k: &usize| found.is_sample[*k]);
+                let (count, there) = (read.clone().count(), read.filter(kept).count());
+                // What is read again as it was before shows no event.
+                assert!(there as f64 > 0.7 * count as f64, "{step}: {there} of {count}");
+                let beside = (1..rows.len()).filter(|k| source[*k] != *k && found.is_sample[*k]).count();
+                assert!(beside as f64 <= 0.25 * count as f64, "{step}: {beside}");
             }
         }
     }
