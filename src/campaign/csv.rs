@@ -196,9 +196,7 @@ impl Column {
         self.series.unit = Some("s".to_string());
         Some((at - first) as f64 * 1e-9)
     }
-}
 
-impl Column {
     /// A number with its unit behind it, as some loggers write each cell: `1009RPM`. It has to be that of the column.
     fn measured(&mut self, cell: &[u8], decimal_comma: bool) -> Option<f64> {
         let cell = text(cell);

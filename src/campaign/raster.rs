@@ -36,7 +36,7 @@ const MOVES: f64 = 3.0;
 /// Readings on either side over which that is judged.
 const AROUND: usize = 5;
 
-/// Share of the speed's range in which its steps are taken as equal: those of a tone wheel grow with it. And the fewest readings that tell them.
+/// Parts of a speed's range in each of which its steps count as equal, for those of a tone wheel grow with it; and the fewest readings that tell them.
 const BINS: usize = 10;
 const FEWEST: usize = 10;
 
@@ -63,24 +63,24 @@ struct Raster {
 pub(super) fn samples_alone(tracks: &mut [Track]) -> Vec<String> {
     let speed = |t: &&Track| matches!(t.signal.channel, Channel::OmegaF | Channel::OmegaC);
     let of_speed = |t: &Track| {
-        let sure = |r: Raster| (f64::INFINITY, r);
-        raster(&t.signal.time, &t.signal.values).map(sure).or_else(|| uneven(&t.signal.time, &t.signal.values))
+        let (time, values) = (&t.signal.time, &t.signal.values);
+        let (nats, raster) = raster(time, values).map(|r| (f64::INFINITY, r)).or_else(|| uneven(time, values))?;
+        Some((nats, t.signal.channel, raster))
     };
-    let found: Vec<Option<(f64, Raster)>> = tracks.iter().filter(speed).map(of_speed).collect();
-    let nats: f64 = found.iter().flatten().map(|(nats, _)| nats).sum();
-    let both = nats > SURE_NATS && found.iter().all(Option::is_some);
-    let of_speeds: Vec<Raster> = found.into_iter().flatten().map(|(_, r)| r).filter(|r| both || r.between != Between::Uneven).collect();
+    let found: Vec<Option<_>> = tracks.iter().filter(speed).map(of_speed).collect();
+    let both = found.iter().all(Option::is_some) && found.iter().flatten().map(|(nats, ..)| nats).sum::<f64>() > SURE_NATS;
+    let lattice = |r: &Raster| r.between != Between::Uneven;
+    let of_speeds: Vec<(Channel, Raster)> =
+        found.into_iter().flatten().map(|(_, c, r)| (c, r)).filter(|(_, r)| both || lattice(r)).collect();
+    if of_speeds.is_empty() {
+        return Vec::new();
+    }
     let mut said: Vec<(String, Vec<String>)> = Vec::new();
     for signal in tracks.iter_mut().filter(|t| t.lasting() != Lasting::Slow).map(|t| &mut t.signal) {
-        let is_speed = matches!(signal.channel, Channel::OmegaF | Channel::OmegaC);
-        let may_be =
-            |r: &&Raster| (is_speed || r.between != Between::Uneven) && r.is_sample.len() == signal.values.len() && r.holds(signal);
-        let known = of_speeds.iter().find(may_be).cloned();
-        let other =
-            || raster(&signal.time, &signal.values).or_else(|| Some(uneven(&signal.time, &signal.values).filter(|_| is_speed && both)?.1));
-        let Some(raster) = known.or_else(|| if of_speeds.is_empty() { None } else { other() }) else {
-            continue;
-        };
+        let suits = |r: &&Raster| lattice(r) && r.is_sample.len() == signal.values.len() && r.holds(signal);
+        let known = of_speeds.iter().map(|(_, r)| r).find(suits);
+        let own = || of_speeds.iter().find(|(c, _)| *c == signal.channel).map(|(_, r)| r);
+        let Some(raster) = known.or_else(own).cloned().or_else(|| raster(&signal.time, &signal.values)) else { continue };
         let mut count = 0;
         for (v, is_sample) in signal.values.iter_mut().zip(&raster.is_sample) {
             count += usize::from(!is_sample && !v.is_nan());
