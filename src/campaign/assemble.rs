@@ -8,7 +8,7 @@ use super::doubt;
 use super::error::{Defect, RecordingError};
 use super::manifest::Entry;
 use super::pick::{Signal, pick};
-use super::raster::samples_alone;
+use super::raster::{Repeats, samples_alone};
 use super::rows::{SAME_S, held, own_rows, rows, sensed};
 use super::span::{Track, check_rate, round, span, tracks};
 use super::table::Measurement;
@@ -20,8 +20,17 @@ const MILD: f64 = 20.0;
 /// How well start temperatures are known that nobody gave, K: the car may have stood all night or just have climbed a hill.
 const UNKNOWN_K: f64 = 40.0;
 
-/// Builds the recording; the notes say what was done to it.
-pub(crate) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry) -> Result<(Recording, Vec<String>), RecordingError> {
+/// What a file holds.
+pub(super) struct Assembled {
+    pub(super) recording: Recording,
+    /// What was done to it.
+    pub(super) notes: Vec<String>,
+    /// What its speeds say of rows that repeat their source.
+    pub(super) repeats: Repeats,
+}
+
+/// Builds the recording. `all` is what the speeds of all recordings of a campaign say of repeats, if they have been read.
+pub(super) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry, all: Option<&Repeats>) -> Result<Assembled, RecordingError> {
     let mut notes = std::mem::take(&mut m.notes);
     let picked = pick(&mut m, map)?;
     notes.extend(picked.notes);
@@ -36,7 +45,8 @@ pub(crate) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry) -> R
     for track in &tracks {
         checks::plausible(&m, &track.signal, entry)?;
     }
-    notes.extend(samples_alone(&mut tracks));
+    let (repeats, left_out) = samples_alone(&mut tracks, all);
+    notes.extend(left_out);
     // A sensor's dead band bounds nothing: the speed is not known there, and the recording goes on.
     notes.extend(tracks.iter_mut().filter_map(|t| below_threshold(&mut t.signal)));
     let mut time = rows(tracks.iter().map(|t| &t.signal).filter(|s| s.channel != Channel::ThetaH), start, end);
@@ -60,7 +70,7 @@ pub(crate) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry) -> R
     }
     let label = |channel| labels.iter().find(|(c, _)| *c == channel).map_or_else(String::new, |(_, l)| l.clone());
     checks::says_something(&m.file, label, &mut recording, &mut notes)?;
-    Ok((recording, notes))
+    Ok(Assembled { recording, notes, repeats })
 }
 
 /// Nominal rate of the faster of two speeds with these rows, Hz; 0 if neither has two samples.

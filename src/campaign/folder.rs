@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
-use super::assemble::assemble;
+use super::assemble::{Assembled, assemble};
 use super::error::{CampaignError, Defect, RecordingError};
 use super::limits::{CAMPAIGN_ROWS, RECORDINGS, TEXT_BYTES};
 use super::manifest::{self, Entry};
 use super::pick;
+use super::raster::Repeats;
 use super::table::{self, Format, file_name};
 use super::{Campaign, ChannelMap, LeftOut, Note, ReadOptions, Recording};
 
@@ -52,7 +53,7 @@ pub fn read_telling(dir: &Path, options: &ReadOptions, tell: &dyn Fn(&str, f64))
     for entry in &entries {
         let stem = files.get(stem(entry)).map_or(&[][..], Vec::as_slice);
         reading.recording(entry, stem)?;
-        let rows = reading.recordings.iter().map(|r| r.time.len()).sum();
+        let rows = reading.read.iter().map(|(.., a)| a.recording.time.len()).sum();
         if rows > CAMPAIGN_ROWS {
             return too_much("rows", rows, CAMPAIGN_ROWS, "Keep the parts that matter with window_s, or export at a lower rate");
         }
@@ -63,18 +64,15 @@ pub fn read_telling(dir: &Path, options: &ReadOptions, tell: &dyn Fn(&str, f64))
         let name = file_name(path);
         reading.left_out.push(LeftOut { reason: Defect::NotListed.in_file(&name).to_string(), recording: name });
     }
-    if reading.recordings.is_empty() {
+    reading.again()?;
+    if reading.read.is_empty() {
         return Err(CampaignError::NothingUsable { dir: dir.to_path_buf(), left_out: reading.left_out });
     }
-    Ok(Campaign {
-        dir: dir.to_path_buf(),
-        vehicle_path,
-        vehicle_json,
-        fingerprint: reading.fingerprint(),
-        recordings: reading.recordings,
-        left_out: reading.left_out,
-        notes: reading.notes,
-    })
+    let fingerprint = reading.fingerprint();
+    let (recordings, notes): (Vec<Recording>, Vec<Vec<Note>>) = reading.read.into_iter().map(|(.., a)| noted(a)).unzip();
+    let notes = notes.concat();
+    let (dir, left_out) = (dir.to_path_buf(), reading.left_out);
+    Ok(Campaign { dir, vehicle_path, vehicle_json, fingerprint, recordings, left_out, notes })
 }
 
 /// The name of a recording's file without its ending.
@@ -94,12 +92,22 @@ pub fn read_one(path: &Path, like: &Recording, map: &ChannelMap) -> Result<(Reco
         theta_0_sigma: like.theta_0_sigma,
         ..Entry::default()
     };
-    let (recording, notes) = from_file(path, &entry, map, &|_| {})?;
-    let notes = notes.into_iter().map(|text| Note { recording: entry.name.clone(), text }).collect();
-    Ok((recording, notes))
+    Ok(noted(from_file(path, &entry, map, None, &|_| {})?))
 }
 
-fn from_file(path: &Path, entry: &Entry, map: &ChannelMap, tell: table::Tell<'_>) -> Result<(Recording, Vec<String>), RecordingError> {
+fn noted(read: Assembled) -> (Recording, Vec<Note>) {
+    let note = |text| Note { recording: read.recording.name.clone(), text };
+    let notes = read.notes.into_iter().map(note).collect();
+    (read.recording, notes)
+}
+
+fn from_file(
+    path: &Path,
+    entry: &Entry,
+    map: &ChannelMap,
+    all: Option<&Repeats>,
+    tell: table::Tell<'_>,
+) -> Result<Assembled, RecordingError> {
     let mut map = std::borrow::Cow::Borrowed(map);
     if let Some(over) = &entry.map {
         map = std::borrow::Cow::Owned(map.overlaid(over));
@@ -107,7 +115,7 @@ fn from_file(path: &Path, entry: &Entry, map: &ChannelMap, tell: table::Tell<'_>
     if let Some(ratio) = entry.ratio {
         map = std::borrow::Cow::Owned(map.with_ratio(ratio));
     }
-    assemble(table::read(path, map.dbc(), &|name| pick::wanted(&map, name), tell)?, &map, entry)
+    assemble(table::read(path, map.dbc(), &|name| pick::wanted(&map, name), tell)?, &map, entry, all)
 }
 
 /// What has been read so far.
@@ -115,9 +123,8 @@ struct Reading<'a> {
     tell: &'a dyn Fn(&str, f64),
     strict: bool,
     map: std::borrow::Cow<'a, ChannelMap>,
-    recordings: Vec<Recording>,
+    read: Vec<(PathBuf, Entry, Assembled)>,
     left_out: Vec<LeftOut>,
-    notes: Vec<Note>,
     /// File, recording and window of each.
     used: Vec<(String, String, Option<[f64; 2]>)>,
     /// Digest by file name; a map, so that the order of the directory does not count.
@@ -127,16 +134,7 @@ struct Reading<'a> {
 impl<'a> Reading<'a> {
     fn new(options: &'a ReadOptions, tell: &'a dyn Fn(&str, f64)) -> Self {
         let map = options.channel_map.as_ref().map(std::borrow::Cow::Borrowed).unwrap_or_default();
-        Reading {
-            tell,
-            strict: options.strict,
-            map,
-            recordings: Vec::new(),
-            left_out: Vec::new(),
-            notes: Vec::new(),
-            used: Vec::new(),
-            digests: BTreeMap::new(),
-        }
+        Reading { tell, strict: options.strict, map, read: Vec::new(), left_out: Vec::new(), used: Vec::new(), digests: BTreeMap::new() }
     }
 
     fn hash(&mut self, name: &str, bytes: &[u8]) {
@@ -145,21 +143,31 @@ impl<'a> Reading<'a> {
 
     /// Reads one recording, or leaves it out.
     fn recording(&mut self, entry: &Entry, paths: &[PathBuf]) -> Result<(), RecordingError> {
-        match self.try_recording(entry, paths) {
-            Ok((recording, notes)) => {
-                self.notes.extend(notes.into_iter().map(|text| Note { recording: entry.name.clone(), text }));
-                self.recordings.push(recording);
-                Ok(())
-            }
-            Err(error) if self.strict => Err(error),
-            Err(error) => {
-                self.left_out.push(LeftOut { recording: entry.name.clone(), reason: error.to_string() });
-                Ok(())
-            }
-        }
+        let read = self.first(entry, paths);
+        self.keep(entry, read)
     }
 
-    fn try_recording(&mut self, entry: &Entry, paths: &[PathBuf]) -> Result<(Recording, Vec<String>), RecordingError> {
+    fn keep(&mut self, entry: &Entry, read: Result<(PathBuf, Assembled), RecordingError>) -> Result<(), RecordingError> {
+        match read {
+            Ok((path, assembled)) => self.read.push((path, entry.clone(), assembled)),
+            Err(error) if self.strict => return Err(error),
+            Err(error) => self.left_out.push(LeftOut { recording: entry.name.clone(), reason: error.to_string() }),
+        }
+        Ok(())
+    }
+
+    /// Reads those again whose rows repeat their source in a way that all recordings show together but not each alone.
+    fn again(&mut self) -> Result<(), RecordingError> {
+        let all = self.read.iter().fold(Repeats::default(), |all, (.., a)| all.with(&a.repeats));
+        for (path, entry, assembled) in std::mem::take(&mut self.read) {
+            let again = assembled.repeats.tell_less_than(&all);
+            let read = if again { from_file(&path, &entry, &self.map, Some(&all), &|_| {}) } else { Ok(assembled) };
+            self.keep(&entry, read.map(|assembled| (path, assembled)))?;
+        }
+        Ok(())
+    }
+
+    fn first(&mut self, entry: &Entry, paths: &[PathBuf]) -> Result<(PathBuf, Assembled), RecordingError> {
         let [path] = paths else {
             let names: Vec<String> = paths.iter().map(|p| file_name(p)).collect();
             let defect = if names.is_empty() { Defect::NoFile } else { Defect::SeveralFiles(names.join(", ")) };
@@ -180,7 +188,7 @@ impl<'a> Reading<'a> {
             return Err(Defect::SameAs(other.clone()).in_file(&name));
         }
         self.digests.insert(name.clone(), digest);
-        from_file(path, entry, &self.map, &|share| (self.tell)(&name, share))
+        Ok((path.clone(), from_file(path, entry, &self.map, None, &|share| (self.tell)(&name, share))?))
     }
 
     /// One digest over all.
