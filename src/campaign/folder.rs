@@ -11,7 +11,7 @@ use super::error::{CampaignError, Defect, RecordingError};
 use super::limits::{CAMPAIGN_ROWS, RECORDINGS, TEXT_BYTES};
 use super::manifest::{self, Entry};
 use super::pick;
-use super::raster::Repeats;
+use super::repeats::Repeats;
 use super::table::{self, Format, file_name};
 use super::{Campaign, ChannelMap, LeftOut, Note, ReadOptions, Recording};
 
@@ -160,8 +160,10 @@ impl<'a> Reading<'a> {
     fn again(&mut self) -> Result<(), RecordingError> {
         let all = self.read.iter().fold(Repeats::default(), |all, (.., a)| all.with(&a.repeats));
         for (path, entry, assembled) in std::mem::take(&mut self.read) {
-            let again = assembled.repeats.tell_less_than(&all);
-            let read = if again { from_file(&path, &entry, &self.map, Some(&all), &|_| {}) } else { Ok(assembled) };
+            let own = &assembled.repeats;
+            let again = own.among(&all) != own.among(own);
+            let tell = |share| (self.tell)(&file_name(&path), share);
+            let read = if again { from_file(&path, &entry, &self.map, Some(&all), &tell) } else { Ok(assembled) };
             self.keep(&entry, read.map(|assembled| (path, assembled)))?;
         }
         Ok(())

@@ -26,6 +26,7 @@ mod mdf;
 mod parquet;
 mod pick;
 mod raster;
+mod repeats;
 mod rows;
 mod span;
 mod table;

@@ -5,14 +5,13 @@
 //! Rows with such an event come by a Bernoulli process: with one rate in any row, or with one on a lattice of n rows and another, next to none, beside it. Where the lattice is
 //! likelier by [`SURE_NATS`], only its rows are samples. It begins anew with each event, so a raster that drifts against its source, or loses rows, is one all the same.
 //!
-//! A source that is polled, or whose rate does not divide that of the raster, is repeated unevenly. While a speed moves by several of its steps from row to row, samples are
-//! seldom alike, whatever their noise; where so many are that this is beyond doubt, rows without an event are none. A sensor that stands still does the same, so both speeds have to.
-//! All recordings of a campaign together tell it, for one logger wrote them: those in which too little moves are taken as the others are.
+//! A source that is polled, or whose rate does not divide that of the raster, is repeated unevenly: see [`super::repeats`].
 
 use super::channels::{Channel, Lasting};
 use super::clock::valid;
 use super::doubt::quantum;
 use super::pick::Signal;
+use super::repeats::{self, Repeats};
 use super::span::Track;
 use std::collections::HashMap;
 
@@ -20,10 +19,7 @@ use std::collections::HashMap;
 const LONGEST: usize = 100;
 
 /// Nats by which a lattice has to be likelier than rows that are samples: the odds of e³⁰ that recordings are what they seem are beyond doubt either way.
-const SURE_NATS: f64 = 30.0;
-
-/// Nats of either speed where both together have to be sure: odds of 20 to one.
-const LIKELY_NATS: f64 = 3.0;
+pub(super) const SURE_NATS: f64 = 30.0;
 
 /// Share of the events that may lie beside the lattice.
 const BESIDE: f64 = 0.05;
@@ -31,19 +27,9 @@ const BESIDE: f64 = 0.05;
 /// Share of the lattice's rows in which something has to happen: samples have noise, while a signal without any may bend where it will.
 const HAPPENS: f64 = 0.3;
 
-/// Steps of its readings by which a speed moves from row to row where repeated rows are counted.
-const MOVES: f64 = 3.0;
-
-/// Readings on either side over which that is judged.
-const AROUND: usize = 5;
-
-/// Parts of a speed's range in each of which its steps count as equal, for those of a tone wheel grow with it; and the fewest readings that tell them.
-const BINS: usize = 10;
-const FEWEST: usize = 10;
-
 /// What lies between the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Between {
+pub(super) enum Between {
     Repeats,
     Lines,
     /// Repeats, of which no number of rows is that from one sample to the next.
@@ -52,89 +38,12 @@ enum Between {
 
 /// A raster that is faster than its source.
 #[derive(Clone, Debug, PartialEq)]
-struct Raster {
-    between: Between,
+pub(super) struct Raster {
+    pub(super) between: Between,
     /// Rows from one sample to the next, at least.
-    every: usize,
+    pub(super) every: usize,
     /// Whether each row is a sample.
-    is_sample: Vec<bool>,
-}
-
-/// What both speeds, ω_f and ω_c, say of rows that repeat their source; of several recordings, their sum.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Repeats {
-    of: [Repeated; 2],
-    /// Rows with both in motion in which either shows something new, and those in which both do.
-    either: usize,
-    both: usize,
-}
-
-/// The rows in which a speed moves by several of its steps.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Repeated {
-    rows: usize,
-    /// Those that show the same as the row before.
-    repeats: usize,
-}
-
-impl Repeats {
-    /// Of two speeds that share their rows.
-    fn of(speeds: [Option<&Signal>; 2]) -> Self {
-        let moving = speeds.map(|s| s.map_or_else(Moving::default, |s| Moving::of(&s.time, &s.values)));
-        let [f, c] = moving.each_ref().map(|m| &m.rows);
-        let known = || f.iter().zip(c).filter_map(|(f, c)| f.zip(*c));
-        let either = known().filter(|(f, c)| *f || *c).count();
-        Repeats { of: moving.each_ref().map(|m| m.count), either, both: known().filter(|(f, c)| *f && *c).count() }
-    }
-
-    /// Whether rows that repeat their source are likelier than rows that are samples beyond doubt, and likelier for either speed.
-    fn sure(&self) -> bool {
-        let nats = self.of.map(|of| of.nats());
-        nats.iter().all(|nats| *nats > LIKELY_NATS) && nats.iter().sum::<f64>() > SURE_NATS
-    }
-
-    /// Whether rows that repeat their source as often as those of `all` explain these as well as rows that are samples do, if `all` are known to repeat theirs.
-    fn suits(&self, all: &Self) -> bool {
-        all.sure() && self.of.iter().zip(&all.of).map(|(of, all)| of.nats_at(all.share())).sum::<f64>() > -LIKELY_NATS
-    }
-
-    /// Whether both speeds come together beyond doubt, rather than each at its own times: of the rows that show something new, in how many both do.
-    fn come_together(&self) -> bool {
-        let [f, c] = self.of.map(|of| 1.0 - of.share());
-        let apart = f * c / (f + c - f * c);
-        let together = (1.0 - seldom()) / (1.0 + seldom());
-        let one = (self.either - self.both) as f64;
-        self.both as f64 * (together / apart).ln() + one * ((1.0 - together) / (1.0 - apart)).ln() > SURE_NATS
-    }
-
-    /// Whether its rows repeat their source in a way that shows only with all recordings.
-    pub(super) fn tell_less_than(&self, all: &Self) -> bool {
-        self.suits(all) && !(self.sure() && self.come_together() == all.come_together())
-    }
-
-    pub(super) fn with(&self, other: &Self) -> Self {
-        let of = [0, 1].map(|k| {
-            let (a, b) = (self.of[k], other.of[k]);
-            Repeated { rows: a.rows + b.rows, repeats: a.repeats + b.repeats }
-        });
-        Repeats { of, either: self.either + other.either, both: self.both + other.both }
-    }
-
-    /// Samples of both speeds, if rows repeat them unevenly.
-    fn uneven(&self, speeds: [Option<&Signal>; 2]) -> [Option<Raster>; 2] {
-        let mut new = speeds.map(|s| s.map_or_else(Vec::new, |s| changes(&s.time, &s.values, Between::Uneven)));
-        if self.come_together() && new[0].len() == new[1].len() {
-            let both: Vec<bool> = new[0].iter().zip(&new[1]).map(|(f, c)| *f || *c).collect();
-            new = [both.clone(), both];
-        }
-        std::array::from_fn(|k| {
-            let s = speeds[k]?;
-            // What the first row shows came shortly before it.
-            let (first, ..) = valid(&s.time, &s.values).next()?;
-            new[k][first] = true;
-            Some(Raster { between: Between::Uneven, every: 1, is_sample: std::mem::take(&mut new[k]) })
-        })
-    }
+    pub(super) is_sample: Vec<bool>,
 }
 
 /// Takes out what lies between the samples of an export, if either speed shows one; says what was done, and what the speeds say of repeats. `all` is what all recordings of a
@@ -142,8 +51,7 @@ impl Repeats {
 pub(super) fn samples_alone(tracks: &mut [Track], all: Option<&Repeats>) -> (Repeats, Vec<String>) {
     let speeds = [Channel::OmegaF, Channel::OmegaC].map(|c| tracks.iter().find(|t| t.signal.channel == c).map(|t| &t.signal));
     let own = Repeats::of(speeds);
-    let all = all.unwrap_or(&own);
-    let uneven = if own.suits(all) { all.uneven(speeds) } else { [None, None] };
+    let uneven = own.among(all.unwrap_or(&own)).samples(speeds);
     let of_speed = |(s, uneven): (Option<&Signal>, Option<Raster>)| {
         let s = s?;
         Some((s.channel, raster(&s.time, &s.values).or(uneven)?))
@@ -154,7 +62,7 @@ pub(super) fn samples_alone(tracks: &mut [Track], all: Option<&Repeats>) -> (Rep
     }
     let mut said: Vec<(String, Vec<String>)> = Vec::new();
     for signal in tracks.iter_mut().filter(|t| t.lasting() != Lasting::Slow).map(|t| &mut t.signal) {
-        let suits = |r: &&Raster| r.between != Between::Uneven && r.is_sample.len() == signal.values.len() && r.holds(signal);
+        let suits = |r: &&Raster| r.is_sample.len() == signal.values.len() && r.holds(signal);
         let known = of_speeds.iter().map(|(_, r)| r).find(suits);
         let own = || of_speeds.iter().find(|(c, _)| *c == signal.channel).map(|(_, r)| r);
         let Some(raster) = known.or_else(own).cloned().or_else(|| raster(&signal.time, &signal.values)) else { continue };
@@ -174,7 +82,7 @@ pub(super) fn samples_alone(tracks: &mut [Track], all: Option<&Repeats>) -> (Rep
 
 /// Takes out what lies between the samples of a speed's series, if it is an export's; the note says so.
 pub(super) fn samples_of(name: &str, time: &[f64], values: &mut [f64]) -> Option<String> {
-    let raster = raster(time, values)?;
+    let raster = raster(time, values).or_else(|| repeats::alone(time, values))?;
     values.iter_mut().zip(&raster.is_sample).filter(|(_, is_sample)| !**is_sample).for_each(|(v, _)| *v = f64::NAN);
     Some(format!("{name}: {}", raster.said()))
 }
@@ -215,62 +123,6 @@ fn raster(time: &[f64], values: &[f64]) -> Option<Raster> {
     Raster::every(time, values, between, every)
 }
 
-/// The rows in which a speed moves.
-#[derive(Clone, Debug, Default)]
-struct Moving {
-    count: Repeated,
-    /// Of each row in motion, whether it shows something new.
-    rows: Vec<Option<bool>>,
-}
-
-impl Moving {
-    fn of(time: &[f64], values: &[f64]) -> Self {
-        let rows: Vec<usize> = valid(time, values).map(|(row, ..)| row).collect();
-        let read: Vec<(usize, f64)> = events(time, values, Between::Uneven).map(|(number, row)| (number, values[row])).collect();
-        let (low, high) = read.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (_, v)| (v.min(low), v.max(high)));
-        let bin = |v: f64| (((v - low) / (high - low) * BINS as f64) as usize).min(BINS - 1);
-        let mut steps = [(0, f64::INFINITY); BINS];
-        for two in read.windows(2) {
-            let (count, least) = &mut steps[bin(two[1].1)];
-            (*count, *least) = (*count + 1, least.min((two[1].1 - two[0].1).abs()));
-        }
-        let mut found = Moving { count: Repeated::default(), rows: vec![None; values.len()] };
-        for around in read.windows(2 * AROUND + 1) {
-            let (first, last, [before, now]) = (around[0], around[2 * AROUND], [around[AROUND - 1].0, around[AROUND].0]);
-            let (count, step) = steps[bin(around[AROUND].1)];
-            if count >= FEWEST && (last.1 - first.1).abs() > MOVES * step * (last.0 - first.0) as f64 {
-                found.count.rows += now - before;
-                found.count.repeats += now - before - 1;
-                (before + 1..=now).for_each(|number| found.rows[rows[number]] = Some(number == now));
-            }
-        }
-        found
-    }
-}
-
-impl Repeated {
-    fn share(&self) -> f64 {
-        self.repeats as f64 / self.rows as f64
-    }
-
-    /// Nats by which rows that repeat their source are likelier than rows that are samples; 0 if these are as likely.
-    fn nats(&self) -> f64 {
-        if self.share() > seldom() { self.nats_at(self.share()) } else { 0.0 }
-    }
-
-    /// The same for rows of which this share repeat their source.
-    fn nats_at(&self, share: f64) -> f64 {
-        let part = |n: usize, ratio: f64| if n > 0 { n as f64 * ratio.ln() } else { 0.0 };
-        part(self.repeats, share / seldom()) + part(self.rows - self.repeats, (1.0 - share) / (1.0 - seldom()))
-    }
-}
-
-/// The most samples of a speed in motion that are as the one before, a share: two readings m steps q apart whose noise is σ are alike with probability
-/// q/(2√π σ) exp(−(m q/2σ)²), at most this.
-fn seldom() -> f64 {
-    (-0.5_f64).exp() / (MOVES * (2.0 * std::f64::consts::PI).sqrt())
-}
-
 impl Raster {
     /// The rows of a lattice that begins anew with each event; before the first one it goes back from it.
     fn every(time: &[f64], values: &[f64], between: Between, every: usize) -> Option<Self> {
@@ -288,14 +140,14 @@ impl Raster {
 }
 
 /// Whether each row shows something new.
-fn changes(time: &[f64], values: &[f64], between: Between) -> Vec<bool> {
+pub(super) fn changes(time: &[f64], values: &[f64], between: Between) -> Vec<bool> {
     let mut new = vec![false; values.len()];
     events(time, values, between).for_each(|(_, row)| new[row] = true);
     new
 }
 
 /// Numbers and rows of the samples that differ from the one before, or at which a line bends.
-fn events<'a>(time: &'a [f64], values: &'a [f64], between: Between) -> impl Iterator<Item = (usize, usize)> + 'a {
+pub(super) fn events<'a>(time: &'a [f64], values: &'a [f64], between: Between) -> impl Iterator<Item = (usize, usize)> + 'a {
     // A row and both its neighbours are rounded, be it to single precision.
     let rounding = match between {
         Between::Repeats | Between::Uneven => 0.0,
@@ -352,15 +204,15 @@ impl Distances {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
     /// A launch with noise of 0.1 rad/s in steps of `step`, at 100 Hz.
-    fn sampled(step: f64) -> Vec<f64> {
+    pub fn sampled(step: f64) -> Vec<f64> {
         (0..400).map(|k| (((0.6 * f64::from(k) - 40.0).clamp(0.0, 90.0) + noise(k)) / step).round() * step).collect()
     }
 
-    fn noise(k: u32) -> f64 {
+    pub fn noise(k: u32) -> f64 {
         (0..4).map(|i| f64::from((4 * k + i).wrapping_mul(2_654_435_761) >> 12) / 1_048_576.0 - 0.5).sum::<f64>() * 0.17
     }
 
@@ -412,88 +264,6 @@ mod tests {
                 }
             }
         }
-    }
-
-    /// Neither is a speed of coarse steps, nor one of steps that grow with it.
-    #[test]
-    fn samples_are_no_uneven_raster() {
-        let time_of = |values: &[f64]| (0..values.len()).map(|k| 0.01 * k as f64).collect::<Vec<_>>();
-        let repeated = |values: &[f64]| Moving::of(&time_of(values), values).count;
-        for step in [1e-4, 0.025, 0.105, 0.3, 0.84] {
-            let found = repeated(&sampled(step));
-            assert!(found.nats() == 0.0, "steps of {step} rad/s: {found:?}");
-        }
-        for (pulses, slowest) in [(1e3, 1.0), (1.1e4, 40.0)] {
-            let wheel: Vec<f64> = sampled(1e-4).iter().map(|v| pulses / (pulses / (v.max(0.0) + slowest)).round()).collect();
-            let found = repeated(&wheel);
-            assert!(found.nats() == 0.0, "{pulses}: {found:?}");
-        }
-    }
-
-    /// Rows at which a logger reads a source: about two of five at random, or at a rate that does not divide its own.
-    fn read_at(random: bool, mut draw: u32) -> Vec<usize> {
-        let mut last = 0;
-        let mut polled = |k: usize| {
-            draw = draw.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            last = if draw >> 24 < 100 { k } else { last };
-            last
-        };
-        (0..ROWS as usize).map(|k| if random { polled(k) } else { ((k as f64 / 2.5).floor() * 2.5).ceil() as usize }).collect()
-    }
-
-    const ROWS: u32 = 1600;
-
-    /// Flywheel and disc speed, up and down, each as its source was read.
-    fn speeds(step: f64, read: [&[usize]; 2]) -> [Signal; 2] {
-        let wave = |k: u32, rows: f64| (f64::from(k) / rows).sin();
-        let speed = |k: u32, from: u32| 50.0 + 30.0 * wave(k + from, 70.0) + 15.0 * wave(k + from, 23.0) + noise(k + 10_000 * from);
-        let time = std::rc::Rc::new((0..ROWS).map(|k| 0.01 * f64::from(k)).collect::<Vec<_>>());
-        [(Channel::OmegaF, 0, read[0]), (Channel::OmegaC, 40, read[1])].map(|(channel, from, read)| Signal {
-            channel,
-            label: String::new(),
-            time: time.clone(),
-            values: read.iter().map(|k| (speed(*k as u32, from) / step).round() * step).collect(),
-        })
-    }
-
-    #[test]
-    fn samples_of_an_uneven_raster_are_where_either_speed_or_each_changes() {
-        for step in [0.001, 0.025, 0.105] {
-            for (random, together) in [(false, true), (true, true), (true, false)] {
-                let read = [read_at(random, 1), read_at(random, if together { 1 } else { 7 })];
-                let both = speeds(step, [&read[0], &read[1]]);
-                let [f, c] = both.each_ref().map(Some);
-                let own = Repeats::of([f, c]);
-                assert!(own.sure() && own.come_together() == together, "{step} {random} {together}: {own:?}");
-                for (k, (raster, read)) in own.uneven([f, c]).into_iter().zip(&read).enumerate() {
-                    let is_sample = raster.unwrap().is_sample;
-                    let samples = (0..ROWS as usize).filter(|k| read[*k] == *k).count();
-                    let (there, beside): (Vec<usize>, Vec<usize>) =
-                        (0..ROWS as usize).filter(|k| is_sample[*k]).partition(|k| read[*k] == *k);
-                    assert!(beside.is_empty(), "{step} {random} {together} {k}: {beside:?}");
-                    // Of what is read again as it was before, the other speed knows.
-                    let least = if together { 0.95 } else { 0.7 };
-                    assert!(there.len() as f64 > least * samples as f64, "{step} {random} {together} {k}: {} of {samples}", there.len());
-                }
-            }
-        }
-    }
-
-    /// Half a second says little; beside a longer recording of the same logger it is clear.
-    #[test]
-    fn a_short_recording_is_told_by_the_others() {
-        let read = read_at(false, 0);
-        let all = speeds(0.025, [&read, &read]);
-        let part =
-            all.clone().map(|s| Signal { time: std::rc::Rc::new(s.time[60..110].to_vec()), values: s.values[60..110].to_vec(), ..s });
-        let of = |s: &[Signal; 2]| Repeats::of(s.each_ref().map(Some));
-        let (short, pool) = (of(&part), of(&all).with(&of(&part)));
-        assert!(!short.sure() && short.tell_less_than(&pool), "{short:?} {pool:?}");
-        assert!(!pool.tell_less_than(&pool) && !short.tell_less_than(&short));
-        // Samples in each row, of another logger.
-        let each: Vec<usize> = (0..ROWS as usize).collect();
-        let sampled = of(&speeds(0.025, [&each, &each]));
-        assert!(!sampled.tell_less_than(&sampled.with(&pool)), "{sampled:?}");
     }
 
     /// A source that is a little faster than half the raster: now and then a sample has one row alone.

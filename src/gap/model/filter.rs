@@ -325,7 +325,9 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
             gains[k].decay[LOAD] = 0.0;
         }
     }
-    let of_torque = unseen_torque.before.iter().zip(&torque_variance).map(|(a, b)| a + b).collect();
+    // What the engine did unseen goes through a locked clutch.
+    let unseen_of_torque = |k: usize| if locked[k] { (j_c / total).powi(2) * unseen_report.before[k] } else { unseen_torque.before[k] };
+    let of_torque = torque_variance.iter().enumerate().map(|(k, v)| v + unseen_of_torque(k)).collect();
     let beyond = [unseen_command.before, of_torque, vec![0.0; n]];
     let bench = bench(track, with, &locked, &beyond, &mut samples, &mut log_det);
     let phase = |k: usize| match (locked[k], closed(k)) {
@@ -485,5 +487,32 @@ mod tests {
         let even = filter(&track, &Vehicle::paper(), &Disturbances { stamps: 0.0, ..with }, &[]).gains[30];
         assert_eq!(even.common, 0.0);
         assert!(even.weight[1] > gain.weight[1] && even.weight[0] > gain.weight[0], "a stamp that is right leaves less open");
+    }
+
+    /// At 50 Hz the command of the engine that acted last was not logged: the torque of a locked clutch is as far from that of a straight line as the engine's may be, by its share.
+    #[test]
+    fn a_locked_clutch_carries_what_the_engine_did_unseen() {
+        let speed: Vec<f64> = (0..60).map(|k| 100.0 + 0.1 * f64::from(k)).collect();
+        let track = Track::new(&crate::campaign::Recording {
+            sample_rate_hz: 50.0,
+            time: (0..60).map(|k| 0.02 * f64::from(k)).collect(),
+            omega_f: speed.clone(),
+            omega_c: speed,
+            t_e: (0..60).map(|k| 10.0 * f64::from((k - 30).max(0))).collect(),
+            x_to_cmd: vec![Vehicle::paper().actuator.x_cls_0; 60],
+            theta_h: vec![25.0; 60],
+            t_fc: Some(vec![5.0; 60]),
+            ..Default::default()
+        });
+        let tolerances = tolerance::read(&serde_json::json!({}), tolerance::Logger::UNIFORM).unwrap();
+        let noise = Noise { white: 0.3, coloured: 0.0, memory_s: 1.0 };
+        let of = |torque: &[f64]| filter(&track, &Vehicle::paper(), &prepare::healthy([noise; 5], 0.0, 0.0, &tolerances), torque);
+        let found = of(&[5.0; 60]);
+        assert!(found.phase.iter().all(|p| *p == Phase::Locked));
+        let variance = |k: usize| found.bench[1][k].weight.powi(-2);
+        // The sample at the bend lies 5 N·m off the middle of its neighbours; half of that square counts for each interval beside it, and half of that amid one.
+        let [j_f, j_c] = found.inertia;
+        let ratio = (variance(30) - variance(28)) / (6.25 * (j_c / (j_f + j_c)).powi(2));
+        assert!((ratio - 1.0).abs() < 0.05, "{ratio}");
     }
 }

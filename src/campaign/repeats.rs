@@ -1,0 +1,280 @@
+//! Rows of a logger that repeat its source unevenly, for that is polled, or has a rate that does not divide the logger's.
+//!
+//! While a speed moves by several of its steps from row to row, readings are seldom alike, whatever their noise. Where so many are held for more than a row that this is beyond doubt,
+//! rows that show nothing new are no samples. A sensor that stands still now and then holds few of its readings, if for long, and is left to the diagnosis.
+//! All recordings of a campaign together tell it, for one logger wrote them: those in which too little moves are taken as the others are.
+
+use super::clock::valid;
+use super::pick::Signal;
+use super::raster::{Between, Raster, SURE_NATS, changes, events};
+
+/// Nats of either speed where both together are sure, and by which a recording may seem to have samples in every row where the others of its campaign have not: odds of 20 to one that
+/// one logger does to one what it does to the other.
+const LIKELY_NATS: f64 = 3.0;
+
+/// Steps of its readings by which a speed moves from row to row where repeated rows are counted.
+const MOVES: f64 = 3.0;
+
+/// Readings on either side over which that is judged.
+const AROUND: usize = 5;
+
+/// Parts of a speed's range in each of which its steps count as equal, for those of a tone wheel grow with it; and the fewest readings that tell them.
+const BINS: usize = 10;
+const FEWEST: usize = 10;
+
+/// What both speeds, ω_f and ω_c, say of rows that repeat their source; of several recordings, their sum.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Repeats {
+    of: [Repeated; 2],
+    /// Rows with both in motion in which either shows something new, and those in which both do.
+    either: usize,
+    both: usize,
+}
+
+/// A speed while it moves by several of its steps from row to row.
+#[derive(Clone, Copy, Debug, Default)]
+struct Repeated {
+    rows: usize,
+    readings: usize,
+    /// Readings that are held for more than one row.
+    held: usize,
+}
+
+/// How rows are taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Taken {
+    /// Whether those of either speed repeat its source.
+    uneven: [bool; 2],
+    /// Whether both speeds come together.
+    together: bool,
+}
+
+impl Repeats {
+    /// Of two speeds that share their rows.
+    pub(super) fn of(speeds: [Option<&Signal>; 2]) -> Self {
+        let moving = speeds.map(|s| s.map_or_else(Moving::default, |s| Moving::of(&s.time, &s.values)));
+        let [f, c] = moving.each_ref().map(|m| &m.rows);
+        let known = || f.iter().zip(c).filter_map(|(f, c)| f.zip(*c));
+        let either = known().filter(|(f, c)| *f || *c).count();
+        Repeats { of: moving.each_ref().map(|m| m.count), either, both: known().filter(|(f, c)| *f && *c).count() }
+    }
+
+    /// Together with those of another recording.
+    pub(super) fn with(&self, other: &Self) -> Self {
+        let of = std::array::from_fn(|k| {
+            let (a, b) = (self.of[k], other.of[k]);
+            Repeated { rows: a.rows + b.rows, readings: a.readings + b.readings, held: a.held + b.held }
+        });
+        Repeats { of, either: self.either + other.either, both: self.both + other.both }
+    }
+
+    /// How its rows are taken, of which `all` recordings tell.
+    pub(super) fn among(&self, all: &Self) -> Taken {
+        let nats = all.of.map(|of| of.nats());
+        let likely = |k: usize| nats[k] > LIKELY_NATS && self.of[k].nats_at(all.of[k].share()) > -LIKELY_NATS;
+        let sure = nats.iter().sum::<f64>() > SURE_NATS;
+        let uneven = std::array::from_fn(|k| sure && likely(k));
+        Taken { uneven, together: uneven == [true; 2] && all.come_together() }
+    }
+
+    /// Whether both speeds come together beyond doubt, rather than each at its own times: of the rows that show something new, in how many both do.
+    fn come_together(&self) -> bool {
+        let [f, c] = self.of.map(|of| of.readings as f64 / of.rows as f64);
+        let apart = f * c / (f + c - f * c);
+        let together = (1.0 - seldom()) / (1.0 + seldom());
+        let one = (self.either - self.both) as f64;
+        self.both as f64 * (together / apart).ln() + one * ((1.0 - together) / (1.0 - apart)).ln() > SURE_NATS
+    }
+}
+
+impl Taken {
+    /// Samples of both speeds, where rows repeat them.
+    pub(super) fn samples(self, speeds: [Option<&Signal>; 2]) -> [Option<Raster>; 2] {
+        let mut new = speeds.map(|s| s.map_or_else(Vec::new, |s| changes(&s.time, &s.values, Between::Uneven)));
+        if self.together && new[0].len() == new[1].len() {
+            let both: Vec<bool> = new[0].iter().zip(&new[1]).map(|(f, c)| *f || *c).collect();
+            new = [both.clone(), both];
+        }
+        std::array::from_fn(
+            |k| if self.uneven[k] { samples(&speeds[k]?.time, &speeds[k]?.values, std::mem::take(&mut new[k])) } else { None },
+        )
+    }
+}
+
+/// Samples of a speed whose rows repeat it, as far as it tells alone.
+pub(super) fn alone(time: &[f64], values: &[f64]) -> Option<Raster> {
+    if Moving::of(time, values).count.nats() > SURE_NATS { samples(time, values, changes(time, values, Between::Uneven)) } else { None }
+}
+
+/// Rows that show something new are samples, and the first one, whose sample came shortly before it.
+fn samples(time: &[f64], values: &[f64], mut new: Vec<bool>) -> Option<Raster> {
+    let (first, ..) = valid(time, values).next()?;
+    new[first] = true;
+    Some(Raster { between: Between::Uneven, every: 1, is_sample: new })
+}
+
+/// A speed while it moves, row by row.
+#[derive(Clone, Debug, Default)]
+struct Moving {
+    count: Repeated,
+    /// Of each row in motion, whether it shows something new.
+    rows: Vec<Option<bool>>,
+}
+
+impl Moving {
+    fn of(time: &[f64], values: &[f64]) -> Self {
+        let rows: Vec<usize> = valid(time, values).map(|(row, ..)| row).collect();
+        let read: Vec<(usize, f64)> = events(time, values, Between::Uneven).map(|(number, row)| (number, values[row])).collect();
+        let (low, high) = read.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (_, v)| (v.min(low), v.max(high)));
+        let bin = |v: f64| (((v - low) / (high - low) * BINS as f64) as usize).min(BINS - 1);
+        let mut steps = [(0, f64::INFINITY); BINS];
+        for two in read.windows(2) {
+            let (count, least) = &mut steps[bin(two[1].1)];
+            (*count, *least) = (*count + 1, least.min((two[1].1 - two[0].1).abs()));
+        }
+        let mut found = Moving { count: Repeated::default(), rows: vec![None; values.len()] };
+        for around in read.windows(2 * AROUND + 1) {
+            let (first, last, [before, now]) = (around[0], around[2 * AROUND], [around[AROUND - 1].0, around[AROUND].0]);
+            let (count, step) = steps[bin(around[AROUND].1)];
+            if count >= FEWEST && (last.1 - first.1).abs() > MOVES * step * (last.0 - first.0) as f64 {
+                found.count.rows += now - before;
+                found.count.readings += 1;
+                found.count.held += usize::from(now > before + 1);
+                (before + 1..=now).for_each(|number| found.rows[rows[number]] = Some(number == now));
+            }
+        }
+        found
+    }
+}
+
+impl Repeated {
+    /// Share of its readings that are held, by Laplace's rule.
+    fn share(&self) -> f64 {
+        (self.held as f64 + 1.0) / (self.readings as f64 + 2.0)
+    }
+
+    /// Nats by which a source that is held is likelier than samples in every row, 0 if it is not.
+    fn nats(&self) -> f64 {
+        if self.share() > seldom() { self.nats_at(self.share()).max(0.0) } else { 0.0 }
+    }
+
+    /// The same of a source of which this share is held.
+    fn nats_at(&self, share: f64) -> f64 {
+        self.held as f64 * (share / seldom()).ln() + (self.readings - self.held) as f64 * ((1.0 - share) / (1.0 - seldom())).ln()
+    }
+}
+
+/// The most samples of a speed in motion that are as the one before, a share: two readings m steps q apart whose noise is σ are alike with probability
+/// q/(2√π σ) exp(−(m q/2σ)²), at most this.
+fn seldom() -> f64 {
+    (-0.5_f64).exp() / (MOVES * (2.0 * std::f64::consts::PI).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::channels::Channel;
+    use super::super::raster::tests::{noise, sampled};
+    use super::*;
+
+    /// Neither is a speed of coarse steps, nor one of steps that grow with it.
+    #[test]
+    fn samples_are_no_uneven_raster() {
+        let time_of = |values: &[f64]| (0..values.len()).map(|k| 0.01 * k as f64).collect::<Vec<_>>();
+        let repeated = |values: &[f64]| Moving::of(&time_of(values), values).count;
+        for step in [1e-4, 0.025, 0.105, 0.3, 0.84] {
+            let found = repeated(&sampled(step));
+            assert!(found.nats() == 0.0, "steps of {step} rad/s: {found:?}");
+        }
+        for (pulses, slowest) in [(1e3, 1.0), (1.1e4, 40.0)] {
+            let wheel: Vec<f64> = sampled(1e-4).iter().map(|v| pulses / (pulses / (v.max(0.0) + slowest)).round()).collect();
+            let found = repeated(&wheel);
+            assert!(found.nats() == 0.0, "{pulses}: {found:?}");
+        }
+    }
+
+    /// Rows at which a logger reads a source: about two of five at random, or at a rate that does not divide its own.
+    fn read_at(random: bool, mut draw: u32) -> Vec<usize> {
+        let mut last = 0;
+        let mut polled = |k: usize| {
+            draw = draw.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            last = if draw >> 24 < 100 { k } else { last };
+            last
+        };
+        (0..ROWS as usize).map(|k| if random { polled(k) } else { ((k as f64 / 2.5).floor() * 2.5).ceil() as usize }).collect()
+    }
+
+    const ROWS: u32 = 1600;
+
+    /// Flywheel and disc speed, up and down, each as its source was read.
+    fn speeds(step: f64, read: [&[usize]; 2]) -> [Signal; 2] {
+        let wave = |k: u32, rows: f64| (f64::from(k) / rows).sin();
+        let speed = |k: u32, from: u32| 50.0 + 30.0 * wave(k + from, 70.0) + 15.0 * wave(k + from, 23.0) + noise(k + 10_000 * from);
+        let time = std::rc::Rc::new((0..ROWS).map(|k| 0.01 * f64::from(k)).collect::<Vec<_>>());
+        [(Channel::OmegaF, 0, read[0]), (Channel::OmegaC, 40, read[1])].map(|(channel, from, read)| Signal {
+            channel,
+            label: String::new(),
+            time: time.clone(),
+            values: read.iter().map(|k| (speed(*k as u32, from) / step).round() * step).collect(),
+        })
+    }
+
+    #[test]
+    fn samples_of_an_uneven_raster_are_where_either_speed_or_each_changes() {
+        for step in [0.001, 0.025, 0.105] {
+            for (random, together) in [(false, true), (true, true), (true, false)] {
+                let read = [read_at(random, 1), read_at(random, if together { 1 } else { 7 })];
+                let both = speeds(step, [&read[0], &read[1]]);
+                let [f, c] = both.each_ref().map(Some);
+                let own = Repeats::of([f, c]);
+                let taken = own.among(&own);
+                assert_eq!(taken, Taken { uneven: [true; 2], together }, "{step} {random}: {own:?}");
+                for (k, (raster, read)) in taken.samples([f, c]).into_iter().zip(&read).enumerate() {
+                    let is_sample = raster.unwrap().is_sample;
+                    let samples = (0..ROWS as usize).filter(|k| read[*k] == *k).count();
+                    let (there, beside): (Vec<usize>, Vec<usize>) =
+                        (0..ROWS as usize).filter(|k| is_sample[*k]).partition(|k| read[*k] == *k);
+                    assert!(beside.is_empty(), "{step} {random} {together} {k}: {beside:?}");
+                    // Of what is read again as it was before, the other speed knows.
+                    let least = if together { 0.95 } else { 0.7 };
+                    assert!(there.len() as f64 > least * samples as f64, "{step} {random} {together} {k}: {} of {samples}", there.len());
+                }
+            }
+        }
+    }
+
+    /// Half a second says little; beside a longer recording of the same logger it is clear.
+    #[test]
+    fn a_short_recording_is_told_by_the_others() {
+        let read = read_at(false, 0);
+        let all = speeds(0.025, [&read, &read]);
+        let part =
+            all.clone().map(|s| Signal { time: std::rc::Rc::new(s.time[60..110].to_vec()), values: s.values[60..110].to_vec(), ..s });
+        let of = |s: &[Signal; 2]| Repeats::of(s.each_ref().map(Some));
+        let (short, pool) = (of(&part), of(&all).with(&of(&part)));
+        assert_eq!(short.among(&short), Taken { uneven: [false; 2], together: false }, "{short:?}");
+        assert_eq!(short.among(&pool), Taken { uneven: [true; 2], together: true }, "{pool:?}");
+        // Samples in each row, of another logger.
+        let each: Vec<usize> = (0..ROWS as usize).collect();
+        let sampled = of(&speeds(0.025, [&each, &each]));
+        assert_eq!(sampled.among(&sampled.with(&pool)).uneven, [false; 2], "{sampled:?}");
+    }
+
+    /// Twice a second a sensor stands still for a seventh of one: a fifth of the rows, but few readings.
+    #[test]
+    fn a_sensor_that_stands_still_now_and_then_is_none_of_the_loggers_doing() {
+        let read: Vec<usize> = (0..ROWS as usize).map(|k| if k % 50 < 14 { k / 50 * 50 } else { k }).collect();
+        let each: Vec<usize> = (0..ROWS as usize).collect();
+        let own = Repeats::of(speeds(0.025, [&read, &each]).each_ref().map(Some));
+        let all = (0..30).fold(own, |all, _| all.with(&own));
+        assert_eq!(own.among(&all).uneven, [false; 2], "{all:?}");
+    }
+
+    #[test]
+    fn one_speed_alone_may_come_more_slowly() {
+        let (read, each) = (read_at(false, 0), (0..ROWS as usize).collect::<Vec<_>>());
+        let both = speeds(0.025, [&each, &read]);
+        let own = Repeats::of(both.each_ref().map(Some));
+        assert_eq!(own.among(&own), Taken { uneven: [false, true], together: false });
+        assert!(alone(&both[0].time, &both[0].values).is_none() && alone(&both[1].time, &both[1].values).is_some());
+    }
+}
