@@ -28,6 +28,13 @@ fn practice_campaigns_are_diagnosed_where_a_logger_repeats_speeds_unevenly() {
     judge(Some(&LOGGERS[0]));
 }
 
+/// Half of the samples of all channels. Takes as long.
+#[test]
+#[ignore = "a second round of diagnoses: run by name when the model of the data changes"]
+fn practice_campaigns_are_diagnosed_at_half_their_rate() {
+    judge(LOGGERS.iter().find(|l| l.name == "all channels every second row"));
+}
+
 /// Of the campaigns as they are, or as this logger would have written them.
 fn judge(logger: Option<&Logger>) {
     let folder = std::env::var_os("KISSPOINT_PRACTICE").map_or_else(|| PathBuf::from("../shared/practice"), PathBuf::from);

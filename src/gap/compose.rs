@@ -285,16 +285,15 @@ fn ranked(f: &Findings, too_large: &dyn Fn(usize) -> bool) -> Vec<Ranked> {
         let all = f.posterior.explanations.iter().filter(|x| x.fit.is_some() && x.effects.contains(&e) == holds);
         all.map(|x| x.log_posterior).fold(f64::NEG_INFINITY, f64::max)
     };
-    let base = f.search.base();
-    let least = f.problem.steering().iter().copied().fold(1.0, f64::min);
+    // The car within its tolerances is always fitted.
+    let base = f.posterior.explanations.iter().find(|x| x.effects.is_empty() && x.place.is_none()).map_or(0.0, |x| x.log_posterior);
     let odds = |e: usize| {
         let (with, without) = (best_with(e, true), best_with(e, false));
         if with.is_finite() {
             return (with - without, true);
         }
         // Not fitted: the linear model's promise, which is more than a fit would keep.
-        let promise = f.search.promised[e].map_or(0.0, |c| (0.5 * least * (base.fit.cost - c)).max(0.0));
-        (base.log_posterior + promise + log_prior(1) - without, false)
+        (base + 0.5 * f.search.promised[e] + log_prior(1) - without, false)
     };
     let mut all: Vec<(usize, f64, bool)> = (0..REGISTRY.len()).map(|e| (e, odds(e).0, odds(e).1)).collect();
     all.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));

@@ -135,7 +135,7 @@ fn ranked(diagnosis: &Value) -> String {
     }
     let law = text(&diagnosis["where"], "unexplained_at");
     // Whatever stands out has a row; the many that do not share a paragraph.
-    let far = |c: &Value| text(c, "verdict") == Some("rejected") && real(c, "evidence").is_some_and(|e| e < FAR);
+    let far = |c: &Value| text(c, "verdict") == Some("rejected") && (screened(c) || real(c, "evidence").is_some_and(|e| e < FAR));
     let (rest, rows): (Vec<&Value>, Vec<&Value>) = candidates.iter().partition(|c| far(c));
     let (rest, rows) = if rest.len() < MANY { (Vec::new(), candidates.iter().collect()) } else { (rest, rows) };
     let rows: String = rows.iter().map(|c| candidate(c, diagnosis, law)).collect();
@@ -149,7 +149,12 @@ fn ranked(diagnosis: &Value) -> String {
     )
 }
 
-/// Nats behind from which a rejected candidate has no row of its own.
+/// Whether it was never fitted, for a linear model promises less than its price.
+fn screened(candidate: &Value) -> bool {
+    text(candidate, "reason").is_some_and(|why| why.starts_with("screened"))
+}
+
+/// Nats behind from which a rejected candidate that was fitted has no row of its own.
 const FAR: f64 = -30.0;
 
 /// Nats at the ends of the scale; what lies beyond stands there.
@@ -188,7 +193,7 @@ fn trifles(rest: &[&Value], law: Option<&str>) -> String {
         }
     }
     let items: String = groups.iter().map(|(why, names)| format!("<li><b>{}</b>: {}</li>", escape(why), names.join(", "))).collect();
-    if items.is_empty() { items } else { format!("<p>Far behind, in nats:</p>\n<ul class=\"trifles\">{items}</ul>\n") }
+    if items.is_empty() { items } else { format!("<p>Rejected, in nats:</p>\n<ul class=\"trifles\">{items}</ul>\n") }
 }
 
 /// Why, in words for people; diagnosis.json has its own.
@@ -203,7 +208,7 @@ fn reason(c: &Value, law: Option<&str>) -> String {
             None => "it stands in for something else".to_owned(),
         },
         (Some("rejected"), _) if fitted => "explanations with it are less probable".to_owned(),
-        (Some("rejected"), _) if why.starts_with("screened") => "improvement too small to accept".to_owned(),
+        (Some("rejected"), _) if screened(c) => "improvement too small to accept".to_owned(),
         _ => why.to_owned(),
     }
 }

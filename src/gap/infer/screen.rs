@@ -93,6 +93,21 @@ impl Information {
         let solved = root.solve(&self.cross);
         (0..self.gram.nrows()).map(|k| (self.gram[(k, k)] - self.cross.column(k).dot(&solved.column(k))).max(0.0)).collect()
     }
+
+    /// Gain of each candidate alone in the cost as it is believed: recordings count with this power, and the prior of the shared coordinates in full. Given are the gradients of the
+    /// recordings along these and along the candidates.
+    fn gains(&self, power: f64, prior: &Normal, shared: &DVector<f64>, own: &DVector<f64>, candidates: &[Candidate]) -> Vec<f64> {
+        let root = (&self.curvature * power + &prior.curvature).cholesky().expect("a prior of positive precision");
+        let settled = root.solve(&(shared * power + &prior.gradient));
+        let solved = root.solve(&self.cross) * power;
+        let gain = |(k, c): (usize, &Candidate)| {
+            let curvature = power * (self.gram[(k, k)] - self.cross.column(k).dot(&solved.column(k))) + c.share * c.share;
+            let slope = power * (own[k] - self.cross.column(k).dot(&settled));
+            let step = (-slope / curvature).clamp(0.0, LARGEST_FACTOR / c.share);
+            -(2.0 * slope + curvature * step) * step
+        };
+        candidates.iter().enumerate().map(gain).collect()
+    }
 }
 
 /// What the linear model says of the candidates of an anchor.
@@ -108,6 +123,8 @@ pub struct Screening {
     /// Gradient along them.
     slope: DVector<f64>,
     cost: f64,
+    /// Gain of each candidate alone in the cost as it is believed, beside what settles without it.
+    believed: Vec<f64>,
 }
 
 /// Largest factor on a start that the linear model may ask for.
@@ -188,8 +205,12 @@ fn screen_at(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)], wha
     }
     // A prior is what is assembled of no recordings.
     let shared_alone = Frame { shared: anchor.frame.shared.clone(), own: Vec::new() };
-    let prior = assemble(&anchor.point, &shared_alone, &[], 0.0).expect("priors are positive").curvature;
-    let information = Information { curvature: &anchor.equations.curvature - &prior, cross: cross.clone(), gram: gram.clone() };
+    let unlearned = assemble(&anchor.point, &shared_alone, &[], 0.0).expect("priors are positive");
+    let information =
+        Information { curvature: &anchor.equations.curvature - &unlearned.curvature, cross: cross.clone(), gram: gram.clone() };
+    let of_recordings = &anchor.equations.gradient - &unlearned.gradient;
+    let believed = information.gains(problem.power(), &unlearned, &of_recordings, &slope, &candidates);
+    let prior = unlearned.curvature;
     let root = anchor.equations.curvature.clone().cholesky().expect("the anchor's curvature is positive");
     let solved = root.solve(&cross);
     gram -= cross.transpose() * &solved;
@@ -199,7 +220,7 @@ fn screen_at(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)], wha
     }
     let settled = root.solve(&anchor.equations.gradient).dot(&anchor.equations.gradient)
         + anchor.equations.eliminated.iter().map(|e| e.gain()).sum::<f64>();
-    Screening { candidates, information, prior, gram, slope, cost: anchor.cost - settled }
+    Screening { candidates, information, prior, gram, slope, cost: anchor.cost - settled, believed }
 }
 
 /// Starts of an effect, each at the shares of it that are asked for.
@@ -285,6 +306,11 @@ impl Screening {
     /// Cost that the linear model promises without any candidate.
     pub fn settled(&self) -> f64 {
         self.cost
+    }
+
+    /// Gain of the one candidate of a promise in the cost as it is believed.
+    pub fn believed(&self, single: &Promise) -> f64 {
+        self.believed[single.members[0]]
     }
 
     /// Promise of these candidates together; none if one of them would have to go the other way.
@@ -469,6 +495,25 @@ mod tests {
                     assert_eq!(off(&c, k) > 0.0, moved, "{}", PARAMETERS[k].variable);
                 }
             }
+        }
+    }
+
+    /// A tolerance that was pulled by five standard deviations, and an effect that does the same: it relieves that by 25, however little the recordings are believed.
+    #[test]
+    fn what_relieves_a_tolerance_counts_in_full() {
+        let (pulled, sure) = (5.0, 1e6);
+        let one = |x: f64| DMatrix::from_element(1, 1, x);
+        let information = Information { curvature: one(sure), cross: one(sure), gram: one(sure) };
+        let of = |x: f64| DVector::from_element(1, x);
+        let prior = Normal { curvature: one(1.0), gradient: of(pulled), eliminated: Vec::new(), log_det_own: 0.0, log_det_prior: 0.0 };
+        let point = Point { shared: vec![pulled], own: Vec::new(), effects: effects::null(), missing: Vec::new() };
+        let candidate = Candidate { effect: 0, point, cost: 0.0, start: 0, twin: None, share: 0.01 };
+        for power in [1.0, 0.1, 0.01] {
+            // At the fit the recordings pull as the prior does, the other way.
+            let gain = information.gains(power, &prior, &of(-pulled), &of(-pulled), std::slice::from_ref(&candidate))[0];
+            assert!((gain / pulled.powi(2) - 1.0).abs() < 1e-3, "{power}: {gain}");
+            let other_way = information.gains(power, &prior, &of(-pulled), &of(pulled), std::slice::from_ref(&candidate))[0];
+            assert!(other_way >= 0.0 && other_way.is_finite());
         }
     }
 }
