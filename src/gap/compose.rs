@@ -292,8 +292,8 @@ fn ranked(f: &Findings, too_large: &dyn Fn(usize) -> bool) -> Vec<Ranked> {
         if with.is_finite() {
             return (with - without, true);
         }
-        // Not fitted: the linear model's promise, which is more than a fit would keep.
-        (base + 0.5 * f.search.promised[e] + log_prior(1) - without, false)
+        // Not fitted: what the linear model makes of it.
+        (base + f.search.promised[e].unwrap_or(0.0) + log_prior(1) - without, false)
     };
     let mut all: Vec<(usize, f64, bool)> = (0..REGISTRY.len()).map(|e| (e, odds(e).0, odds(e).1)).collect();
     all.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));

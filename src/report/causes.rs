@@ -141,7 +141,7 @@ fn ranked(diagnosis: &Value) -> String {
     let rows: String = rows.iter().map(|c| candidate(c, diagnosis, law)).collect();
     format!(
         "<h3>Every candidate</h3>\n<p>By how many nats the best explanation with the effect leads the best one without it (to the right) or trails it (to the left); 2.3 nats are odds of ten to one. \
-         For an effect that was never fitted, it is the most that a linear model promises.</p>\n\
+         For an effect that was never fitted, it is what a linear model makes of it.</p>\n\
          <div class=\"scroll\" role=\"region\" aria-label=\"Candidates\" tabindex=\"0\"><table class=\"ranked\"><thead><tr><th scope=\"col\">Effect</th>\
          <th scope=\"col\" class=\"num\">Nats</th><th scope=\"col\">{}</th><th scope=\"col\">Verdict</th><th scope=\"col\">Why</th></tr></thead><tbody>{rows}</tbody></table></div>\n{}",
         ruler(),

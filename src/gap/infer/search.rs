@@ -91,8 +91,8 @@ impl Hypothesis {
 pub struct Search {
     /// All sets that were fitted, the most probable first.
     pub hypotheses: Vec<Hypothesis>,
-    /// Gain in the cost that is believed which the linear model promises for each effect alone; 0 where it promises none.
-    pub promised: Vec<f64>,
+    /// Nats of evidence that the linear model makes of each effect alone, its odds not included; none of one that no scan found.
+    pub promised: Vec<Option<f64>>,
     /// Sets beside which all effects were screened, each with its cost then.
     screened: Vec<(Vec<usize>, f64)>,
 }
@@ -196,7 +196,7 @@ pub fn search(problem: &Problem, earlier: Option<&Search>, progress: &(dyn Fn(&s
     progress("tolerances", 0.0);
     let nominal = problem.nominal();
     let base = Hypothesis::fitted(problem, Vec::new(), &nominal, STAY, None);
-    let mut found = Search { hypotheses: Vec::new(), promised: vec![0.0; REGISTRY.len()], screened: Vec::new() };
+    let mut found = Search { hypotheses: Vec::new(), promised: vec![None; REGISTRY.len()], screened: Vec::new() };
     found.add(base);
     let mut frontier: Vec<Vec<usize>> = vec![Vec::new()];
     for size in 1..=MOST_EFFECTS {
@@ -315,18 +315,16 @@ fn starts(problem: &Problem, found: &mut Search, from: &Hypothesis) -> (Vec<Star
         // From the nominal car a linear model promises less of everything, of no effect as well.
         let least = screening.settled().max(from.fit.cost) - least_promise(problem);
         let singles = screening.singles();
-        // What relieves a tolerance counts in full, however little the recordings are believed. Where a gap dragged all of them along, whatever follows it does so.
-        let believed = |p: &Promise| if from.fit.pull() > DRAGGED { 0.0 } else { screening.believed(p) };
-        if set.is_empty() {
-            for p in &singles {
-                let gain = (problem.power() * (from.fit.cost - p.cost)).max(believed(p));
-                let promised = &mut found.promised[screening.candidates[p.members[0]].effect];
-                *promised = promised.max(gain);
+        if set.is_empty() && columns.is_empty() {
+            for (e, nats) in screening.evidence() {
+                found.promised[e] = Some(found.promised[e].map_or(nats, |best: f64| best.max(nats)));
             }
         }
+        // What relieves a tolerance counts in full, however little the recordings are believed. Where a gap dragged all of them along, whatever follows it does so.
+        let gain = |p: &Promise| if from.fit.pull() > DRAGGED { 0.0 } else { screening.gain(p) };
         let pairs = if set.len() + 2 <= MOST_EFFECTS { screening.pairs() } else { Vec::new() };
         let most = if columns.is_empty() { LOOKED_AT } else { LOOKED_AT_AGAIN };
-        let worthwhile = singles.iter().filter(|p| p.cost < least || believed(p) > LEAST_PROMISE).take(most);
+        let worthwhile = singles.iter().filter(|p| p.cost < least || gain(p) > LEAST_PROMISE).take(most);
         let together = pairs.iter().filter(|p| singles.first().is_some_and(|s| p.cost < s.cost - 2.0 * least_promise(problem))).take(2);
         let started = |p: &Promise| {
             let members = p.members.iter().map(|&m| screening.candidates[m].effect);
