@@ -285,8 +285,8 @@ fn ranked(f: &Findings, too_large: &dyn Fn(usize) -> bool) -> Vec<Ranked> {
         let all = f.posterior.explanations.iter().filter(|x| x.fit.is_some() && x.effects.contains(&e) == holds);
         all.map(|x| x.log_posterior).fold(f64::NEG_INFINITY, f64::max)
     };
-    // The car within its tolerances is always fitted.
-    let base = f.posterior.explanations.iter().find(|x| x.effects.is_empty() && x.place.is_none()).map_or(0.0, |x| x.log_posterior);
+    let base = f.posterior.explanations.iter().find(|x| x.effects.is_empty() && x.place.is_none());
+    let base = base.expect("the car within its tolerances is always weighed").log_posterior;
     let odds = |e: usize| {
         let (with, without) = (best_with(e, true), best_with(e, false));
         if with.is_finite() {

@@ -6,6 +6,7 @@ pub mod density;
 pub mod exchange;
 pub mod fit;
 pub mod form;
+pub mod information;
 pub mod irregular;
 pub mod learned;
 pub mod limit;

@@ -4,7 +4,8 @@ use super::Planner;
 use super::manoeuvre::Manoeuvre;
 use crate::effects::{Act, REGISTRY};
 use crate::gap::infer::density::{Point, Problem};
-use crate::gap::infer::screen::{self, Anchor, Information, Limit, Screening, screen_for_limits};
+use crate::gap::infer::information::Information;
+use crate::gap::infer::screen::{self, Anchor, Limit, Screening, screen_for_limits};
 use rayon::prelude::*;
 
 /// What a campaign shows, and would show with more.
