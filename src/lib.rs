@@ -2,7 +2,7 @@
 //!
 //! The modules build on each other, from the equations up:
 //!
-//! - [`physics`]: the equations of the paper, as pure functions; [`vehicle`]: the numbers that go with them, read from `vehicle.json`
+//! - [`physics`]: the equations of the paper, as pure functions; [`vehicle`]: the numbers that go with them, read from `vehicle.json`; [`json`]: how such files are read
 //! - [`effects`]: what the nominal plant may be missing; [`faults`]: effects that come and go at given times
 //! - [`plant`]: clutch and driveline in time, with exact stick and slip; [`control`]: the launch controller
 //! - [`validated`]: where measurements have validated a plant
@@ -28,6 +28,7 @@ pub mod fmi2;
 pub mod fmu;
 #[cfg(feature = "cli")]
 pub mod gap;
+pub mod json;
 pub mod launch;
 pub mod physics;
 pub mod plant;

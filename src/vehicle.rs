@@ -4,6 +4,7 @@
 //! In the file, polynomials are arrays: `friction.mu_d` holds m_0, m_1, m_2, `cushion_spring.beta` β_1..β_3, and
 //! `actuator.x_cnt`, `actuator.x_cls` up to three coefficients each.
 
+use crate::json::{self, Fault};
 use crate::physics::cushion::CushionSpring;
 use crate::physics::driveline::Driveline;
 use crate::physics::friction::Friction;
@@ -63,16 +64,19 @@ include!(concat!(env!("OUT_DIR"), "/vehicle.rs"));
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum VehicleError {
     /// The text is not JSON.
-    #[error("vehicle file is not JSON: {0}; check line and column for a missing comma or bracket")]
-    Json(String),
+    #[error("{0}; correct the JSON there")]
+    Json(Fault),
     /// A number is missing.
-    #[error("vehicle number \"{0}\" is missing; add it (unit {1})")]
+    #[error("vehicle number \"{}\" is missing; add it (unit {})", .0, if *.1 == "1" { "1".to_owned() } else { written(.1) })]
     Missing(String, &'static str),
     /// A number has another JSON type.
-    #[error("vehicle number \"{0}\" is {1}, not a number; write it without quotes")]
-    NotANumber(String, String),
+    #[error("vehicle number \"{}\" is {}, not a number; {}", .0, .1, if .1.is_string() { "write it without quotes" } else { "give one number" })]
+    NotANumber(String, Value),
+    /// A list has another JSON type.
+    #[error("vehicle number \"{}\" is {}, not a list; write its coefficients in brackets, e.g. [{}]", .0, .1, if .1.is_number() { .1.to_string() } else { "4.02".to_owned() })]
+    NotAList(String, Value),
     /// An array has the wrong length.
-    #[error("vehicle number \"{name}\" has {found} coefficients; between {least} and {most} are expected")]
+    #[error("vehicle number \"{name}\" has {found} coefficients; {} expected", count(*.least, *.most))]
     Length {
         /// Path in the file.
         name: String,
@@ -84,7 +88,7 @@ pub enum VehicleError {
         most: usize,
     },
     /// A name that no vehicle has.
-    #[error("unknown vehicle number \"{0}\"; did you mean \"{1}\"? Remove it or correct its name")]
+    #[error("unknown vehicle number \"{}\"{}. Remove it or correct its name", .0, meant(.1))]
     Unknown(String, String),
     /// A number is outside its bounds.
     #[error("vehicle number \"{name}\" = {} is outside {min} to {max}; check its unit", quantity(*.value, .unit))]
@@ -105,9 +109,30 @@ pub enum VehicleError {
     Implausible(String),
 }
 
+/// A unit as people write it; the model description has plain letters only.
+pub fn written(unit: &str) -> String {
+    match unit {
+        "1" => String::new(),
+        "degC" => "°C".to_owned(),
+        other => {
+            other.replace("N.m", "N·m").replace(".s/rad", "·s/rad").replace("kg.m2", "kg·m²").replace("/s2", "/s²").replace("/K2", "/K²")
+        }
+    }
+}
+
+/// How many there may be, as the subject of a sentence.
+fn count(least: usize, most: usize) -> String {
+    if least == most { format!("{most} are") } else { format!("{least} to {most} are") }
+}
+
+/// A question after the name that is nearest, if one is near.
+fn meant(nearest: &str) -> String {
+    if nearest.is_empty() { String::new() } else { format!("; did you mean \"{nearest}\"?") }
+}
+
 /// A number with its unit, if it has one.
 fn quantity(value: f64, unit: &str) -> String {
-    if unit == "1" { value.to_string() } else { format!("{value} {unit}") }
+    format!("{value} {}", written(unit)).trim_end().to_owned()
 }
 
 /// Arrays of the file: group, key, flat names of their coefficients, least count.
@@ -129,8 +154,7 @@ impl Vehicle {
     /// # Errors
     /// The first number that is missing, misnamed, no number, out of bounds or in contradiction with another one.
     pub fn from_json(text: &str) -> Result<Self, VehicleError> {
-        let value: Value = serde_json::from_str(text).map_err(|e| VehicleError::Json(e.to_string()))?;
-        Self::from_value(&value)
+        Self::from_value(&json::parse(text).map_err(VehicleError::Json)?)
     }
 
     /// As [`Vehicle::from_json`], of a parsed document; `tolerance`, `effects`, `faults`, `validated` and keys that begin with `_` or `$` are left to others.
@@ -139,7 +163,11 @@ impl Vehicle {
     /// As [`Vehicle::from_json`].
     pub fn from_value(value: &Value) -> Result<Self, VehicleError> {
         let (mut vehicle, mut given) = (Self::paper(), [false; NUMBERS.len()]);
-        let root = value.as_object().ok_or_else(|| VehicleError::Json("the document is not an object".into()))?;
+        let root = value.as_object().ok_or_else(|| {
+            implausible(
+                "the document is not an object; write one with the groups friction, actuator, cushion_spring, thermal and driveline".into(),
+            )
+        })?;
         for (group, content) in root
             .iter()
             .filter(|(k, _)| !matches!(k.as_str(), "tolerance" | "effects" | "faults" | "validated") && !k.starts_with(['_', '$']))
@@ -233,7 +261,7 @@ fn place(group: &str, key: &str) -> Option<usize> {
 /// Sets what stands at `group.key` of the file, and notes which numbers were given.
 fn set_from_file(vehicle: &mut Vehicle, given: &mut [bool], group: &str, key: &str, value: &Value) -> Result<(), VehicleError> {
     let path = || format!("{group}.{key}");
-    let not_a_number = |what: &dyn std::fmt::Display, path: String| VehicleError::NotANumber(path, what.to_string());
+    let not_a_number = |value: &Value, path: String| VehicleError::NotANumber(path, value.clone());
     let mut set = |place: usize, number: f64| {
         *(NUMBERS[place].get_mut)(vehicle) = number;
         given[place] = true;
@@ -244,7 +272,7 @@ fn set_from_file(vehicle: &mut Vehicle, given: &mut [bool], group: &str, key: &s
         set(place, value.as_f64().ok_or_else(|| not_a_number(value, path()))?);
         return Ok(());
     };
-    let list = value.as_array().ok_or_else(|| not_a_number(&format!("{value}; an array is expected"), path()))?;
+    let list = value.as_array().ok_or_else(|| VehicleError::NotAList(path(), value.clone()))?;
     if list.len() < array.3 || list.len() > 3 {
         return Err(VehicleError::Length { name: path(), found: list.len(), least: array.3, most: 3 });
     }
@@ -255,14 +283,40 @@ fn set_from_file(vehicle: &mut Vehicle, given: &mut [bool], group: &str, key: &s
     Ok(())
 }
 
-/// The known path that shares most letters in order with `path`.
+/// The known path, or group, that is nearest to `path`; empty if in group or number more than a third of the letters differ.
 fn nearest(path: &str) -> String {
-    let known = ARRAYS.iter().map(|a| format!("{}.{}", a.0, a.1)).chain(NUMBERS.iter().map(|n| n.name.to_owned()));
-    let score = |candidate: &str| {
-        let mut rest = candidate.chars();
-        path.chars().filter(|c| rest.by_ref().any(|d| d == *c)).count() as f64 / (candidate.len() + path.len()) as f64
+    let in_file = |n: &'static str| {
+        let (group, key) = n.split_once('.').unwrap_or((n, ""));
+        let array = ARRAYS.iter().find(|a| a.0 == group && a.2.contains(&key));
+        (group, array.map_or(key, |a| a.1))
     };
-    known.max_by(|a, b| score(a).total_cmp(&score(b))).unwrap_or_default()
+    let (group, key) = path.split_once('.').unwrap_or((path, ""));
+    let near = |(known_group, known_key): &(&str, &str)| {
+        let (groups, keys) = (distance(group, known_group), if key.is_empty() { 0 } else { distance(key, known_key) });
+        let is_near = keys <= key.len().div_ceil(3) && groups <= group.len().div_ceil(3);
+        // A number may stand in the wrong group.
+        let is_elsewhere = keys == 0 && !key.is_empty();
+        (is_near || is_elsewhere).then_some(keys + groups)
+    };
+    let all = NUMBERS.iter().map(|n| in_file(n.name)).filter_map(|known| Some((near(&known)?, known)));
+    match all.min_by_key(|(far, _)| *far) {
+        None => String::new(),
+        Some((_, (group, _))) if key.is_empty() => group.to_owned(),
+        Some((_, (group, key))) => format!("{group}.{key}"),
+    }
+}
+
+/// Letters to insert, leave out or replace between two words.
+fn distance(a: &str, b: &str) -> usize {
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.bytes().enumerate() {
+        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
+        for (j, y) in b.bytes().enumerate() {
+            let here = (diagonal + usize::from(x != y)).min(row[j] + 1).min(row[j + 1] + 1);
+            diagonal = std::mem::replace(&mut row[j + 1], here);
+        }
+    }
+    row[b.len()]
 }
 
 #[cfg(test)]
@@ -281,6 +335,28 @@ mod tests {
         let mut value = Vehicle::paper().to_value();
         value["driveline"]["J_ff"] = 0.2.into();
         assert_eq!(Vehicle::from_value(&value), Err(VehicleError::Unknown("driveline.J_ff".into(), "driveline.J_f".into())));
+        for (path, meant) in [
+            ("driveline.J_x", "driveline.J_f"),
+            ("drivelin", "driveline"),
+            ("drivline.J_c", "driveline.J_c"),
+            ("driveline.x_cnt", "actuator.x_cnt"),
+            ("driveline.colour", ""),
+            ("paint", ""),
+        ] {
+            assert_eq!(nearest(path), meant, "{path}");
+        }
+        for (key, wrong, said) in [
+            ("x_cnt", serde_json::json!(4.02), "is 4.02, not a list; write its coefficients in brackets, e.g. [4.02]"),
+            ("x_cnt", serde_json::json!(["4.02"]), "x_cnt[0]\" is \"4.02\", not a number; write it without quotes"),
+            ("x_cnt", serde_json::json!([null]), "is null, not a number; give one number"),
+            ("x_cnt", serde_json::json!([]), "has 0 coefficients; 1 to 3 are expected"),
+        ] {
+            let mut value = Vehicle::paper().to_value();
+            value["actuator"][key] = wrong;
+            let message = Vehicle::from_value(&value).unwrap_err().to_string();
+            assert!(message.contains(said), "{message}");
+        }
+        assert_eq!(Vehicle::from_json("").unwrap_err().to_string(), "line 1, column 1: the file is empty; correct the JSON there");
         let mut value = Vehicle::paper().to_value();
         value["driveline"].as_object_mut().unwrap().remove("J_c");
         assert_eq!(Vehicle::from_value(&value), Err(VehicleError::Missing("driveline.J_c".into(), "kg.m2")));

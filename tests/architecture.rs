@@ -5,18 +5,19 @@ use std::path::{Path, PathBuf};
 use std::{fs, iter};
 
 /// Which modules each module may import; the one list of import directions.
-const IMPORTS: [(&str, &[&str]); 17] = [
+const IMPORTS: [(&str, &[&str]); 18] = [
     ("physics", &[]),
+    ("json", &[]),
     ("validated", &[]),
-    ("vehicle", &["physics"]),
+    ("vehicle", &["physics", "json"]),
     ("effects", &["physics", "vehicle"]),
     ("faults", &["effects"]),
     ("plant", &["physics", "vehicle", "effects"]),
     ("control", &["physics", "vehicle"]),
-    ("fmi2", &["physics", "validated", "vehicle", "effects", "faults", "plant", "control"]),
+    ("fmi2", &["physics", "json", "validated", "vehicle", "effects", "faults", "plant", "control"]),
     ("launch", &["physics", "vehicle", "effects", "faults", "plant", "control"]),
     ("plots", &["physics", "vehicle", "effects", "plant", "control", "launch"]),
-    ("campaign", &[]),
+    ("campaign", &["json"]),
     // Of the plots, only the chart.
     ("survey", &["campaign", "plots"]),
     ("gap", &["physics", "validated", "vehicle", "effects", "plant", "campaign"]),
@@ -27,6 +28,7 @@ const IMPORTS: [(&str, &[&str]); 17] = [
         "cli",
         &[
             "physics",
+            "json",
             "validated",
             "vehicle",
             "effects",

@@ -140,7 +140,7 @@ fn of_several_campaigns_each_has_a_line_and_a_bad_one_stops_nothing() {
     assert!(lines[0]["error"].as_str().unwrap().contains("driveline.J_x"), "{}", lines[0]);
     assert_eq!(lines[1]["diagnosis"]["verdict"], "explained");
     let said = text(&output.stderr);
-    assert!(said.contains("did you mean \"driveline.J_c\"") && said.contains("1 of 2 campaigns"), "{said}");
+    assert!(said.contains("did you mean \"driveline.J_f\"") && said.contains("1 of 2 campaigns"), "{said}");
 }
 
 #[test]

@@ -98,7 +98,7 @@ impl ChannelMap {
 
     /// Reads JSON; `file` is what messages call it.
     pub fn from_json(file: &str, text: &str) -> Result<ChannelMap, CampaignError> {
-        let value: Value = serde_json::from_str(text).map_err(|e| syntax(file, "JSON", e.line(), e.column(), &e.to_string()))?;
+        let value = crate::json::parse(text).map_err(|e| syntax(file, "JSON", e.line, e.column, &e.what))?;
         Self::from_value(file, &value, text)
     }
 

@@ -6,6 +6,7 @@ use serde_json::{Map, Value};
 
 use super::channel_map::ChannelMap;
 use super::error::CampaignError;
+use crate::json::Fault;
 
 /// One entry of recordings.json.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -40,22 +41,23 @@ pub(crate) fn entries(file: &Path, text: &str) -> Result<Vec<Entry>, CampaignErr
             remedy: "Write {\"r01\": {\"manoeuvre\": …}, …}".to_string(),
         });
     };
-    if object.is_empty() {
+    let listed = object.iter().filter(|(name, _)| !name.starts_with('_'));
+    let mut entries = listed.map(|(name, fields)| entry(file, name, fields)).collect::<Result<Vec<_>, _>>()?;
+    if entries.is_empty() {
         return Err(CampaignError::EmptyCampaign(file.to_path_buf()));
     }
-    let mut entries = object.iter().map(|(name, fields)| entry(file, name, fields)).collect::<Result<Vec<_>, _>>()?;
     entries.sort_by(|a, b| a.name.cmp(&b.name));
     Ok(entries)
 }
 
 /// Parses JSON with the line and column of a mistake.
 pub(crate) fn json(file: &Path, text: &str) -> Result<Value, CampaignError> {
-    serde_json::from_str(text.strip_prefix('\u{feff}').unwrap_or(text)).map_err(|e| CampaignError::Syntax {
+    crate::json::parse(text).map_err(|Fault { line, column, what }| CampaignError::Syntax {
         file: file.to_path_buf(),
         format: "JSON",
-        line: e.line(),
-        column: e.column(),
-        what: e.to_string(),
+        line,
+        column,
+        what,
     })
 }
 
@@ -206,6 +208,10 @@ mod tests {
         let message = fault(&with("theta_c_sigma_K"));
         assert!(message.contains("a key `theta_c_sigma_K` that is not known") && message.contains("theta_c0_sigma_K"), "{message}");
         let read = entries(Path::new("recordings.json"), &with("_driver")).unwrap();
+        let read_with_comment =
+            entries(Path::new("recordings.json"), &with("_driver").replacen('{', "{\"_comment\": \"wet road\", ", 1)).unwrap();
+        assert_eq!(read_with_comment, read);
+        assert!(fault(r#"{"_comment": "none yet"}"#).contains("lists no recording"));
         assert_eq!((read[0].theta_0, read[0].theta_0_sigma, read[0].sample_rate_hz), (None, [1.0; 2], None));
     }
 
@@ -236,7 +242,12 @@ mod tests {
 
     #[test]
     fn broken_json_gives_line_and_column() {
-        assert!(fault("{\n\"r01\": }").contains("line 2, column 8"));
+        assert!(fault("{\n\"r01\": }").ends_with("line 2, column 8: expected value. Correct the JSON there"));
+        assert!(fault("").ends_with("line 1, column 1: the file is empty. Correct the JSON there"));
+        assert!(
+            fault("{\"r01\": {},\n\"r01\": {}}")
+                .contains("recordings.json, line 2, column 1: the key \"r01\" stands in its object already")
+        );
         assert!(fault("{}").contains("lists no recording"));
         assert!(fault("[]").contains("is not an object"));
     }

@@ -29,8 +29,7 @@ pub struct VehicleFile {
 /// A file that cannot be read, or is not sound.
 pub fn read_vehicle(path: &Path) -> Result<VehicleFile, CommandError> {
     let text = std::fs::read_to_string(path).map_err(at(path))?;
-    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
-    let document: Result<Value, _> = serde_json::from_str(text).map_err(|e| VehicleError::Json(e.to_string()));
+    let document = crate::json::parse(&text).map_err(VehicleError::Json);
     let parse = |document: Value| {
         let (vehicle, effects) = (Vehicle::from_value(&document)?, effects::from_value(&document)?);
         let validated = Validated::from_value(&document["validated"]).map_err(|e| VehicleError::Implausible(e.to_string()))?;
@@ -46,7 +45,7 @@ pub fn read_vehicle(path: &Path) -> Result<VehicleFile, CommandError> {
 pub fn read_faults(path: &Path) -> Result<Faults, CommandError> {
     let text = std::fs::read_to_string(path).map_err(at(path))?;
     let wrong = |what: String| CommandError::Faults { path: path.to_owned(), what };
-    let document = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
+    let document = crate::json::parse(&text).map_err(|e| wrong(e.to_string()))?;
     Faults::from_value(&document).map_err(|e| wrong(e.to_string()))
 }
 

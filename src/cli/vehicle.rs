@@ -7,7 +7,8 @@ use super::plausible::{self, Finding};
 use crate::control::Settings;
 use crate::gap::answer::Real;
 use crate::gap::model::tolerance::{self, Car, Logger};
-use crate::vehicle::{NUMBERS, Number, Vehicle};
+use crate::report::text::meaning;
+use crate::vehicle::{NUMBERS, Number, Vehicle, written};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -216,7 +217,7 @@ fn check(path: &Path, gains: (f64, f64), as_json: bool) -> Result<(), CommandErr
 fn as_text(file: &Path, findings: &[Finding], facts: &[plausible::Fact]) -> String {
     let mut text = format!("{}: usable\n\nWhat follows from the numbers:\n", file.display());
     for fact in facts {
-        writeln!(text, "  {:<52}{:>12.4} {}", fact.meaning, fact.value, fact.unit).expect("a String takes any text");
+        writeln!(text, "  {:<52}{:>12.4} {}", fact.meaning, fact.value, written(fact.unit)).expect("a String takes any text");
     }
     text.push_str(if findings.is_empty() { "\nNothing is implausible.\n" } else { "\nImplausible, though it can be used:\n" });
     for f in findings {
@@ -262,7 +263,18 @@ fn draft() -> String {
         let content = document[group].as_object().expect("a group of the vehicle is an object");
         for (k, key) in keys(group, content).into_iter().enumerate() {
             let numbers: Vec<&Number<Vehicle>> = NUMBERS.iter().filter(|n| belongs(n.name, group, &key)).collect();
-            let comment: Vec<String> = numbers.iter().map(|n| format!("{} [{}], {} to {}", n.meaning, n.unit, n.min, n.max)).collect();
+            let comment: Vec<String> = numbers
+                .iter()
+                .map(|n| {
+                    format!(
+                        "{} [{}], {} to {}",
+                        meaning(n.meaning),
+                        if n.unit == "1" { "1".to_owned() } else { written(n.unit) },
+                        n.min,
+                        n.max
+                    )
+                })
+                .collect();
             let comma = if k == 0 { "" } else { "," };
             write!(text, "{comma}\n  \"_{key}\": {},\n  \"{key}\": {}", json!(comment.join("; ")), content[&key])
                 .expect("a String takes any text");

@@ -69,7 +69,7 @@ pub fn from_value(document: &Value) -> Result<Parameters, VehicleError> {
         let unknown = || VehicleError::Unknown(format!("effects.{name}"), "effects.effect.<id>.<parameter>".into());
         let k = PARAMETERS.iter().position(|p| p.variable == name).ok_or_else(unknown)?;
         let p = &PARAMETERS[k];
-        let number = value.as_f64().ok_or_else(|| VehicleError::NotANumber(name.clone(), value.to_string()))?;
+        let number = value.as_f64().ok_or_else(|| VehicleError::NotANumber(name.clone(), value.clone()))?;
         if !(number >= p.min && number <= p.max) {
             return Err(VehicleError::Bounds { name: name.clone(), value: number, unit: p.unit, min: p.min, max: p.max });
         }

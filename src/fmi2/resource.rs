@@ -166,7 +166,7 @@ impl Place<'_> {
 
 fn read(place: &str, text: &str) -> Result<Read, Missing> {
     let wrong = |e: VehicleError| Missing::Wrong(format!("{place}: {e}"));
-    let document: serde_json::Value = serde_json::from_str(text).map_err(|e| wrong(VehicleError::Json(e.to_string())))?;
+    let document = crate::json::parse(text).map_err(|e| wrong(VehicleError::Json(e)))?;
     let faults = Faults::from_value(&document["faults"]).map_err(|e| Missing::Wrong(format!("{place}: {e}")))?;
     let validated = Validated::from_value(&document["validated"]).map_err(|e| Missing::Wrong(format!("{place}: {e}")))?;
     let (vehicle, effects) = (Vehicle::from_value(&document).map_err(wrong)?, effects::from_value(&document).map_err(wrong)?);

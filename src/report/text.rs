@@ -114,16 +114,7 @@ pub fn alternatives(items: &[String]) -> String {
     listed(items, " or ")
 }
 
-/// A unit as people write it.
-pub fn unit(raw: &str) -> String {
-    match raw {
-        "1" => String::new(),
-        "degC" => "°C".to_owned(),
-        other => {
-            other.replace("N.m", "N·m").replace(".s/rad", "·s/rad").replace("kg.m2", "kg·m²").replace("/s2", "/s²").replace("/K2", "/K²")
-        }
-    }
-}
+pub use crate::vehicle::written as unit;
 
 /// A meaning as the model description words it, which has plain letters only.
 pub fn meaning(raw: &str) -> String {

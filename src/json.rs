@@ -1,0 +1,98 @@
+//! JSON as people write it: what is wrong comes with its line and column, and a key that stands twice is an error. Which of the two would count, nobody could tell.
+
+use serde_json::Value;
+use std::collections::HashSet;
+
+/// Why a text can't be read.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("line {line}, column {column}: {what}")]
+pub struct Fault {
+    /// Line, from 1.
+    pub line: usize,
+    /// Column, from 1.
+    pub column: usize,
+    /// What is wrong there.
+    pub what: String,
+}
+
+/// Reads a document; a mark of its encoding in front of it is skipped.
+///
+/// # Errors
+/// The first thing that is wrong, or the first key that stands in its object already.
+pub fn parse(text: &str) -> Result<Value, Fault> {
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    if text.trim().is_empty() {
+        return Err(Fault { line: 1, column: 1, what: "the file is empty".to_string() });
+    }
+    let value = serde_json::from_str(text).map_err(|e| {
+        let (line, column, said) = (e.line(), e.column(), e.to_string());
+        let what = said.strip_suffix(&format!(" at line {line} column {column}")).unwrap_or(&said).to_string();
+        Fault { line, column, what }
+    })?;
+    match repeated(text) {
+        None => Ok(value),
+        Some((at, key)) => {
+            let before = &text[..at];
+            let line = before.matches('\n').count() + 1;
+            let column = before.rsplit('\n').next().map_or(0, |l| l.chars().count()) + 1;
+            Err(Fault { line, column, what: format!("the key {key} stands in its object already; keep one of the two") })
+        }
+    }
+}
+
+/// The first key, with its place and in quotes, that its object has already; of a text that is JSON.
+fn repeated(text: &str) -> Option<(usize, &str)> {
+    // The keys of each object that is open; an array has none.
+    let mut open: Vec<HashSet<&str>> = Vec::new();
+    let mut at = 0;
+    while let Some(step) = text[at..].find(['"', '{', '[', '}', ']']) {
+        at += step;
+        let end = match text.as_bytes()[at] {
+            b'"' => at + length_of_string(&text[at..]),
+            b'{' | b'[' => {
+                open.push(HashSet::new());
+                at + 1
+            }
+            _ => {
+                open.pop();
+                at + 1
+            }
+        };
+        let is_key = text.as_bytes()[at] == b'"' && text[end..].trim_start().starts_with(':');
+        if is_key && !open.last_mut()?.insert(&text[at..end]) {
+            return Some((at, &text[at..end]));
+        }
+        at = end;
+    }
+    None
+}
+
+/// Bytes of the string that a text begins with, its quotes included.
+fn length_of_string(text: &str) -> usize {
+    let mut escaped = false;
+    let end = text.bytes().skip(1).position(|b| {
+        let ends = b == b'"' && !escaped;
+        escaped = b == b'\\' && !escaped;
+        ends
+    });
+    end.map_or(text.len(), |k| k + 2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_that_stands_twice_is_named_with_its_place() {
+        let sound = r#"{"a": {"b": 1, "c": "\"b\": {"}, "b": [{"a": 1}, {"a": 2}, "a"], "d": "b"}"#;
+        assert_eq!(parse(sound).unwrap(), serde_json::from_str::<Value>(sound).unwrap());
+        let fault = parse("\u{feff}{\"a\": {\"b\": 1},\n \"c\": [{\"b\": 1, \"b\": 2}]}").unwrap_err();
+        assert_eq!(fault.to_string(), "line 2, column 16: the key \"b\" stands in its object already; keep one of the two");
+    }
+
+    #[test]
+    fn line_and_column_are_told_once() {
+        assert_eq!(parse("{\n\"a\": }").unwrap_err().to_string(), "line 2, column 6: expected value");
+        assert_eq!(parse(" \n").unwrap_err().what, "the file is empty");
+    }
+}
