@@ -224,13 +224,14 @@ fn clocks() {
 #[test]
 fn units_that_cannot_be_right() {
     let rpm = 30.0 / std::f64::consts::PI;
-    let cases: [(usize, f64, f64, &str, &str); 9] = [
+    let cases: [(usize, f64, f64, &str, &str); 10] = [
         (1, rpm, 0.0, "omega_f_rad_s", "It looks like rpm"),
         (1, 0.5 / std::f64::consts::PI, 0.0, "omega_f_rad_s", "It looks like Hz"),
         (1, -1.0, 0.0, "omega_f_rad_s", "turn backwards"),
         (3, 1e-3, 0.0, "T_e_Nm", "It looks like kN·m"),
         (3, 1e3, 0.0, "T_e_Nm", "It looks like N·mm"),
         (4, 1e-3, 0.0, "x_to_cmd_mm", "It looks like m:"),
+        (4, 12.0, 0.0, "x_to_cmd_mm", "It looks like percent of the travel: give scale and offset"),
         (4, 1e3, 0.0, "x_to_cmd_mm", "It looks like um"),
         (5, 1.0, 273.15, "theta_h_degC", "It looks like K"),
         (8, 1.0, 273.15, "theta_c_degC", "It looks like K"),
@@ -287,7 +288,49 @@ fn channels_that_say_nothing() {
     left_out(&both, &["r02.csv, channel T_e_Nm and x_to_cmd_mm: constant input", "export the right channels"]);
     let frozen = noted(&column(6, |_, _| "3.5".into()), &["x_to_mm: the value is 3.5 in every sample; the channel is not used"]);
     assert_eq!(frozen.recordings[1].x_to, None);
-    noted(&column(3, |_, _| "50".into()), &[]);
+    noted(&column(3, |_, _| "50".into()), &["T_e_Nm: the value is 50 in every sample"]);
+    // In all recordings of a campaign it is none that was measured.
+    let folder = Folder::with(&column(3, |_, _| "50".into()));
+    folder.file("r01.csv", &column(3, |_, _| "0".into()));
+    let fault = folder.fault();
+    assert!(fault.contains("r01.csv, channel T_e_Nm: the engine torque is 0 N·m in every sample of every recording"), "{fault}");
+    folder.file(
+        "recordings.json",
+        &format!(r#"{{"r01": {ENTRY}, "r02": {}}}"#, ENTRY.replacen('{', r#"{"channel_map": {"T_e_Nm": {"value": 50}}, "#, 1)),
+    );
+    assert_eq!(folder.read().unwrap().left_out, []);
+}
+
+#[test]
+fn a_file_of_another_kind_is_named_once() {
+    let folder = Folder::with("");
+    std::fs::remove_file(folder.0.join("r02.csv")).unwrap();
+    let remarks = || folder.read().unwrap().remarks();
+    assert!(remarks().starts_with("left out: r02: recordings.json lists it, but there is no such file"), "{}", remarks());
+    for (name, bytes, said) in [
+        ("r02.xlsx", &b"PK\x03\x04"[..], "left out: r02.xlsx: the file is a workbook"),
+        ("r02.csv.gz", &[0x1f, 0x8b, 8][..], "left out: r02.csv.gz: the file is compressed. Unpack it, e.g. with gunzip"),
+        ("r02.log", &b"t,a\n0,1\n"[..], "left out: r02.log: recordings.json lists it, but files with this ending are not read"),
+    ] {
+        std::fs::write(folder.0.join(name), bytes).unwrap();
+        assert!(remarks().starts_with(said), "{}", remarks());
+        std::fs::remove_file(folder.0.join(name)).unwrap();
+    }
+}
+
+#[test]
+fn kelvin_and_a_missing_brake_are_noted() {
+    let folder = Folder::with(&column(1, |_, v| format!("{}", v + 0.025)));
+    let kelvin = ENTRY.replace("36.0", "303.15").replace("launch", "drive");
+    folder.file("recordings.json", &format!(r#"{{"_comment": "wet road", "r01": {ENTRY}, "r02": {kelvin}}}"#));
+    let remarks = folder.read().unwrap().remarks();
+    assert!(
+        remarks
+            .contains("note: r02: theta_c0_degC = 303.15 is 278 K above the 25 °C around it: it looks like kelvin; if it is, write 30.00"),
+        "{remarks}"
+    );
+    assert!(remarks.contains("note: r02: brake: not recorded: braking will look like a gap"), "{remarks}");
+    assert!(!remarks.contains("r01"), "{remarks}");
 }
 
 #[test]

@@ -11,9 +11,9 @@ use super::pick::{Signal, pick};
 use super::raster::samples_alone;
 use super::repeats::Repeats;
 use super::rows::{SAME_S, held, own_rows, rows, sensed};
-use super::span::{Track, check_rate, round, span, tracks};
+use super::span::{Track, check_rate, rate_note, round, span, tracks};
 use super::table::Measurement;
-use super::{NO_POSITION, Recording};
+use super::{NO_BRAKE, NO_POSITION, Recording};
 
 /// Housing air where nothing says how warm it is, °C.
 const MILD: f64 = 20.0;
@@ -28,6 +28,8 @@ pub(super) struct Assembled {
     pub(super) notes: Vec<String>,
     /// What its speeds say of rows that repeat their source.
     pub(super) repeats: Repeats,
+    /// Why it shows nothing if the torque stands still in all other recordings, too.
+    pub(super) still_torque: Option<RecordingError>,
 }
 
 /// Builds the recording. `all` is what the speeds of all recordings of a campaign say of repeats, if they have been read.
@@ -40,11 +42,11 @@ pub(super) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry, all:
     set_aside(&mut signals, &mut notes);
     notes.extend(signals.iter_mut().filter_map(|s| doubt::faults(&m, s)));
     let mut tracks = tracks(&m, signals, &mut notes)?;
-    check_rate(&m, &tracks, entry, &mut notes)?;
+    let clock_hz = check_rate(&m, &tracks, entry)?;
     let (start, end) = span(&m, &tracks, &mut notes)?;
     // After the clock: three samples are too short to be called a wrong unit.
     for track in &tracks {
-        checks::plausible(&m, &track.signal, entry)?;
+        checks::plausible(&m, &track.signal, map, entry)?;
     }
     let (repeats, left_out) = samples_alone(&mut tracks, all);
     notes.extend(left_out);
@@ -64,14 +66,21 @@ pub(super) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry, all:
     }
     time.iter_mut().for_each(|t| *t = (*t - start).max(0.0));
     recording.sample_rate_hz = rate(&time, [&recording.omega_f, &recording.omega_c]);
+    notes.extend(rate_note(entry, [clock_hz, recording.sample_rate_hz]));
     recording.time = time;
     temperatures(&mut recording, entry, &mut notes);
     if recording.x_to_cmd.is_empty() {
         notes.push(NO_POSITION.to_owned());
     }
+    if recording.manoeuvre == "drive" && recording.brake.is_none() {
+        notes.push(NO_BRAKE.to_owned());
+    }
     let label = |channel| labels.iter().find(|(c, _)| *c == channel).map_or_else(String::new, |(_, l)| l.clone());
     checks::says_something(&m.file, label, &mut recording, &mut notes)?;
-    Ok(Assembled { recording, notes, repeats })
+    // What the map gives as a constant is meant.
+    let still = checks::constant(&recording.t_e).filter(|_| map.get(Channel::TE).is_none_or(|mapped| mapped.value.is_none()));
+    let still_torque = still.map(|value| Defect::StillTorque { value }.at(&m.file, label(Channel::TE), None));
+    Ok(Assembled { recording, notes, repeats, still_torque })
 }
 
 /// Nominal rate of the faster of two speeds with these rows, Hz; 0 if neither has two samples.
@@ -167,6 +176,16 @@ fn temperatures(recording: &mut Recording, entry: &Entry, notes: &mut Vec<String
     let sigma = entry.theta_0_sigma;
     if entry.theta_0.is_none() {
         notes.push(format!("no temperatures at the start are given: {air} °C is taken, the housing air's, give or take {UNKNOWN_K} K"));
+    }
+    if let Some([disc, body]) = entry.theta_0 {
+        let kelvin = |value: f64, other: f64| (value - other - 273.15).abs() < 20.0;
+        for (key, value, others) in [("theta_c0_degC", disc, [air, body]), ("theta_b0_degC", body, [air, air])] {
+            let around = others.into_iter().find(|other| kelvin(value, *other));
+            notes.extend(around.map(|other| {
+                let (above, celsius) = (value - other, value - 273.15);
+                format!("{key} = {value} is {above:.0} K above the {other} °C around it: it looks like kelvin; if it is, write {celsius:.2} into recordings.json")
+            }));
+        }
     }
     [recording.theta_c0, recording.theta_b0] = entry.theta_0.unwrap_or([air; 2]);
     recording.theta_0_sigma = if entry.theta_0.is_some() { sigma } else { [UNKNOWN_K; 2] };

@@ -10,12 +10,13 @@
 //! | engine torque | above 3000 N·m | N·mm |
 //! | engine torque | changing, never above 0.5 N·m | kN·m |
 //! | positions | never above 0.05 mm | m |
-//! | positions | above 100 mm | µm, counts |
+//! | positions | above 60 mm | percent of the travel up to 150, µm from 1000 on, else a wrong channel |
 //! | temperatures | above 200 °C in the housing; 253 to 293 K off the disc's temperature at the start | K |
 //! | temperatures | below -60 °C | a wrong channel |
 //! | flags | below 0 or above 1 | a wrong channel |
 
 use super::Recording;
+use super::channel_map::ChannelMap;
 use super::channels::Channel;
 use super::clock::valid;
 use super::error::{Defect, RecordingError};
@@ -24,7 +25,7 @@ use super::pick::Signal;
 use super::table::Measurement;
 
 /// Refuses a channel whose unit can't be right.
-pub(crate) fn plausible(m: &Measurement, signal: &Signal, entry: &Entry) -> Result<(), RecordingError> {
+pub(crate) fn plausible(m: &Measurement, signal: &Signal, map: &ChannelMap, entry: &Entry) -> Result<(), RecordingError> {
     let Some(range) = Range::of(signal) else { return Ok(()) };
     let found = match signal.channel {
         Channel::OmegaF | Channel::OmegaC => speed(signal, &range),
@@ -38,17 +39,27 @@ pub(crate) fn plausible(m: &Measurement, signal: &Signal, entry: &Entry) -> Resu
     match found {
         None => Ok(()),
         Some((sample, what, taken_for)) => {
-            let remedy = match taken_for {
-                Some(unit) => format!(
-                    "It looks like {unit}: say so in a channel map, e.g. {} = {{ name = \"…\", unit = \"{unit}\" }}",
-                    signal.channel.spec().column
+            let column = signal.channel.spec().column;
+            let ratio = map.get(signal.channel).and_then(|mapped| mapped.ratio);
+            let remedy = match (taken_for, ratio) {
+                (Some(_), Some(ratio)) => format!(
+                    "The ratio of {ratio} was applied to it: check that first. It is gear times final drive, and stays out where the channel is the disc's own speed. Then check the unit in the channel map"
                 ),
-                None => "Check that it is the right channel, and its scale, offset and sign in the channel map".to_string(),
+                (Some(PERCENT), _) => format!(
+                    "It looks like percent of the travel: give scale and offset in a channel map, e.g. {column} = {{ name = \"…\", scale = 0.08, offset = 0.0 }}, where scale is the bearing's travel in mm per percent and offset its position in mm at 0 %"
+                ),
+                (Some(unit), _) => {
+                    format!("It looks like {unit}: say so in a channel map, e.g. {column} = {{ name = \"…\", unit = \"{unit}\" }}")
+                }
+                (None, _) => "Check that it is the right channel, and its scale, offset and sign in the channel map".to_string(),
             };
             Err(m.defect_at(Defect::UnitCannotBeRight { what, remedy }, &signal.label, Some(sample)))
         }
     }
 }
+
+/// What a position from 0 to 100 looks like; no unit of length, so that a map needs a scale.
+const PERCENT: &str = "%";
 
 /// Sample, what is wrong, and the unit that the values look like.
 type Suspicion = Option<(usize, String, Option<&'static str>)>;
@@ -84,7 +95,7 @@ impl Range {
 fn speed(signal: &Signal, range: &Range) -> Suspicion {
     let (at, peak) = range.peak();
     if peak.abs() > 1500.0 {
-        return Some((at, format!("{peak} rad/s would be {:.0} rpm", rpm(peak)), Some("rpm")));
+        return Some((at, format!("{} rad/s would be {:.0} rpm", short(peak), rpm(peak)), Some("rpm")));
     }
     let above = |limit: f64| valid(&signal.time, &signal.values).filter(|(_, _, v)| *v > limit).count();
     let half = valid(&signal.time, &signal.values).count().div_ceil(2);
@@ -93,7 +104,7 @@ fn speed(signal: &Signal, range: &Range) -> Suspicion {
     }
     if signal.channel == Channel::OmegaF {
         if above(-1.0) < half {
-            return Some((range.min.0, format!("the engine would turn backwards at {} rad/s", range.min.1), None));
+            return Some((range.min.0, format!("the engine would turn backwards at {} rad/s", short(range.min.1)), None));
         }
         if peak < 40.0 {
             return Some((at, format!("the engine would never turn faster than {:.0} rpm", rpm(peak)), Some("Hz")));
@@ -109,24 +120,29 @@ fn rpm(rad_s: f64) -> f64 {
 fn torque(channel: Channel, range: &Range) -> Suspicion {
     let (at, peak) = range.peak();
     if peak.abs() > 3000.0 {
-        return Some((at, format!("{peak} N·m is more than a dry clutch carries"), Some("N·mm")));
+        return Some((at, format!("{} N·m is more than a dry clutch carries", short(peak)), Some("N·mm")));
     }
     // The clutch may be open throughout, with no torque at all; the engine has to turn itself.
     let idle = channel == Channel::TE && peak.abs() < 0.5 && range.max.1 > range.min.1;
-    idle.then(|| (at, format!("the engine torque never exceeds {peak} N·m"), Some("kN·m")))
+    idle.then(|| (at, format!("the engine torque never exceeds {} N·m", short(peak)), Some("kN·m")))
 }
 
 fn position(range: &Range) -> Suspicion {
     let (at, peak) = range.peak();
     if peak.abs() < 0.05 && range.max.1 > 0.0 {
-        return Some((at, format!("the bearing would never be beyond {peak} mm"), Some("m")));
+        return Some((at, format!("the bearing would never be beyond {} mm", short(peak)), Some("m")));
     }
-    (peak.abs() > 100.0).then(|| (at, format!("{peak} mm is no travel of a throwout bearing"), Some("um")))
+    let looks_like = match peak {
+        p if p.abs() >= 1000.0 => Some("um"),
+        p if (0.0..150.0).contains(&p) => Some(PERCENT),
+        _ => None,
+    };
+    (peak.abs() > 60.0).then(|| (at, format!("{} mm is no travel of a throwout bearing", short(peak)), looks_like))
 }
 
 fn housing(range: &Range) -> Suspicion {
     if range.max.1 > 200.0 {
-        return Some((range.max.0, format!("{} °C is no air temperature", range.max.1), Some("K")));
+        return Some((range.max.0, format!("{} °C is no air temperature", short(range.max.1)), Some("K")));
     }
     too_cold(range)
 }
@@ -134,18 +150,23 @@ fn housing(range: &Range) -> Suspicion {
 fn disc(range: &Range, theta_c0: f64) -> Suspicion {
     let (at, start) = range.first;
     if (start - theta_c0 - 273.15).abs() < 20.0 {
-        return Some((at, format!("it starts at {start} °C where recordings.json says theta_c0_degC = {theta_c0}"), Some("K")));
+        return Some((at, format!("it starts at {} °C where recordings.json says theta_c0_degC = {theta_c0}", short(start)), Some("K")));
     }
     too_cold(range)
 }
 
 fn too_cold(range: &Range) -> Suspicion {
-    (range.min.1 < -60.0).then(|| (range.min.0, format!("{} °C is colder than any road", range.min.1), None))
+    (range.min.1 < -60.0).then(|| (range.min.0, format!("{} °C is colder than any road", short(range.min.1)), None))
 }
 
 fn flag(range: &Range) -> Suspicion {
     let off = if range.min.1 < 0.0 { range.min } else { range.max };
     (!(0.0..=1.0).contains(&off.1)).then(|| (off.0, format!("{} is neither 0 nor 1", off.1), None))
+}
+
+/// A value without digits that are rounding.
+fn short(value: f64) -> String {
+    format!("{value:.4}").trim_end_matches('0').trim_end_matches('.').to_string()
 }
 
 /// Refuses a recording that shows nothing; drops a bench channel that says nothing.
@@ -172,6 +193,9 @@ pub(crate) fn says_something(
         let defect = Defect::ConstantCommand { value, manoeuvre: recording.manoeuvre.clone() };
         return at(defect, Channel::XToCmd);
     }
+    if let Some(value) = constant(&recording.t_e) {
+        notes.push(format!("{}: the value is {} in every sample; check that the channel was connected", label(Channel::TE), short(value)));
+    }
     let moving = command.is_none();
     for (channel, series) in [(Channel::XTo, &mut recording.x_to), (Channel::TFc, &mut recording.t_fc)] {
         if let Some(value) = series.as_deref().and_then(constant).filter(|_| moving) {
@@ -183,7 +207,7 @@ pub(crate) fn says_something(
 }
 
 /// The value of a series whose samples are all the same.
-fn constant(values: &[f64]) -> Option<f64> {
+pub(super) fn constant(values: &[f64]) -> Option<f64> {
     let mut there = values.iter().copied().filter(|v| !v.is_nan());
     let first = there.next()?;
     there.all(|v| v == first).then_some(first)
@@ -197,7 +221,8 @@ mod tests {
     fn told(channel: Channel, values: &[f64], theta_0: Option<[f64; 2]>) -> Option<String> {
         let time = Rc::new((0..values.len()).map(|k| 0.01 * k as f64).collect());
         let signal = Signal { channel, label: "it".into(), time, values: values.to_vec() };
-        plausible(&Measurement::default(), &signal, &Entry { theta_0, ..Entry::default() }).err().map(|e| e.to_string())
+        let map = ChannelMap::default();
+        plausible(&Measurement::default(), &signal, &map, &Entry { theta_0, ..Entry::default() }).err().map(|e| e.to_string())
     }
 
     /// Each bound of the table from both sides: sample, what is wrong, and the unit that the values look like.
@@ -228,8 +253,11 @@ mod tests {
             (XToCmd, &[0.01, 0.04], (2, "the bearing would never be beyond 0.04 mm", "m")),
             (XTo, &[0.01, 0.05], SOUND),
             (XTo, &[0.0, 0.0], SOUND),
-            (XTo, &[0.0, 100.0], SOUND),
-            (XTo, &[0.0, -101.0], (2, "-101 mm is no travel", "um")),
+            (XTo, &[0.0, 60.0], SOUND),
+            (XTo, &[0.0, 101.6], (2, "101.6 mm is no travel", "percent of the travel")),
+            (XTo, &[0.0, 400.0], (2, "400 mm is no travel", "sign in the channel map")),
+            (XTo, &[0.0, 4021.3], (2, "4021.3 mm is no travel", "um")),
+            (XTo, &[0.0, -101.0], (2, "-101 mm is no travel", "sign in the channel map")),
             (ThetaH, &[-60.0, 200.0], SOUND),
             (ThetaH, &[20.0, 201.0], (2, "201 °C is no air temperature", "K")),
             (ThetaH, &[20.0, -61.0], (2, "-61 °C is colder than any road", "sign in the channel map")),
@@ -250,6 +278,15 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_ratio_that_was_applied_is_doubted_first() {
+        let time = Rc::new(vec![0.0, 0.01]);
+        let signal = Signal { channel: Channel::OmegaC, label: "it".into(), time, values: vec![0.0, 1793.100_000_000_000_1] };
+        let map = ChannelMap::default().with_ratio(12.0);
+        let said = plausible(&Measurement::default(), &signal, &map, &Entry::default()).unwrap_err().to_string();
+        assert!(said.contains("1793.1 rad/s would be 17123 rpm. The ratio of 12 was applied to it"), "{said}");
     }
 
     #[test]
@@ -290,6 +327,7 @@ mod tests {
         assert_eq!(refused("open_rev", &|r| r.omega_c.fill(0.0)), "");
         // One input may stand still, not both; and no launch without a motion.
         assert_eq!(refused("drive", &|r| r.t_e = frozen()), "");
+        assert!(shown("drive", |r| r.t_e = frozen()).2[0].starts_with("T_e_Nm: the value is 2 in every sample"));
         assert_eq!(refused("drive", &|r| r.x_to_cmd = frozen()), "");
         assert!(refused("drive", &|r| (r.t_e, r.x_to_cmd) = (frozen(), frozen())).contains("T_e_Nm and x_to_cmd_mm: constant input"));
         for manoeuvre in ["launch", "creep", "modulate"] {

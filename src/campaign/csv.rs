@@ -14,9 +14,9 @@ use encoding_rs_io::DecodeReaderBytesBuilder;
 use super::error::{Defect, RecordingError};
 use super::limits::{FILE_ROWS, TEXT_BYTES};
 use super::table::{Group, Measurement, Rows, Series, Tell, Wanted};
-use super::text_cells::{Cells, decimals, is_comment, number, quantity, stamp, text};
+use super::text_cells::{Cells, DAY_NS, decimals, is_comment, is_time_of_day, number, quantity, stamp, text};
 use super::text_long;
-use super::text_shape::{Shape, shape};
+use super::text_shape::{Shape, is_data, shape};
 
 /// How much of a file is looked at to lay it out, bytes.
 const HEAD: u64 = 256 << 10;
@@ -54,7 +54,20 @@ fn read_from(file: &str, input: impl Read, wanted: Wanted<'_>) -> Result<Measure
     let mut input = DecodeReaderBytesBuilder::new().utf8_passthru(true).strip_bom(true).build(input);
     let mut head = Vec::new();
     input.by_ref().take(HEAD).read_to_end(&mut head).map_err(unreadable)?;
+    if head.contains(&0) {
+        return Err(Defect::NotText.in_file(file));
+    }
+    // A line that goes on behind a carriage return: one that ends the file may stand alone.
+    if !head.contains(&b'\n') && head.iter().filter(|b| **b == b'\r').count() > 1 {
+        return Err(Defect::CarriageReturns.in_file(file));
+    }
     let Some(shape) = shape(&head) else { return Err(Defect::Empty.in_file(file)) };
+    let names: Vec<String> = shape.columns.iter().map(|(name, _)| name.clone()).collect();
+    if is_data(&names, shape.decimal_comma) {
+        let mut error = Defect::NoHeader.in_file(file);
+        error.place.row = Some(("line", shape.above as u64));
+        return Err(error);
+    }
     if shape.is_of_frames() {
         return Err(Defect::RawFrames("as a table: save them as .asc, .trc or .mf4 first").in_file(file));
     }
@@ -149,6 +162,9 @@ struct Table<'a> {
     decimals: [usize; 2],
 }
 
+/// Longest step over midnight, ns: an hour.
+const MIDNIGHT_NS: i128 = 3_600_000_000_000;
+
 /// A column that is wanted.
 pub(crate) struct Column {
     /// What was read.
@@ -157,13 +173,17 @@ pub(crate) struct Column {
     at: usize,
     /// The first time stamp, ns, where the cells are such.
     first: Option<i128>,
+    /// The last one, with the days that have passed.
+    last: i128,
+    /// Midnights that times of day have passed.
+    midnights: i128,
 }
 
 impl Column {
     /// An empty one.
     pub fn new(name: &str, unit: Option<&str>, at: usize) -> Column {
         let series = Series { name: name.to_string(), unit: unit.map(str::to_string), ..Series::default() };
-        Column { series, at, first: None }
+        Column { series, at, first: None, last: 0, midnights: 0 }
     }
 
     /// Appends a cell.
@@ -194,7 +214,17 @@ impl Column {
         let at = stamp(std::str::from_utf8(cell).ok()?)?;
         let first = *self.first.get_or_insert(at);
         self.series.unit = Some("s".to_string());
-        Some((at - first) as f64 * 1e-9)
+        // Times of day that go back by nearly a day have passed midnight; rows in the wrong order go back by less.
+        let today = at + self.midnights * DAY_NS;
+        self.midnights += i128::from(is_time_of_day(first) && is_time_of_day(at) && self.last - today > DAY_NS - MIDNIGHT_NS);
+        self.last = at + self.midnights * DAY_NS;
+        Some((self.last - first) as f64 * 1e-9)
+    }
+
+    /// A note on midnights that were passed.
+    pub fn midnight(&self) -> Option<String> {
+        let how_often = if self.midnights == 1 { "midnight".to_string() } else { format!("{} midnights", self.midnights) };
+        (self.midnights > 0).then(|| format!("{}: the times of day pass {how_often}; time counts on", self.series.name))
     }
 
     /// A number with its unit behind it, as some loggers write each cell: `1009RPM`. It has to be that of the column.
@@ -245,6 +275,7 @@ impl<'a> Table<'a> {
         if self.lines.is_empty() {
             return Err(Defect::NoRows.in_file(self.file));
         }
+        notes.extend(self.columns.iter().filter_map(Column::midnight));
         let groups = blocks(self.columns, &self.clocks);
         Ok(Measurement { file: String::new(), groups, names: self.names, rows: Rows::Lines(self.lines), notes })
     }
@@ -292,6 +323,30 @@ mod tests {
         assert!(s[1].values[1].is_nan() && s[1].values[2].is_nan());
         assert_eq!(s[2].text, Some((0, "D".to_string())));
         assert_eq!(m.row(1), Some(("line", 5)));
+    }
+
+    #[test]
+    fn what_is_no_table_says_so() {
+        for (text, said) in [
+            (&b"\x13\xc0\x00\x08\n1"[..], "r.csv: the file is not text"),
+            (b"t,a\r0,1\r1,2\r", "r.csv: its lines end with carriage returns alone"),
+            (b"# log\n0,1\n1,2\n", "r.csv, line 2: the line holds numbers where the names of the channels are expected"),
+        ] {
+            let error = all(text).unwrap_err().to_string();
+            assert!(error.starts_with(said), "{error}");
+        }
+    }
+
+    #[test]
+    fn times_of_day_count_on_over_midnight() {
+        let m = all(b"time,a\n23:59:59.980,1\n23:59:59.990,2\n00:00:00.000,3\n00:00:00.010,4\n").unwrap();
+        assert!(m.groups[0].series[0].values.iter().zip([0.0, 0.01, 0.02, 0.03]).all(|(t, expected)| (t - expected).abs() < 1e-9));
+        assert_eq!(m.notes, ["time: the times of day pass midnight; time counts on"]);
+        // Rows in the wrong order are none, nor are dates.
+        for back in ["time,a\n12:00:01,1\n12:00:00,2\n", "time,a\n2026-11-22 23:59:59,1\n2026-11-22 00:00:00,2\n"] {
+            let m = all(back.as_bytes()).unwrap();
+            assert!(m.groups[0].series[0].values[1] < 0.0 && m.notes.is_empty(), "{back}");
+        }
     }
 
     #[test]

@@ -208,6 +208,20 @@ pub enum Defect {
     TooManyRows(u64),
     #[error("there is a header but no row of data. Export the recording again")]
     NoRows,
+    #[error("the file is not text: it holds bytes that no text has. Give it the ending that fits, or export it as CSV, MDF4 or Parquet")]
+    NotText,
+    #[error("its lines end with carriage returns alone. Save it with line feeds, e.g. tr '\\r' '\\n' < FILE > r01.csv")]
+    CarriageReturns,
+    #[error(
+        "the line holds numbers where the names of the channels are expected. Add a line with the names above it, e.g. time_s,omega_f_rad_s,…"
+    )]
+    NoHeader,
+    #[error("the file is compressed. Unpack it, e.g. with {0}, and give the file that comes out")]
+    Compressed(&'static str),
+    #[error(
+        "recordings.json lists it, but files with this ending are not read. Give it the ending .csv, .txt, .dat, .mf4 or .parquet if it is such a file, or export it as one"
+    )]
+    OtherEnding,
     #[error("the file is {found}, not {expected}. Give it the ending that fits, or export it again")]
     WrongFormat { found: &'static str, expected: &'static str },
     #[error("MDF version {0} is older than 4. Convert it, e.g. with asammdf: MDF(file).convert(\"4.10\").save(file)")]
@@ -294,6 +308,10 @@ pub enum Defect {
     NothingValid,
     #[error("the value is {value} in every sample: the sensor was frozen or not connected. Check the sensor, or remove the recording")]
     Frozen { value: f64 },
+    #[error(
+        "the engine torque is {value} N·m in every sample of every recording: the channel was frozen or not connected. Map the right channel to T_e_Nm; a torque that is known to be constant stands in the channel map as T_e_Nm = {{ value = {value} }}"
+    )]
+    StillTorque { value: f64 },
     #[error(
         "constant input: engine torque and commanded position never change, so the recording shows nothing. Remove it, or export the right channels"
     )]

@@ -47,7 +47,7 @@ pub fn read_telling(dir: &Path, options: &ReadOptions, tell: &dyn Fn(&str, f64))
         return too_much("recordings", entries.len(), RECORDINGS, "Split the campaign, or keep the recordings that tell most");
     }
     let files = files(dir)?;
-    let mut reading = Reading::new(options, tell);
+    let mut reading = Reading::new(dir, options, tell);
     reading.hash("vehicle.json", vehicle_text.as_bytes());
     reading.hash("recordings.json", manifest_text.as_bytes());
     for entry in &entries {
@@ -65,6 +65,7 @@ pub fn read_telling(dir: &Path, options: &ReadOptions, tell: &dyn Fn(&str, f64))
         reading.left_out.push(LeftOut { reason: Defect::NotListed.in_file(&name).to_string(), recording: name });
     }
     reading.again()?;
+    reading.leave_out_still_torques()?;
     if reading.read.is_empty() {
         return Err(CampaignError::NothingUsable { dir: dir.to_path_buf(), left_out: reading.left_out });
     }
@@ -120,6 +121,7 @@ fn from_file(
 
 /// What has been read so far.
 struct Reading<'a> {
+    dir: &'a Path,
     tell: &'a dyn Fn(&str, f64),
     strict: bool,
     map: std::borrow::Cow<'a, ChannelMap>,
@@ -132,9 +134,18 @@ struct Reading<'a> {
 }
 
 impl<'a> Reading<'a> {
-    fn new(options: &'a ReadOptions, tell: &'a dyn Fn(&str, f64)) -> Self {
+    fn new(dir: &'a Path, options: &'a ReadOptions, tell: &'a dyn Fn(&str, f64)) -> Self {
         let map = options.channel_map.as_ref().map(std::borrow::Cow::Borrowed).unwrap_or_default();
-        Reading { tell, strict: options.strict, map, read: Vec::new(), left_out: Vec::new(), used: Vec::new(), digests: BTreeMap::new() }
+        Reading {
+            dir,
+            tell,
+            strict: options.strict,
+            map,
+            read: Vec::new(),
+            left_out: Vec::new(),
+            used: Vec::new(),
+            digests: BTreeMap::new(),
+        }
     }
 
     fn hash(&mut self, name: &str, bytes: &[u8]) {
@@ -169,11 +180,26 @@ impl<'a> Reading<'a> {
         Ok(())
     }
 
+    /// Leaves out everything if no recording has a torque that moves: one alone may be a drag or an idle.
+    fn leave_out_still_torques(&mut self) -> Result<(), RecordingError> {
+        if !self.read.iter().all(|(.., a)| a.still_torque.is_some()) {
+            return Ok(());
+        }
+        for (_, entry, assembled) in std::mem::take(&mut self.read) {
+            if let Some(error) = assembled.still_torque {
+                self.keep(&entry, Err(error))?;
+            }
+        }
+        Ok(())
+    }
+
     fn first(&mut self, entry: &Entry, paths: &[PathBuf]) -> Result<(PathBuf, Assembled), RecordingError> {
         let [path] = paths else {
             let names: Vec<String> = paths.iter().map(|p| file_name(p)).collect();
-            let defect = if names.is_empty() { Defect::NoFile } else { Defect::SeveralFiles(names.join(", ")) };
-            return Err(defect.in_file(&entry.name));
+            return Err(match names.as_slice() {
+                [] => not_there(self.dir, entry),
+                _ => Defect::SeveralFiles(names.join(", ")).in_file(&entry.name),
+            });
         };
         let name = file_name(path);
         let unreadable = |e: std::io::Error| Defect::Unreadable(e.to_string()).in_file(&name);
@@ -226,6 +252,17 @@ fn files(dir: &Path) -> Result<BTreeMap<String, Vec<PathBuf>>, CampaignError> {
     }
     files.values_mut().for_each(|paths| paths.sort());
     Ok(files)
+}
+
+/// Why a recording has no file: there is none, or one of another kind.
+fn not_there(dir: &Path, entry: &Entry) -> RecordingError {
+    let begins = format!("{}.", stem(entry));
+    let is_it = |path: &PathBuf| path.is_file() && file_name(path).starts_with(&begins);
+    let others = std::fs::read_dir(dir).into_iter().flatten().filter_map(|item| Some(item.ok()?.path())).filter(is_it);
+    match others.min() {
+        None => Defect::NoFile.in_file(&entry.name),
+        Some(path) => table::format(&path).err().unwrap_or_else(|| Defect::OtherEnding.in_file(&file_name(&path))),
+    }
 }
 
 /// SHA-256 of a file, in a stream.

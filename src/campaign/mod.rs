@@ -80,8 +80,21 @@ pub struct LeftOut {
     pub reason: String,
 }
 
+impl LeftOut {
+    /// A line for a terminal; a reason that begins with the recording's name, or that of its file, says it once.
+    fn line(&self) -> String {
+        let LeftOut { recording, reason } = self;
+        let named = reason.strip_prefix(recording.as_str()).is_some_and(|rest| rest.starts_with(['.', ',', ':']));
+        if named { format!("left out: {reason}\n") } else { format!("left out: {recording}: {reason}\n") }
+    }
+}
+
 /// Note on a recording without a commanded position.
 pub const NO_POSITION: &str = "x_to_cmd_mm: not recorded: actuator, clutch force, friction and thermal parts can't be assessed; record the position that the TCU commands";
+
+/// Note on a drive without a brake switch.
+pub const NO_BRAKE: &str =
+    "brake: not recorded: braking will look like a gap in the driveline; record the brake switch, or leave braking out with window_s";
 
 /// Something that was done to a recording and that its user should know.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -95,7 +108,7 @@ pub struct Note {
 impl Campaign {
     /// What was left out and what was done, a line each, for a terminal; notes that several recordings share stand once.
     pub fn remarks(&self) -> String {
-        let mut text: String = self.left_out.iter().map(|left| format!("left out: {}: {}\n", left.recording, left.reason)).collect();
+        let mut text: String = self.left_out.iter().map(LeftOut::line).collect();
         let mut said: Vec<(&str, Vec<&str>)> = Vec::new();
         for note in &self.notes {
             match said.iter_mut().find(|(text, _)| *text == note.text) {

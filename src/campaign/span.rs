@@ -69,8 +69,8 @@ pub(crate) fn tracks(m: &Measurement, signals: Vec<Signal>, notes: &mut Vec<Stri
     Ok(tracks)
 }
 
-/// Refuses a clock that can't be in the unit that it claims, and speeds too slow to follow an engagement.
-pub(crate) fn check_rate(m: &Measurement, tracks: &[Track], entry: &Entry, notes: &mut Vec<String>) -> Result<(), RecordingError> {
+/// Rate of the faster speed's rows, Hz. Refuses a clock that can't be in the unit that it claims, and speeds too slow to follow an engagement.
+pub(crate) fn check_rate(m: &Measurement, tracks: &[Track], entry: &Entry) -> Result<f64, RecordingError> {
     let speeds = tracks.iter().filter(|t| matches!(t.signal.channel, Channel::OmegaF | Channel::OmegaC));
     let step = speeds.map(|t| t.spacing.step).filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
     if !step.is_finite() {
@@ -78,17 +78,25 @@ pub(crate) fn check_rate(m: &Measurement, tracks: &[Track], entry: &Entry, notes
     }
     let own = 1.0 / step;
     if let Some(stated) = entry.sample_rate_hz {
-        let near = |factor: f64| (own * factor / stated - 1.0).abs() < 0.1;
+        let near = |factor: f64| is_near(own * factor, stated);
         let hints =
             [(1e3, "; it looks like ms"), (1e6, "; it looks like µs"), (1e9, "; it looks like ns"), (1.0 / 60.0, "; it looks like min")];
         if let Some((_, hint)) = hints.iter().find(|(factor, _)| near(*factor)) {
             return Err(m.defect(Defect::ClockUnit { rate_hz: own, stated_hz: stated, hint }));
         }
-        if !near(1.0) {
-            notes.push(format!("recordings.json says {stated} Hz, the speeds come at {} Hz; their clock is believed", round(own)));
-        }
     }
-    if is_slow(step) { Err(m.defect(Defect::TooSlow(own))) } else { Ok(()) }
+    if is_slow(step) { Err(m.defect(Defect::TooSlow(own))) } else { Ok(own) }
+}
+
+/// Whether a rate is the one that is stated, as far as clocks are exact.
+fn is_near(rate: f64, stated: f64) -> bool {
+    (rate / stated - 1.0).abs() < 0.1
+}
+
+/// What there is to say of a stated rate that is neither that of the rows nor that of the samples, which may be fewer.
+pub(crate) fn rate_note(entry: &Entry, [rows_hz, samples_hz]: [f64; 2]) -> Option<String> {
+    let stated = entry.sample_rate_hz.filter(|stated| !is_near(rows_hz, *stated) && !is_near(samples_hz, *stated))?;
+    Some(format!("recordings.json says {stated} Hz, the speeds come at {} Hz; their clock is believed", round(samples_hz)))
 }
 
 /// Whether samples this far apart, s, are too slow to follow an engagement; clocks are not exact.
@@ -190,7 +198,9 @@ mod tests {
     fn rated(step: f64, stated: Option<f64>) -> (String, Vec<String>) {
         let (m, mut notes) = (Measurement::default(), Vec::new());
         let tracks = tracks(&m, vec![every(OmegaF, 0.0, step, 50), every(OmegaC, 0.0, 2.0 * step, 25)], &mut notes).unwrap();
-        let said = check_rate(&m, &tracks, &Entry { sample_rate_hz: stated, ..Entry::default() }, &mut notes);
+        let entry = Entry { sample_rate_hz: stated, ..Entry::default() };
+        let said = check_rate(&m, &tracks, &entry);
+        notes.extend(said.iter().filter_map(|rows_hz| rate_note(&entry, [*rows_hz; 2])));
         (said.err().map(|e| e.to_string()).unwrap_or_default(), notes)
     }
 
@@ -222,7 +232,7 @@ mod tests {
         }
         let m = Measurement::default();
         let one = tracks(&m, vec![every(OmegaF, 0.0, 1.0, 1)], &mut Vec::new()).unwrap();
-        assert!(check_rate(&m, &one, &Entry::default(), &mut Vec::new()).unwrap_err().to_string().contains("ends here, 0.000 s"));
+        assert!(check_rate(&m, &one, &Entry::default()).unwrap_err().to_string().contains("ends here, 0.000 s"));
         assert_eq!([round(99.999_96), round(1_234_567.0), round(0.012_345_678)], [100.0, 1_234_570.0, 0.012_345_7]);
     }
 

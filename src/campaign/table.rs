@@ -157,6 +157,17 @@ fn other_kind(path: &Path, head: &[u8]) -> Option<Defect> {
         _ if is_candump(&line) => Some("candump"),
         _ => None,
     };
+    let unpack = match head {
+        [0x1f, 0x8b, ..] => Some("gunzip"),
+        [b'B', b'Z', b'h', ..] => Some("bunzip2"),
+        [0xfd, b'7', b'z', b'X', b'Z', ..] => Some("unxz"),
+        [0x28, 0xb5, 0x2f, 0xfd, ..] => Some("unzstd"),
+        _ if ending == "zip" => Some("unzip"),
+        _ => None,
+    };
+    if let Some(tool) = unpack {
+        return Some(Defect::Compressed(tool));
+    }
     match (frames, ending.as_str()) {
         (Some(kind), _) => Some(Defect::RawFrames(kind)),
         (None, "xlsx" | "xlsm" | "xls" | "ods") => Some(Defect::Workbook),

@@ -116,6 +116,14 @@ pub(crate) fn decimals(cell: &[u8], decimal_comma: bool) -> usize {
     cell.trim_ascii().iter().rev().position(|&b| b == b'.' || decimal_comma && b == b',').unwrap_or(0)
 }
 
+/// Nanoseconds of a day.
+pub(crate) const DAY_NS: i128 = 86_400_000_000_000;
+
+/// Whether a stamp is a time of day without a date, which begins anew at midnight.
+pub(crate) fn is_time_of_day(at: i128) -> bool {
+    (0..DAY_NS).contains(&at)
+}
+
 /// A date with a time of day, or a time of day alone, as nanoseconds from some beginning; `None` for anything else.
 pub(crate) fn stamp(cell: &str) -> Option<i128> {
     let cell = cell.trim();

@@ -83,6 +83,7 @@ pub(crate) fn read<R: Read>(
     if m.names.is_empty() {
         return Err(Defect::NoRows.in_file(file));
     }
+    m.notes.extend(clock.midnight());
     if let Some((row, word)) = clock.series.text {
         return Err(Defect::NotANumber(word).at(file, time_name.as_str(), Some(("row", row as u64 + 1))));
     }
