@@ -79,8 +79,8 @@ fn between(answers: &[Value; 2], called: [String; 2]) -> Value {
     for id in &ids {
         let both = [of(0, id), of(1, id)];
         let (change, rivals) = match &both {
-            [Some(_), None] => ("gone", stands_in(&answers[1], id)),
-            [None, Some(_)] => ("new", stands_in(&answers[0], id)),
+            [Some(own), None] => ("gone", stands_in(&answers[1], id) || stood_in_for(own, &answers[1])),
+            [None, Some(own)] => ("new", stands_in(&answers[0], id) || stood_in_for(own, &answers[0])),
             _ => ("stays", false),
         };
         // What is not told apart from an effect of the other answer has not come or gone for certain.
@@ -136,6 +136,12 @@ fn stands_in(answer: &Value, id: &str) -> bool {
         .into_iter()
         .flatten()
         .any(|e| e["ambiguous_with"].as_array().is_some_and(|all| all.iter().any(|r| r == id)))
+}
+
+/// Whether an effect has one of an answer's among its own rivals.
+fn stood_in_for(effect: &Value, answer: &Value) -> bool {
+    let rivals = effect["ambiguous_with"].as_array();
+    rivals.into_iter().flatten().any(|rival| answer["which"]["effects"].as_array().into_iter().flatten().any(|e| e["id"] == *rival))
 }
 
 /// Estimate and standard deviation of a value with its interval.
@@ -255,5 +261,12 @@ mod tests {
         let other = answer(json!([effect("road_load", 1.0, &["judder"])]), 0.7, 0.2);
         let found = between(&[same, other], ["a".into(), "b".into()]);
         assert!(found["effects"].as_array().unwrap().iter().all(|e| e["change"] == "perhaps the same"));
+        // The doubt may stand in one of the two answers alone, in either order.
+        let sure = answer(json!([effect("road_load", 1.0, &[])]), 0.7, 0.2);
+        let doubtful = answer(json!([effect("judder", 1.0, &["road_load"])]), 0.7, 0.2);
+        for pair in [[sure.clone(), doubtful.clone()], [doubtful, sure]] {
+            let found = between(&pair, ["a".into(), "b".into()]);
+            assert!(found["effects"].as_array().unwrap().iter().all(|e| e["change"] == "perhaps the same"), "{found}");
+        }
     }
 }

@@ -19,7 +19,11 @@ pub fn headline(found: &Value) -> String {
             .collect()
     };
     let moved: Vec<String> = list(found, "changes").iter().filter(|c| flag(c, "significant")).map(|c| what(c).0).collect();
-    let is = |all: &[String], one: &str, many: &str| format!("{} {}", enumeration(all), if all.len() == 1 { one } else { many });
+    let plural = |name: &String| names::EFFECTS.iter().any(|(id, known)| known == name && names::is_plural(id));
+    let is = |all: &[String], one: &str, many: &str| {
+        let verb = if all.len() == 1 && !plural(&all[0]) { one } else { many };
+        format!("{} {verb}", enumeration(all))
+    };
     let mut parts = Vec::new();
     for (change, one, many) in [("gone", "is gone", "are gone"), ("new", "is new", "are new")] {
         let all = of(change);

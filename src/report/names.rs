@@ -58,6 +58,11 @@ pub fn effect(id: &str) -> String {
     EFFECTS.iter().chain(&SIMULATED).find(|(known, _)| *known == id).map_or_else(|| words(id), |(_, name)| (*name).to_owned())
 }
 
+/// Whether an effect has a name in the plural.
+pub fn is_plural(id: &str) -> bool {
+    matches!(id, "driveline_compliance" | "surface_temperature")
+}
+
 /// What each curve of a learned law is called.
 pub const CURVES: [(&str, &str); 20] = [
     ("friction_slip", "Friction over slip"),
