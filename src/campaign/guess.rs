@@ -27,6 +27,19 @@ pub(crate) fn guess(series: &[(&str, Option<&str>)]) -> Vec<Option<Channel>> {
     out
 }
 
+/// Names that several channels share and that one alone would be taken by, with how often they occur and what for.
+pub(crate) fn shared<'a>(series: &[(&'a str, Option<&str>)]) -> Vec<(&'a str, usize, Channel)> {
+    let mut once: Vec<(&'a str, Option<&str>)> = Vec::new();
+    for one in series {
+        if once.iter().all(|(name, _)| *name != one.0) {
+            once.push(*one);
+        }
+    }
+    let count = |name: &str| series.iter().filter(|(other, _)| *other == name).count();
+    let taken = once.iter().zip(guess(&once)).filter_map(|((name, _), channel)| Some((*name, count(name), channel?)));
+    taken.filter(|(_, count, _)| *count > 1).collect()
+}
+
 /// Whether a name is a clock's.
 pub(crate) fn is_time(name: &str, unit: Option<&str>) -> bool {
     let other = unit.and_then(units::parse).is_some_and(|u| u.quantity != units::Quantity::Time);
@@ -391,6 +404,9 @@ mod tests {
     fn a_tie_is_left_open_and_a_clock_is_one_by_name_and_unit() {
         assert_eq!(guess(&[("disc_a", Some("rpm")), ("disc_b", Some("rpm"))]), [None, None]);
         assert_eq!(guess(&[("disc_a", Some("rpm"))]), [Some(Channel::OmegaC)]);
+        let twice = [("nmot", Some("rpm")), ("tqmot", Some("Nm")), ("nmot", Some("rpm"))];
+        assert_eq!((guess(&twice)[0], shared(&twice)), (None, vec![("nmot", 2, Channel::OmegaF)]));
+        assert_eq!(shared(&twice[..2]), []);
         for (name, unit, clock) in [
             ("Time", None, true),
             ("t", Some("ms"), true),

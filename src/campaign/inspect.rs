@@ -68,7 +68,7 @@ pub fn inspect(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<In
     };
     let mut notes = measurement.notes;
     let mut channels: Vec<ChannelInfo> = measurement.groups.iter().flat_map(channels_of).collect();
-    mark(&mut channels);
+    notes.extend(mark(&mut channels));
     notes.extend(measurement.groups.iter().flat_map(|g| faults(g, &channels)));
     Ok(Inspection { file: measurement.file, format, channels, notes })
 }
@@ -204,14 +204,24 @@ fn faults(group: &Group, channels: &[ChannelInfo]) -> Vec<String> {
     group.series.iter().filter_map(fault).flatten().collect()
 }
 
-/// Adds the guesses for all channels but clocks and texts.
-fn mark(channels: &mut [ChannelInfo]) {
+/// Adds the guesses for all channels but clocks and texts; notes names that leave one open, for several channels share them.
+fn mark(channels: &mut [ChannelInfo]) -> Vec<String> {
     let open: Vec<usize> = (0..channels.len()).filter(|&i| channels[i].guess.is_none() && !channels[i].text).collect();
     let names: Vec<(&str, Option<&str>)> = open.iter().map(|&i| (channels[i].name.as_str(), channels[i].unit.as_deref())).collect();
     let guesses = guess::guess(&names);
+    let groups = |name: &str| {
+        let of = channels.iter().filter(|c| c.name == name).map(|c| c.group.0.to_string());
+        of.collect::<Vec<_>>().join(" and ")
+    };
+    let say = |(name, count, channel): (&str, usize, Channel)| {
+        let column = channel.spec().column;
+        format!("{count} channels are called {name} (groups {}): choose one for {column} with `group` in the channel map", groups(name))
+    };
+    let said = guess::shared(&names).into_iter().map(say).collect();
     for (i, guess) in open.into_iter().zip(guesses) {
         channels[i].guess = guess;
     }
+    said
 }
 
 #[cfg(test)]

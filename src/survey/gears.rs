@@ -51,7 +51,8 @@ impl Gears {
 
     /// Seconds that a gear is locked.
     pub fn seconds(&self, gear: usize) -> f64 {
-        self.stretches.iter().filter(|s| s.gear == gear).map(|s| s.to - s.from).sum()
+        // A sum of nothing is -0.
+        self.stretches.iter().filter(|s| s.gear == gear).map(|s| s.to - s.from).sum::<f64>() + 0.0
     }
 
     /// Median of disc over engine speed while a gear is locked.

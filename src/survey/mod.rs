@@ -140,6 +140,7 @@ pub fn survey(log: Log, known: &Known) -> Survey {
     }
     // The gearbox input turns as the disc does: no gear lies between.
     let direct = Known { ratios: vec![1.0], tyre_radius: None, ..Known::default() };
+    let given = !known.ratios.is_empty();
     let known = if road.guess == Some(Channel::OmegaC) && known.ratios.is_empty() { &direct } else { known };
     let mut slow = Vec::new();
     for c in [omega, road].into_iter().filter(|c| is_slow(c.step)) {
@@ -153,7 +154,7 @@ pub fn survey(log: Log, known: &Known) -> Survey {
     }
     let steps = (omega.quantum, road.quantum);
     let (omega, v) = (omega.trace(), road.trace());
-    s.gears = gears::find(omega, v, known, shaft, &mut s.remarks);
+    s.gears = gears::Gears { given, ..gears::find(omega, v, known, shaft, &mut s.remarks) };
     let drive = known.final_drive.filter(|_| !shaft);
     s.tyre_radius = s.tyre_radius.or_else(|| Some(drive? / s.gears.common?));
     s.engagements = engagements::find(omega, v, &s.gears);

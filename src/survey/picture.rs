@@ -7,6 +7,9 @@ use crate::plots::chart::{Panel, Series, render};
 /// Points of a line; more only make the file large.
 const POINTS: usize = 3000;
 
+/// Letters for which the legend has room.
+const LEGEND: usize = 22;
+
 /// The picture as SVG; `None` without both speeds.
 pub fn svg(s: &Survey) -> Option<String> {
     let (engine, road) = (&s.log.channels[s.engine?], &s.log.channels[s.road?]);
@@ -22,7 +25,7 @@ pub fn svg(s: &Survey) -> Option<String> {
     speeds.push(Series { dashed: true, ..series("speeds meet", met) });
     let mut panels = vec![panel("speed [rad/s]", speeds), panel("slip [rad/s]", vec![series("engine less disc", slip)])];
     if !s.torques.is_empty() {
-        let lines = s.torques.iter().take(3).map(|t| &s.log.channels[t.channel]).map(|c| series(&escaped(&c.name), line(c)));
+        let lines = s.torques.iter().take(3).map(|t| &s.log.channels[t.channel]).map(|c| series(&escaped(&shortened(&c.name)), line(c)));
         panels.push(panel("torque [N·m]", lines.collect()));
     }
     panels.retain(|p| p.series.iter().any(|s| !s.points.is_empty()));
@@ -32,6 +35,17 @@ pub fn svg(s: &Survey) -> Option<String> {
 fn line(c: &LogChannel) -> Vec<(f64, f64)> {
     let step = c.values.len().div_ceil(POINTS).max(1);
     c.time.iter().copied().zip(c.values.iter().copied()).step_by(step).collect()
+}
+
+/// As much of a name as the legend has room for: its beginning and its end.
+fn shortened(name: &str) -> String {
+    let letters: Vec<char> = name.chars().collect();
+    if letters.len() <= LEGEND {
+        return name.to_string();
+    }
+    let half = LEGEND / 2;
+    let (begin, end) = (&letters[..half], &letters[letters.len() + 1 - half..]);
+    begin.iter().chain(&['…']).chain(end).collect()
 }
 
 fn escaped(text: &str) -> String {

@@ -53,7 +53,11 @@ impl Survey {
             Some(_) => "rad/rad",
             None => "rad/s per unit of it",
         };
-        let kind = if self.gears.given { "ratios as given" } else { "learned from locked stretches" };
+        let kind = match (self.gears.given, self.gears.common) {
+            (true, _) => "ratios as given",
+            (false, Some(_)) => "none: the speed is the disc's own",
+            (false, None) => "learned from locked stretches",
+        };
         let _ = writeln!(out, "\ngears ({kind})");
         if let Some(common) = self.gears.common.filter(|_| unit == "rad/m") {
             let _ = writeln!(out, "  final drive over tyre radius: {common:.3} 1/m");

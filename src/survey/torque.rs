@@ -75,7 +75,10 @@ fn reading(channel: usize, torque: Trace<'_>, engine: Trace<'_>, open: &[(f64, f
     });
     let clutch = if sure { "the clutch open" } else { "the car at rest (whether the clutch is open, no channel tells)" };
     let verdict = match inertia {
-        _ if level.abs() < SMALL => format!("reads nothing with {clutch}: it may be the torque of clutch, gearbox input or wheels"),
+        _ if level.abs() < SMALL => format!(
+            "reads next to nothing with {clutch}: it may be the torque of clutch, gearbox input or wheels, or the engine's net torque, which is \
+             little, too, at idle with the clutch open"
+        ),
         Some(j) if !(INERTIAS.0..=INERTIAS.1).contains(&j) => format!(
             "it can't be T_e: with {clutch} its changes would ask for an engine of {j:.2} kg·m² (engines have {} to {}); nor is it the clutch's or \
              gearbox input's torque, which is 0 there, unless its zero is off by {level:.0} N·m",
