@@ -113,8 +113,8 @@ pub fn find(named: &[PathBuf]) -> Result<Vec<Library>, FmuError> {
 }
 
 fn search() -> Result<Vec<PathBuf>, FmuError> {
-    if let Some(path) = env::var_os(VARIABLE) {
-        return Ok(vec![PathBuf::from(path)]);
+    if let Some(path) = env::var_os(VARIABLE).filter(|path| !path.is_empty()).map(PathBuf::from) {
+        return if path.is_file() { Ok(vec![path]) } else { Err(FmuError::InVariable(path)) };
     }
     let name = if cfg!(windows) { "kisspoint.dll" } else { "libkisspoint.so" };
     let beside = env::current_exe().ok().and_then(|exe| Some(exe.parent()?.to_owned())).unwrap_or_default();

@@ -62,6 +62,9 @@ pub enum FmuError {
         "no shared library of kisspoint was found (looked at {0}); build it with `cargo build --release --lib --no-default-features` or name it with --library"
     )]
     NoLibrary(String),
+    /// The environment names a library that is not there.
+    #[error("{}, which the environment variable {} names, is no file; correct the variable, unset it, or name the library with --library", .0.display(), library::VARIABLE)]
+    InVariable(PathBuf),
     /// A file is no shared library that an FMU can hold.
     #[error("{}: {what}; give an ELF .so or a PE .dll for x86-64 or AArch64", path.display())]
     NotALibrary {
