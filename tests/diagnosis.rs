@@ -212,7 +212,7 @@ fn one_recording_is_refused() {
     assert!(matches!(refusal, DiagnosisError::TooFew(1)), "{refusal:?}");
     assert_eq!(
         refusal.to_string(),
-        "the campaign has 1 usable recording(s); at least 2 are needed, or a drive with two engagements, so that one can be held out to judge the fit"
+        "the campaign has 1 usable recording; at least 2 are needed, or a drive with two engagements, so that one can be held out to judge the fit"
     );
 }
 

@@ -207,13 +207,22 @@ fn provenance(campaign: &Campaign, used: usize, options: &ReadOptions) -> Vec<(S
     ];
     let bench: Vec<&str> = bench.into_iter().flatten().collect();
     let tolerances = campaign.vehicle_json["tolerance"].as_object().map_or(0, serde_json::Map::len);
+    let left_out = campaign.left_out.len() + recordings.len() - used;
     let facts = [
         ("kisspoint", env!("CARGO_PKG_VERSION").to_owned()),
-        ("recordings", format!("{used} used at {}, {} left out", rates.join(" and "), campaign.left_out.len() + recordings.len() - used)),
+        ("recordings", format!("{used} used at {}, {left_out} left out", rates.join(" and "))),
         ("bench channels", if bench.is_empty() { "none".to_owned() } else { bench.join(", ") }),
         ("candidates", format!("{} effects, up to three at a time, with {tolerances} declared tolerances free", REGISTRY.len())),
         ("channel map", if options.channel_map.is_some() { "yes" } else { "none: the files have the standard channel names" }.to_owned()),
-        ("recordings with defects", if options.strict { "refused (--strict)" } else { "left out, and named above" }.to_owned()),
+        (
+            "recordings with defects",
+            match (options.strict, left_out) {
+                (true, _) => "refused (--strict)",
+                (false, 0) => "none",
+                (false, _) => "left out, and named above",
+            }
+            .to_owned(),
+        ),
         ("data fingerprint (SHA-256)", campaign.fingerprint.clone()),
     ];
     facts.map(|(k, v)| (k.to_owned(), v)).to_vec()

@@ -14,7 +14,7 @@ use crate::campaign::{self, ChannelInfo, Inspection};
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:\n  \
     kisspoint inspect drive.mf4\n  \
-    kisspoint inspect car_17/r01.mf4 --draft-map car_17/channels.toml --draft-recordings car_17/recordings.json\n  \
+    kisspoint inspect car_17/r01.mf4 --draft-map car_17/channels.toml \\\n      --draft-recordings car_17/recordings.json\n  \
     kisspoint inspect drive.csv --json")]
 pub struct InspectArgs {
     /// The file to look into

@@ -148,7 +148,7 @@ fn hot(cases: &[Case; 3]) -> Value {
 
 fn hot_as_text(cases: &[Case; 3]) -> String {
     let mut text = format!(
-        "\nA hot launch ({:.0} °C) of a car whose touch point moves by {} mm/K\n\
+        "\nA hot launch ({:.0} °C) of a car whose kiss point moves by {} mm/K\n\
          temperature   torque feedback     t_f [s]     E_d [J]    slip acceleration [rad/s²]\n",
         temperature::HOT,
         temperature::TOUCH_POINT

@@ -46,7 +46,7 @@ pub fn run(vehicle: &Vehicle, count: usize, seed: u64, plots: Option<&Path>, as_
     }
     let spread: Vec<String> = spread.iter().map(|s| format!("{s:.3}")).collect();
     text += &format!(
-        "Learning: range of the time over friction x 0.8 to 1.2 and touch point +- 0.4 mm, launch 1 to {}: {} s\n",
+        "Learning: range of the time over friction x 0.8 to 1.2 and kiss point +- 0.4 mm, launch 1 to {}: {} s\n",
         monte_carlo::LAUNCHES,
         spread.join(", ")
     );

@@ -6,7 +6,9 @@ use super::plan::manoeuvre::Manoeuvre;
 use super::plan::reach::{Reach, TOO_LARGE};
 use super::plan::split::Rival;
 use super::plan::{Outlook, Worth};
+use super::prose::chance;
 use crate::effects::{PARAMETERS, REGISTRY};
+use crate::vehicle::written;
 
 /// A manoeuvre as one says it.
 fn said(m: &Manoeuvre) -> String {
@@ -27,10 +29,11 @@ pub fn separated_by(outlook: &Outlook, effect: usize) -> String {
     };
     let what = said(&outlook.manoeuvres[best.manoeuvre]);
     format!(
-        "{what}: {} nats expected, {} per minute; it tells them apart with a probability of {:.0} %",
+        "{what}: {} nats expected in {:.1} minutes, preparation included ({} per minute); it tells them apart with a probability of {}",
         nats(best.nats),
+        outlook.manoeuvres[best.manoeuvre].minutes(),
         nats(best.nats_per_minute),
-        100.0 * best.splits
+        chance(best.splits)
     )
 }
 
@@ -41,7 +44,8 @@ pub fn shown_by(outlook: &Outlook, effect: usize) -> String {
     let Some((reach, k)) = best else { return entry.effect.shown_by.to_owned() };
     let Some(limit) = Reach::of(&reach.with[k], effect) else { return entry.effect.shown_by.to_owned() };
     let p = &PARAMETERS[limit.parameter];
-    let from = format!("{:.2} of a usual one on ({} by {:.2e} {})", limit.in_sizes(), p.name, limit.size, p.unit);
+    let from =
+        format!("{:.2} of a usual one on ({} by {:.2e} {})", limit.in_sizes(), p.name, limit.size, written(p.unit)).replace(" )", ")");
     let what = said(&outlook.manoeuvres[k]);
     if limit.in_sizes() <= TOO_LARGE {
         format!("{what}: shows it from {from}")

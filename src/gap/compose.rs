@@ -330,7 +330,11 @@ fn with_law(f: &Findings, l: &Tried) -> Closed {
 
 /// Why a law was taken, or not.
 fn reason(f: &Findings, l: &Tried) -> String {
-    let [held, others] = [&f.held_out_name, &format!("the {} other recordings, each with a law learned from the rest", l.left_out.len())];
+    let others = match l.left_out.len() {
+        1 => "the other recording, with a law learned from the rest".to_owned(),
+        n => format!("the {n} other recordings, each with a law learned from the rest"),
+    };
+    let held = &f.held_out_name;
     let closed = with_law(f, l);
     let (with, without) = (three_digits(closed.after), three_digits(l.without));
     match l.refused {
@@ -385,9 +389,15 @@ fn ids(of: &[Subsystem]) -> Vec<&'static str> {
     of.iter().map(|s| s.id()).collect()
 }
 
+/// A subsystem with its article.
+fn in_words(id: &str) -> String {
+    let name = id.replace('_', " ");
+    if name == "friction" { name } else { format!("the {name}") }
+}
+
 /// Says beside the verdict what a learned law does.
 fn law_note(laws: &[Subsystem], taken: bool, reason: &str) -> String {
-    let law = listed(&ids(laws), " and ");
+    let law = listed(&laws.iter().map(|s| in_words(s.id())).collect::<Vec<_>>(), " and ");
     if taken {
         format!("the retuned plant holds an empirical law of {law}, learned from the recordings and no cause: {reason}")
     } else {
@@ -471,7 +481,7 @@ mod tests {
     fn a_law_is_said_to_be_held_or_not_taken() {
         let said = |taken| law_note(&[Subsystem::Friction, Subsystem::Engine], taken, "it closes half");
         for (note, does) in [(said(true), "holds an empirical law"), (said(false), "not taken")] {
-            assert!([does, "friction and engine", "it closes half"].iter().all(|part| note.contains(part)), "{note}");
+            assert!([does, "friction and the engine", "it closes half"].iter().all(|part| note.contains(part)), "{note}");
         }
         assert!(!said(true).contains("not taken"));
     }

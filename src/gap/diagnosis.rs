@@ -47,7 +47,9 @@ pub enum DiagnosisError {
     Tolerance(#[from] ToleranceError),
     /// Too little to hold anything out.
     #[error(
-        "the campaign has {0} usable recording(s); at least 2 are needed, or a drive with two engagements, so that one can be held out to judge the fit"
+        "the campaign has {} usable recording{}; at least 2 are needed, or a drive with two engagements, so that one can be held out to judge the fit",
+        .0,
+        if *.0 == 1 { "" } else { "s" }
     )]
     TooFew(usize),
 }

@@ -23,6 +23,15 @@ pub fn percent(share: f64) -> String {
     if share >= 1.0 { "100 %".to_owned() } else { format!("{:.1} %", (1000.0 * share).floor() / 10.0).replace('-', "−") }
 }
 
+/// A probability, which is never all of it.
+pub fn chance(p: f64) -> String {
+    match 100.0 * p {
+        p if p >= 99.95 => "over 99.9 %".to_owned(),
+        p if p > 99.0 => format!("{:.1} %", (10.0 * p).floor() / 10.0),
+        p => format!("{p:.0} %"),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -36,6 +45,7 @@ mod tests {
 
     #[test]
     fn figures_are_said_as_one_reads_them() {
+        assert_eq!([chance(1.0), chance(0.9994), chance(0.98), chance(0.5)], ["over 99.9 %", "99.9 %", "98 %", "50 %"]);
         assert_eq!(
             [percent(1.0), percent(1.2), percent(0.9999), percent(0.123_49), percent(-0.05)],
             ["100 %", "100 %", "99.9 %", "12.3 %", "−5.0 %"]

@@ -149,7 +149,7 @@ pub fn hot_launches(cases: &[Case; 3]) -> String {
         panel("slip, with feedback [rad/s]", lines(|c| &c.closed_loop, slip)),
         panel("T_fc, with feedback [N·m]", lines(|c| &c.closed_loop, |r| r.plant.t_fc)),
     ];
-    chart::render("A hot launch: touch point moves with temperature", &panels)
+    chart::render("A hot launch: kiss point moves with temperature", &panels)
 }
 
 /// How the launches of many drawn cars are spread, under each controller.

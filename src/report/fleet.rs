@@ -39,7 +39,7 @@ pub fn html(title: &str, rows: &[Value], population: &Value) -> String {
     sections.push(("spread", "How it is distributed", DISTRIBUTION.to_owned()));
     sections.push(("cars", "The cars", CARS.to_owned()));
     page::html(&page::Page {
-        title,
+        title: if title.is_empty() { "fleet" } else { title },
         style: FLEET_STYLE,
         header: &header(title, rows, population),
         sections: &sections,
@@ -69,8 +69,11 @@ fn header(title: &str, rows: &[Value], population: &Value) -> String {
         .filter_map(|n| text(n, "number"))
         .map(String::from)
         .collect();
+    let the_car = if rows.len() == 1 { "the car" } else { "the one car that was diagnosed" };
     let mut sentence = match (all, gaps) {
         (0, _) => "No car could be diagnosed.".to_owned(),
+        (1, 0) => format!("The model follows {the_car} within its tolerances."),
+        (1, _) => format!("{} has a gap.", capitalised(the_car)),
         (_, 0) => format!("{}: the model follows every one of them within its tolerances.", plural(all, "car")),
         _ => format!("{} cars {} a gap.", capitalised(&of(gaps, all)), if gaps == 1 { "has" } else { "have" }),
     };
@@ -108,8 +111,8 @@ fn header(title: &str, rows: &[Value], population: &Value) -> String {
         })
         .collect();
     format!(
-        "<header><p class=\"eyebrow\">Kisspoint fleet: {}</p>\n<h1>{}</h1>\n<dl class=\"tiles\">{tiles}</dl></header>\n",
-        escape(title),
+        "<header><p class=\"eyebrow\">Kisspoint fleet{}</p>\n<h1>{}</h1>\n<dl class=\"tiles\">{tiles}</dl></header>\n",
+        if title.is_empty() { String::new() } else { format!(": {}", escape(title)) },
         escape(&sentence)
     )
 }
@@ -369,7 +372,11 @@ mod tests {
         ];
         let page = html("</title><i>", &rows, &Value::Null);
         assert!(!page.contains("</script><b>") && !page.contains("</title><i>"));
-        assert!(page.contains("1 of 1 cars has a gap") && page.contains("data-effect=\"judder\""));
+        assert!(
+            page.contains("<h1>The car has a gap.</h1>")
+                && page.contains("Kisspoint fleet: &lt;/title")
+                && page.contains("data-effect=\"judder\"")
+        );
     }
 
     #[test]
@@ -384,7 +391,8 @@ mod tests {
     #[test]
     fn what_could_not_be_diagnosed_is_counted() {
         let rows = [json!({"name": "a", "error": "vehicle.json is missing", "effects": []})];
-        let page = html("fleet", &rows, &Value::Null);
+        let page = html("", &rows, &Value::Null);
+        assert!(page.contains("<title>Kisspoint: fleet</title>") && page.contains("Kisspoint fleet</p>"));
         assert!(page.contains("No car could be diagnosed.") && page.contains("1 campaign could not be diagnosed"));
     }
 }

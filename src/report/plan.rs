@@ -2,7 +2,7 @@
 
 use super::chart::Scale;
 use super::names;
-use super::text::{capitalised, escape, number, plain, words};
+use super::text::{capitalised, escape, number, plain, probability, words};
 use serde_json::Value;
 use std::fmt::Write as _;
 
@@ -203,7 +203,7 @@ fn worth(next: &Value) -> Option<(String, f64)> {
         let _ = writeln!(
             svg,
             "<text x=\"{}\" y=\"{}\" text-anchor=\"end\" fill=\"currentColor\">{}</text><rect x=\"{LEFT}\" y=\"{}\" width=\"{long:.1}\" height=\"{}\" fill=\"{SHOWN}\"/>\
-             <text x=\"{:.1}\" y=\"{}\" fill=\"currentColor\">{}, {:.0} % chance of settling it</text>",
+             <text x=\"{:.1}\" y=\"{}\" fill=\"currentColor\">{}, {} chance of settling it</text>",
             LEFT - 12.0,
             y + 15.0,
             escape(m["name"].as_str().unwrap_or_default()),
@@ -212,7 +212,7 @@ fn worth(next: &Value) -> Option<(String, f64)> {
             LEFT + long + 8.0,
             y + 15.0,
             plain(rate, 2),
-            100.0 * m["splits"].as_f64().unwrap_or(0.0)
+            probability(m["splits"].as_f64().unwrap_or(0.0))
         );
     }
     Some((svg, height))
@@ -231,6 +231,6 @@ mod tests {
             "measure_next": {"manoeuvres": [{"name": "a<b", "nats_per_minute": 12.0, "splits": 0.9}]}});
         let svg = svg(&plan);
         assert!(svg.contains("Judder") && svg.contains("not shown") && svg.contains("hollow"));
-        assert!(svg.contains("a&lt;b") && svg.contains("12, 90 % chance of settling it"));
+        assert!(svg.contains("a&lt;b") && svg.contains("12, 90\u{202f}% chance of settling it"));
     }
 }

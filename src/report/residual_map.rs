@@ -117,7 +117,7 @@ fn map(entries: &[Value], place: &Value, id: &str) -> String {
     let rows = rows.trim_end_matches("<tbody>").trim_end_matches("</tbody>");
     format!(
         "<div class=\"map {id}\"><div class=\"scroll\" role=\"region\" aria-label=\"Residual map{}\" tabindex=\"0\"><table class=\"heat\">\
-         <caption><span>{} Standard deviations of the noise, with the rms error below. The model is corrected at every sample, so errors do not accumulate.</span></caption>\
+         <caption><span>{} How far each gap is beyond noise, in standard deviations of a test over all samples of the cell, with the rms error below. The model is corrected at every sample, so errors do not accumulate.</span></caption>\
          <thead><tr><th scope=\"col\">Phase</th><th scope=\"col\">Region</th>{head}</tr></thead><tbody>{rows}</tbody></table></div></div>\n{}",
         if id == "map-after" { ", with the effects" } else { "" },
         if id == "map-after" {

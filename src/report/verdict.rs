@@ -54,7 +54,10 @@ fn of_verdict(diagnosis: &Value) -> String {
         Some(verdict @ ("explained" | "partly_explained")) => {
             let part = if verdict == "explained" { "the gap" } else { "part of the gap" };
             let names = named(effects);
-            let [explains, closes] = if alone { ["explains", "closes"] } else { ["explain", "close"] };
+            // Of what stands after "or", the last one has the verb.
+            let last = effects.first().and_then(|e| texts(e, "ambiguous_with").last().copied().or(text(e, "id")));
+            let singular = alone && !last.is_some_and(names::is_plural);
+            let [explains, closes] = if singular { ["explains", "closes"] } else { ["explain", "close"] };
             let only = if closes_none(&diagnosis["how_far"]) {
                 format!(" in the recordings used in the fit, but {closes} none of it on held-out data")
             } else {
@@ -354,6 +357,19 @@ pub fn or_places(ids: &[&str]) -> String {
 mod tests {
     use super::*;
     use serde_json::json;
+
+    #[test]
+    fn the_verb_agrees_with_the_name_before_it() {
+        for (id, rivals, verb) in [
+            ("driveline_compliance", json!([]), "explain"),
+            ("driveline_compliance", json!(["judder"]), "explains"),
+            ("judder", json!([]), "explains"),
+        ] {
+            let diagnosis = json!({"verdict": "explained", "which": {"effects": [{"id": id, "ambiguous_with": rivals}]}, "where": {}});
+            let said = headline(&diagnosis);
+            assert!(said.ends_with(&format!(" {verb} the gap.")), "{said}");
+        }
+    }
 
     #[test]
     fn the_headline_begins_with_what_is_likelier_than_all_that_was_compared() {

@@ -137,7 +137,7 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
             return if args.json {
                 print_json(&drawn)
             } else {
-                print(&format!("{cars} campaigns and answers.json in {}\n", folder.display()))
+                print(&format!("{cars} campaign{} and answers.json in {}\n", if cars == 1 { "" } else { "s" }, folder.display()))
             };
         }
     }

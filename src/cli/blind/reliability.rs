@@ -150,8 +150,9 @@ impl Reliability {
         let mut text = String::new();
         if let (Some(error), Some([mean, most]), Some(brier)) = (self.calibration_error(), self.error_by_chance(), self.brier()) {
             text += &format!(
-                "probability claimed for a named effect: {} claims, calibration error {error:.3} (calibrated claims as few as these: {mean:.3} in the mean, at most {most:.3} in 95 % of cases), Brier score {brier:.3}\n",
-                self.claims()
+                "probability claimed for a named effect: {} claim{}, calibration error {error:.3} (calibrated claims as few as these: {mean:.3} in the mean, at most {most:.3} in 95 % of cases), Brier score {brier:.3}\n",
+                self.claims(),
+                if self.claims() == 1 { "" } else { "s" }
             );
             for (b, edges) in self.bins.iter().zip(EDGES.windows(2)).filter(|(b, _)| b.count > 0) {
                 let [low, high] = wilson(b.hits as f64, b.count);

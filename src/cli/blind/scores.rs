@@ -192,7 +192,7 @@ pub fn as_text(table: &[Score]) -> String {
         // Half a name counts half: whole counts have no decimals.
         let of = match s.hits {
             Some(hits) => format!("{} of {}", (100.0 * hits).round() / 100.0, s.count),
-            None => format!("{} cars", s.count),
+            None => format!("{} car{}", s.count, if s.count == 1 { "" } else { "s" }),
         };
         format!("  {:<50} {of:>13}  {value:>8}  {interval}\n", s.name)
     };
