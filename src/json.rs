@@ -87,7 +87,7 @@ mod tests {
         let sound = r#"{"a": {"b": 1, "c": "\"b\": {"}, "b": [{"a": 1}, {"a": 2}, "a"], "d": "b"}"#;
         assert_eq!(parse(sound).unwrap(), serde_json::from_str::<Value>(sound).unwrap());
         let fault = parse("\u{feff}{\"a\": {\"b\": 1},\n \"c\": [{\"b\": 1, \"b\": 2}]}").unwrap_err();
-        assert_eq!(fault.to_string(), "line 2, column 16: the key \"b\" stands in its object already; keep one of the two");
+        assert_eq!(fault.to_string(), "line 2, column 17: the key \"b\" stands in its object already; keep one of the two");
     }
 
     #[test]

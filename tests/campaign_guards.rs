@@ -179,6 +179,8 @@ fn a_campaign_that_is_too_large_is_refused_before_it_is_read() {
     assert!(refused.contains("recordings.json: is larger than 16 MB"), "{refused}");
     let folder = Folder::new("");
     std::fs::File::create(folder.0.join("r02.csv")).unwrap().set_len(1 << 30).unwrap();
+    assert!(folder.left_out().contains("r02.csv: the file is not text"), "{}", folder.left_out());
+    folder.file("r02.csv", &vec![b'x'; 17 << 20]);
     assert!(folder.left_out().contains("r02.csv: line 1 is longer than 16 MB"), "{}", folder.left_out());
 }
 
