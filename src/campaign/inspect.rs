@@ -209,13 +209,17 @@ fn mark(channels: &mut [ChannelInfo]) -> Vec<String> {
     let open: Vec<usize> = (0..channels.len()).filter(|&i| channels[i].guess.is_none() && !channels[i].text).collect();
     let names: Vec<(&str, Option<&str>)> = open.iter().map(|&i| (channels[i].name.as_str(), channels[i].unit.as_deref())).collect();
     let guesses = guess::guess(&names);
-    let groups = |name: &str| {
-        let of = channels.iter().filter(|c| c.name == name).map(|c| c.group.0.to_string());
-        of.collect::<Vec<_>>().join(" and ")
+    let how = |name: &str| {
+        let mut groups: Vec<String> = channels.iter().filter(|c| c.name == name).map(|c| c.group.0.to_string()).collect();
+        groups.dedup();
+        match groups.len() {
+            1 => "rename all but one".to_string(),
+            _ => format!("choose one with `group` in the channel map, of groups {}", groups.join(" and ")),
+        }
     };
     let say = |(name, count, channel): (&str, usize, Channel)| {
         let column = channel.spec().column;
-        format!("{count} channels are called {name} (groups {}): choose one for {column} with `group` in the channel map", groups(name))
+        format!("{count} channels are called {name}, so that none is taken for {column}: {}", how(name))
     };
     let said = guess::shared(&names).into_iter().map(say).collect();
     for (i, guess) in open.into_iter().zip(guesses) {

@@ -77,7 +77,7 @@ pub fn open(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<Log, 
     let named: Vec<(&str, Option<&str>)> = log.channels.iter().map(|c| (c.name.as_str(), None)).collect();
     let guesses = guess::guess(&named);
     log.notes.extend(guess::shared(&named).into_iter().map(|(name, count, channel)| {
-        format!("{count} channels are called {name}, so that none is taken for {}; choose one by renaming it, or take the first, with --engine or --road", channel.spec().column)
+        format!("{count} channels are called {name}, so that none is taken for {}; rename all but one, or take the first with --engine or --road", channel.spec().column)
     }));
     for (channel, guess) in log.channels.iter_mut().zip(guesses) {
         channel.guess = guess.filter(|g| channel.quantity.is_none_or(|q| q == g.spec().quantity));

@@ -51,3 +51,15 @@ fn shortened(name: &str) -> String {
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_name_keeps_its_beginning_and_its_end() {
+        assert_eq!(shortened("engine_torque_nm"), "engine_torque_nm");
+        let short = shortened("transmission_input_torque_nm");
+        assert_eq!((short.as_str(), short.chars().count()), ("transmissio…_torque_nm", LEGEND));
+    }
+}
