@@ -283,7 +283,7 @@ mod tests {
     #[test]
     fn a_ratio_that_was_applied_is_doubted_first() {
         let time = Rc::new(vec![0.0, 0.01]);
-        let signal = Signal { channel: Channel::OmegaC, label: "it".into(), time, values: vec![0.0, 1793.100_000_000_000_1] };
+        let signal = Signal { channel: Channel::OmegaC, label: "it".into(), time, values: vec![0.0, 1_793.100_000_000_000_1] };
         let map = ChannelMap::default().with_ratio(12.0);
         let said = plausible(&Measurement::default(), &signal, &map, &Entry::default()).unwrap_err().to_string();
         assert!(said.contains("1793.1 rad/s would be 17123 rpm. The ratio of 12 was applied to it"), "{said}");
