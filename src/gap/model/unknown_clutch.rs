@@ -221,7 +221,8 @@ impl Sensors {
                 let pace = s.pace();
                 runs(&together).map(|r| moves(&r) as f64 * pace).filter(|t| *t > LEAST_S).sum::<f64>()
             };
-            all.par_iter().map(one).sum()
+            // In order: a sum must not depend on the threads.
+            all.par_iter().map(one).collect::<Vec<f64>>().iter().sum()
         };
         let steps = |(most, step): (f64, f64)| {
             let count = (most / step).round() as i32;
