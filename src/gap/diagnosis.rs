@@ -115,7 +115,7 @@ pub(super) fn of_samples(
     let mut ready = Ready::new(campaign, &vehicle, &work)?;
     let part = enough_of(campaign, &ready, most);
     if let Some((part, _)) = &part {
-        ready = Ready::new(part, &vehicle, &work)?;
+        ready = ready.of(campaign, part, &vehicle)?;
     }
     let (campaign, note) = part.as_ref().map_or((campaign, None), |(part, note)| (part, Some(note.clone())));
     let rows = ready.problem.tracks.iter().map(Track::rows).sum();
