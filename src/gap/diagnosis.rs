@@ -84,7 +84,7 @@ pub struct Diagnosis {
 /// Diagnoses a campaign. `progress` is told what is being done and how far all of it is, as a share, ten times a second.
 ///
 /// # Errors
-/// A vehicle file or tolerances that are not sound; too few recordings, or one without a position.
+/// A vehicle file or tolerances that are not sound; too few recordings.
 pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> Result<Diagnosis, DiagnosisError> {
     diagnose_with(campaign, None, progress)
 }
