@@ -51,7 +51,7 @@ pub enum FaultError {
     #[error("fault {0}: {1} is missing, or not between {2:?} and {3:?}")]
     Number(usize, &'static str, f64, f64),
     /// Two ramps of one parameter at once.
-    #[error("fault {0} of {1} begins while the one before it still moves; let it begin when the ramp has ended")]
+    #[error("fault {0} of {1} begins while an earlier one still moves; let it begin when the ramp has ended")]
     Overlap(usize, &'static str),
 }
 
@@ -66,15 +66,16 @@ impl Faults {
             Value::Array(list) => list,
             _ => return Err(FaultError::Shape),
         };
-        let mut faults = list.iter().enumerate().map(|(k, entry)| fault(k + 1, entry)).collect::<Result<Vec<_>, _>>()?;
-        faults.sort_by(|a, b| a.time.total_cmp(&b.time));
-        for (k, late) in faults.iter().enumerate() {
-            let early = faults[..k].iter().find(|early| early.parameter == late.parameter && early.time + early.ramp > late.time);
-            if early.is_some() {
-                return Err(FaultError::Overlap(k + 1, PARAMETERS[late.parameter].variable));
+        let numbered = |(k, entry): (usize, &Value)| Ok((k + 1, fault(k + 1, entry)?));
+        let mut faults = list.iter().enumerate().map(numbered).collect::<Result<Vec<_>, _>>()?;
+        faults.sort_by(|a, b| a.1.time.total_cmp(&b.1.time));
+        for (k, (number, late)) in faults.iter().enumerate() {
+            let moves = |(_, early): &(usize, Fault)| early.parameter == late.parameter && early.time + early.ramp > late.time;
+            if faults[..k].iter().any(moves) {
+                return Err(FaultError::Overlap(*number, PARAMETERS[late.parameter].variable));
             }
         }
-        Ok(Self(faults))
+        Ok(Self(faults.into_iter().map(|(_, fault)| fault).collect()))
     }
 
     /// The list as it is read.
@@ -195,6 +196,7 @@ mod tests {
         assert!(said(json!([{"parameter": "effect.friction_level.factor", "time": 0.0, "value": 1.0}])).contains("\"time\""));
         let ramp = json!({"parameter": "effect.friction_level.factor", "time_s": 0.0, "ramp_s": 1.0, "value": 1.0});
         let late = json!({"parameter": "effect.friction_level.factor", "time_s": 0.9, "value": 1.0});
-        assert!(said(json!([late, ramp])).contains("still moves"));
+        // Numbered as the file has them.
+        assert!(said(json!([late, ramp])).starts_with("fault 1 of effect.friction_level.factor begins while an earlier one still moves"));
     }
 }

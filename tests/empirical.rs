@@ -36,7 +36,7 @@ fn learned_at(car: &Car, place: Subsystem, or_at: &[Subsystem]) -> (Tried, Close
     car.write(folder.path()).unwrap();
     let campaign = campaign::read(folder.path(), &ReadOptions::default()).unwrap();
     let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
-    let split = split(&campaign.recordings);
+    let split = split(&campaign.recordings, None);
     let taught: Vec<_> = split.taught.iter().collect();
     let (tracks, tolerances) = prepare::read(&taught, &campaign.vehicle_json).unwrap();
     let with = prepare::disturbances(&tracks, &tolerances);

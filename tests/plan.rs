@@ -52,7 +52,7 @@ fn what_is_wrong_is_named_with_what_to_do() {
     for (arguments, code, said) in [
         (&[][..], 2, "CAMPAIGN"),
         (&["--vehicle", VEHICLE, "--drive", "wheelie"][..], 1, "launch_hot"),
-        (&["--vehicle", VEHICLE, "--rate", "1"][..], 2, "10 and 10000"),
+        (&["--vehicle", VEHICLE, "--rate", "19"][..], 2, "within 20 and 10000 Hz"),
         (&["--vehicle", "nowhere.json"][..], 1, "nowhere.json"),
         (&["campaign", "--vehicle", VEHICLE][..], 2, "cannot be used with"),
         (&["--vehicle", VEHICLE, "--manoeuvres", "Cargo.toml"][..], 1, "--list"),

@@ -4,7 +4,7 @@ use super::error::{CommandError, at};
 use super::files::{read_vehicle, write_all};
 use super::output::{folded, print, print_json, width};
 use super::progress::Progress;
-use crate::campaign::{self, ChannelMap, ReadOptions};
+use crate::campaign::{self, ChannelMap, ReadOptions, SLOWEST_HZ};
 use crate::effects::{PARAMETERS, REGISTRY};
 use crate::gap::answer::Real;
 use crate::gap::diagnosis::{DiagnosisError, diagnose_with};
@@ -79,7 +79,7 @@ pub struct Args {
 }
 
 fn rate(text: &str) -> Result<f64, String> {
-    within(text, 10.0, 10_000.0, "Hz")
+    within(text, SLOWEST_HZ, 10_000.0, "Hz")
 }
 
 fn noise(text: &str) -> Result<f64, String> {

@@ -20,7 +20,7 @@ const SUFFICIENT: f64 = 0.6;
 /// Slope of the map in N·m/mm below which the feedback takes it for this.
 const LEAST_SLOPE: f64 = 15.0;
 
-/// Step in mm over which the touch point's change with temperature is taken, K.
+/// Step in temperature over which the touch point's change is taken, K.
 const KELVIN: f64 = 1.0;
 
 /// Time over which the change of the torque that is lacking is taken, and time ahead for which it counts, s.

@@ -19,7 +19,7 @@ use crate::physics::driveline::{self, Driveline};
 /// Clutch torque in N·m by (8a): from the acceleration `omega_f_dot` in rad/s².
 #[inline]
 pub fn from_engine_balance(p: &Driveline, omega_f: f64, omega_f_dot: f64, t_e: f64) -> f64 {
-    -p.J_f * omega_f_dot - p.b_f * omega_f + t_e
+    driveline::clutch_torque(p, t_e, omega_f, omega_f_dot)
 }
 
 /// Clutch torque in N·m by (8b), with the vehicle's load torque: from the acceleration `omega_c_dot` in rad/s².

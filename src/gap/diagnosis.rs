@@ -86,7 +86,7 @@ pub struct Diagnosis {
 /// Diagnoses a campaign. `progress` is told what is being done and how far all of it is, as a share, ten times a second.
 ///
 /// # Errors
-/// A vehicle file or tolerances that are not sound; too few recordings, or one without a position.
+/// A vehicle file or tolerances that are not sound; too few recordings.
 pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> Result<Diagnosis, DiagnosisError> {
     diagnose_with(campaign, None, progress)
 }
@@ -117,7 +117,7 @@ pub(super) fn of_samples(
     let mut ready = Ready::new(campaign, &vehicle, &work)?;
     let part = enough_of(campaign, &ready, most);
     if let Some((part, _)) = &part {
-        ready = Ready::new(part, &vehicle, &work)?;
+        ready = ready.of(campaign, part, &vehicle)?;
     }
     let (campaign, note) = part.as_ref().map_or((campaign, None), |(part, note)| (part, Some(note.clone())));
     let rows = ready.problem.tracks.iter().map(Track::rows).sum();

@@ -48,9 +48,10 @@ fn parts(r: &Recording, vehicle: &Vehicle) -> Vec<Range<usize>> {
     let Some(brake) = r.brake.as_ref().filter(|_| rows >= 2 * PART_ROWS) else { return std::iter::once(0..rows).collect() };
     let half_closed = 0.5 * (vehicle.actuator.x_cnt_0 + vehicle.actuator.x_cls_0);
     let (mut begins, mut rest) = (vec![0], None);
+    let rests = rests(r.omega_c.iter().copied());
     for (row, brakes) in brake.iter().enumerate() {
         let is_open = r.x_to_cmd.get(row).is_none_or(|x| *x < half_closed);
-        rest = (*brakes && rests(r.omega_c[row]) && is_open).then(|| rest.unwrap_or(r.time[row]));
+        rest = (*brakes && rests[row] && is_open).then(|| rest.unwrap_or(r.time[row]));
         let has_settled = rest.is_some_and(|since| r.time[row] - since >= RESTED_S) && r.omega_f[row].is_finite();
         if has_settled && row - begins[begins.len() - 1] >= PART_ROWS {
             begins.push(row);

@@ -154,6 +154,8 @@ mod tests {
         assert!(read.len() < all / 2 && read.iter().all(|r| note.contains(&r.name)), "{note}");
         // The one that judges is read as well.
         let fitted: usize = read.iter().map(|r| 2 * r.time.len()).sum();
+        let ready = Ready::new(&campaign, &Example::read().vehicle, &Default::default()).unwrap();
+        assert_eq!(found.answer.how_far.held_out, [ready.split.name]);
         let judge = 2 * found.held_out.time.len();
         assert!(fitted - judge <= most && fitted > most / 2, "{fitted} with {judge} of {most}");
     }

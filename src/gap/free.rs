@@ -20,9 +20,9 @@ pub const LONGEST_S: f64 = 5.0;
 /// Disc speed, rad/s, below which a car counts as at rest.
 const AT_REST: f64 = 2.0;
 
-/// Whether a disc that shows this speed, rad/s, may be at rest; so may one that a sensor does not show yet.
-pub(super) fn rests(omega_c: f64) -> bool {
-    !omega_c.is_finite() || omega_c.abs() < AT_REST
+/// Whether the disc may be at rest, by row of its speed in rad/s.
+pub(super) fn rests(omega_c: impl Iterator<Item = f64> + Clone) -> Vec<bool> {
+    replay::rests(omega_c, |speed| speed < AT_REST).collect()
 }
 
 /// A car: its numbers and its effects.
@@ -33,11 +33,16 @@ pub fn stretches(track: &Track) -> Vec<Range<usize>> {
     if track.brake.iter().all(|b| !b) {
         return vec![0..track.rows()];
     }
-    let rests = |row: usize| rests(track.measured[Channel::OmegaC as usize][row]);
+    // Where channels have clocks of their own, a brake is let go in a row without a speed: the one of the same burst counts.
+    let omega_c = |row: usize| {
+        let here = track.measured[Channel::OmegaC as usize][row];
+        if here.is_finite() { here } else { track.mean(Channel::OmegaC, track.observation_of(row)).0 }
+    };
+    let rests = rests((0..track.rows()).map(omega_c));
     let mut all: Vec<Range<usize>> = Vec::new();
     let mut row = 0;
     while row < track.rows() {
-        let released = !track.brake[row] && (row == 0 || track.brake[row - 1]) && rests(row);
+        let released = !track.brake[row] && (row == 0 || track.brake[row - 1]) && rests[row];
         if !released {
             row += 1;
             continue;
@@ -211,6 +216,36 @@ pub(super) mod tests {
         assert_eq!(stretches(&driven(1300, brake, rolls)), [100..200, 600..1100]);
         // What a sensor does not show yet is at rest, and a drive may begin without a brake.
         assert_eq!(stretches(&driven(400, |t| t > 2.0 && t < 3.0, |_| f64::NAN)), [0..201, 300..400]);
+    }
+
+    /// Messages every 10 ms, each with a stamp of its own: the brake's comes after the speeds, in a row without them.
+    #[test]
+    fn a_brake_let_go_on_the_move_begins_no_engagement_whatever_row_that_is_logged_in() {
+        let brake = |t: f64| t < 1.0 || (2.0..3.0).contains(&t) || (4.0..5.0).contains(&t);
+        let rolls = |t: f64| if (2.5..4.5).contains(&t) { 5.0 } else { 0.0 };
+        let time: Vec<f64> = (0..1400).map(|k| 0.01 * f64::from(k / 2) + 0.003 * f64::from(k % 2)).collect();
+        let of_speeds =
+            |value: &dyn Fn(f64) -> f64| time.iter().enumerate().map(|(k, t)| if k % 2 == 0 { value(*t) } else { f64::NAN }).collect();
+        let r = Recording {
+            sample_rate_hz: 100.0,
+            omega_f: of_speeds(&|_| 100.0),
+            omega_c: of_speeds(&rolls),
+            t_e: vec![10.0; 1400],
+            x_to_cmd: vec![3.0; 1400],
+            theta_h: vec![25.0; 1400],
+            brake: Some((0..1400_usize).map(|k| brake(time[k.saturating_sub(1 - k % 2)])).collect()),
+            time: time.clone(),
+            ..Recording::default()
+        };
+        let begins: Vec<f64> = stretches(&Track::new(&r)).iter().map(|rows| time[rows.start]).collect();
+        assert!(begins.len() == 2 && (begins[0] - 1.003).abs() < 1e-9 && (begins[1] - 5.003).abs() < 1e-9, "{begins:?}");
+    }
+
+    /// A sample that is lost at 80 rad/s is none of a car at rest; one that is lost after 3 rad/s may be, for a sensor shows nothing below its threshold.
+    #[test]
+    fn a_speed_that_is_lost_on_the_move_is_not_one_at_rest() {
+        let lost = |speed: f64| driven(300, |t| t < 1.0, move |t| if (0.95..1.05).contains(&t) { f64::NAN } else { speed });
+        assert_eq!((stretches(&lost(80.0)), stretches(&lost(3.0))), (Vec::new(), std::iter::once(100..300).collect()));
     }
 
     /// Idling at 100 rad/s against a disc at rest, with an open clutch, for two seconds.

@@ -16,18 +16,20 @@ pub struct Split {
     pub name: String,
 }
 
-/// Splits the recordings.
-pub fn split(recordings: &[Recording]) -> Split {
+/// Splits the recordings. The one of this name judges, if there is one: part of a campaign is judged by what judges the whole of it.
+pub fn split(recordings: &[Recording], judge: Option<&str>) -> Split {
     let is_drive = |r: &Recording| r.brake.as_ref().is_some_and(|b| b.iter().any(|b| *b));
-    let engagements: Vec<usize> = recordings.iter().map(|r| if is_drive(r) { stretches(&Track::new(r)).len() } else { 0 }).collect();
-    if let Some(judge) = (0..recordings.len()).filter(|&k| engagements[k] >= 2).max_by_key(|&k| (engagements[k], usize::MAX - k)) {
-        let last = stretches(&Track::new(&recordings[judge])).pop().expect("it has two");
+    let of_drive = |r: &Recording| if is_drive(r) { stretches(&Track::new(r)) } else { Vec::new() };
+    let engagements: Vec<usize> = recordings.iter().map(|r| of_drive(r).len()).collect();
+    let of_drives = || (0..recordings.len()).filter(|&k| engagements[k] >= 2).max_by_key(|&k| (engagements[k], usize::MAX - k));
+    let named = recordings.iter().position(|r| judge == Some(&r.name));
+    let judge = named.or_else(of_drives).unwrap_or_else(|| of_bench(recordings));
+    if let Some(last) = of_drive(&recordings[judge]).pop().filter(|_| engagements[judge] >= 2) {
         let mut taught = recordings.to_vec();
         taught[judge] = recordings[judge].part(0..last.start);
         let name = format!("the engagement at {:.1} s of {}", recordings[judge].time[last.start], recordings[judge].name);
         return Split { taught, judge, last_engagement: true, name };
     }
-    let judge = of_bench(recordings);
     let taught = recordings.iter().enumerate().filter(|(k, _)| *k != judge).map(|(_, r)| r.clone()).collect();
     Split { taught, judge, last_engagement: false, name: recordings[judge].name.clone() }
 }
@@ -80,19 +82,30 @@ mod tests {
     fn of_a_bench_campaign_the_middle_of_the_largest_family_judges_and_teaches_nothing() {
         let of = |name: &str, theta: f64| recording(name, "launch", theta, 50);
         let all = [of("a", 90.0), recording("b", "creep", 20.0, 50), of("c", 20.0), of("d", 50.0), recording("e", "creep", 50.0, 50)];
-        let split = split(&all);
+        let split = split(&all, None);
         assert_eq!((split.judge, split.last_engagement, split.name.as_str()), (3, false, "d"));
         assert_eq!(names(&split), ["a", "b", "c", "e"]);
         // Of two of a kind neither is in the middle: the last recording judges.
-        let few = super::split(&all[..3]);
+        let few = super::split(&all[..3], None);
         assert_eq!((few.judge, names(&few)), (2, vec!["a", "b"]));
-        assert!(super::split(&all[..1]).taught.is_empty());
+        assert!(super::split(&all[..1], None).taught.is_empty());
+    }
+
+    /// Without the longest drive another one would judge, and without the middle of a family the last recording.
+    #[test]
+    fn what_judges_a_campaign_judges_a_part_of_it() {
+        let drives = [drive("a", 3), drive("b", 2)];
+        let by = |all: &[Recording], judge| (split(all, judge).judge, split(all, judge).last_engagement);
+        assert_eq!([by(&drives, None), by(&drives, Some("b")), by(&drives, Some("gone"))], [(0, true), (1, true), (0, true)]);
+        let of = |name: &str, theta: f64| recording(name, "launch", theta, 50);
+        let benches = [of("cold", 20.0), of("warm", 50.0), of("hot", 90.0)];
+        assert_eq!([by(&benches, None), by(&benches[..2], None), by(&benches[..2], Some("cold"))], [(1, false), (1, false), (0, false)]);
     }
 
     #[test]
     fn of_drives_the_last_engagement_of_the_longest_judges_and_what_came_before_teaches() {
         let all = [drive("short", 1), drive("long", 3), drive("as long", 3), drive("medium", 2)];
-        let split = split(&all);
+        let split = split(&all, None);
         assert_eq!((split.judge, split.last_engagement), (1, true));
         assert_eq!(split.name, "the engagement at 7.0 s of long");
         assert_eq!(names(&split), ["short", "long", "as long", "medium"]);
@@ -103,7 +116,7 @@ mod tests {
         };
         assert_eq!(split.taught.iter().map(rows).collect::<Vec<_>>(), [300, 700, 900, 600]);
         // Drives of one engagement each are held out whole.
-        let single = super::split(&[drive("a", 1), drive("b", 1)]);
+        let single = super::split(&[drive("a", 1), drive("b", 1)], None);
         assert_eq!((single.judge, single.last_engagement, names(&single)), (1, false, vec!["a"]));
     }
 }

@@ -5,6 +5,7 @@ use super::model::filter::Disturbances;
 use super::model::noise::Noise;
 use super::model::unknown_clutch;
 use super::progress::MOST_ROWS;
+use super::prose::three_digits;
 use crate::campaign::Campaign;
 
 /// Says once what recordings without a position can show, and how.
@@ -25,8 +26,11 @@ pub(super) fn position(campaign: &Campaign) -> Option<String> {
 
 /// Says how the noise of the sensors is correlated in time.
 pub(super) fn correlated_noise(with: &Disturbances) -> String {
-    let one = |name: &str, n: Noise| (n.coloured > 0.0).then(|| format!("{name} {:.2} rad/s for {:.2} s", n.coloured, n.memory_s));
-    let all: Vec<String> = [one("omega_f", with.noise[0]), one("omega_c", with.noise[1])].into_iter().flatten().collect();
+    let channels = [("omega_f", "rad/s"), ("omega_c", "rad/s"), ("x_to", "mm"), ("T_fc", "N·m")];
+    let one = |((name, unit), n): ((&str, &str), &Noise)| {
+        (n.coloured > 0.0).then(|| format!("{name} {} {unit} for {:.2} s", three_digits(n.coloured), n.memory_s))
+    };
+    let all: Vec<String> = channels.into_iter().zip(&with.noise).filter_map(one).collect();
     format!("sensor noise is correlated in time, which is allowed for: {}", all.join(", "))
 }
 
@@ -77,6 +81,19 @@ mod tests {
     use super::*;
     use crate::gap::model::prepare::Example;
     use crate::gap::ready::Ready;
+
+    /// Of a bench's position as of a speed, each with its unit.
+    #[test]
+    fn noise_with_a_memory_is_said_of_every_channel_that_has_it() {
+        let example = Example::read();
+        let (_, with) = example.problem(&[&example.campaign.recordings[0]]);
+        let noise = |coloured: f64, memory_s: f64| Noise { white: 0.1, coloured, memory_s };
+        let said = |noise: [Noise; 5]| correlated_noise(&Disturbances { noise, ..with });
+        let none = noise(0.0, 1.0);
+        assert!(said([none, none, noise(0.012, 0.01), none, none]).ends_with("allowed for: x_to 0.0120 mm for 0.01 s"));
+        let all = said([none, noise(0.15, 0.1), none, noise(0.5, 0.01), none]);
+        assert!(all.ends_with("allowed for: omega_c 0.150 rad/s for 0.10 s, T_fc 0.500 N·m for 0.01 s"), "{all}");
+    }
 
     /// Four standard deviations, which are 1 K or more, in either direction; how far off in K, and in which recordings.
     #[test]

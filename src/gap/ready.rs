@@ -28,7 +28,17 @@ pub(super) struct Ready {
 
 impl Ready {
     pub(super) fn new(campaign: &Campaign, vehicle: &Vehicle, work: &Work) -> Result<Self, DiagnosisError> {
-        let split = split(&campaign.recordings);
+        Self::judged_by(None, campaign, vehicle, work)
+    }
+
+    /// The same with another reading of the campaign, or a part of it: what judges this one judges that one.
+    pub(super) fn of(&self, campaign: &Campaign, other: &Campaign, vehicle: &Vehicle) -> Result<Self, DiagnosisError> {
+        let judge = campaign.recordings[self.split.judge].name.as_str();
+        Self::judged_by(Some(judge), other, vehicle, &self.problem.work)
+    }
+
+    fn judged_by(judge: Option<&str>, campaign: &Campaign, vehicle: &Vehicle, work: &Work) -> Result<Self, DiagnosisError> {
+        let split = split(&campaign.recordings, judge);
         if split.taught.is_empty() {
             return Err(DiagnosisError::TooFew(campaign.recordings.len()));
         }
@@ -62,7 +72,7 @@ pub(super) fn read_without_stale(
     for speed in [Channel::OmegaF, Channel::OmegaC] {
         let Some(standstill) = Standstill::of(&ready, speed) else { continue };
         let without = standstill.left_out_of(&campaign);
-        let other = Ready::new(&without, vehicle, &ready.problem.work)?;
+        let other = ready.of(&campaign, &without, vehicle)?;
         let nominal = ready.problem.nominal();
         let cost = |r: &Ready| sensors::minus_log_likelihood(&r.problem, &nominal, &r.with);
         // Nothing is explained there yet: only what the least exact explanation would leave counts.
@@ -168,7 +178,7 @@ pub(super) fn read_with_control_unit(
     searched: &dyn Fn(&Problem, Option<&Search>) -> Search,
 ) -> Result<Read, DiagnosisError> {
     if let Some(interval) = sensors::other_control_interval(&ready.problem.tracks) {
-        let other = Ready::new(&commanded_every(campaign, interval), vehicle, &ready.problem.work)?;
+        let other = ready.of(campaign, &commanded_every(campaign, interval), vehicle)?;
         if sensors::worth_another(&other.problem, &ready.problem, found.best()) {
             let mut there = searched(&other.problem, Some(&found));
             exchange(&ready.problem, &mut found);

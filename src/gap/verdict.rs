@@ -79,7 +79,8 @@ pub fn conclude(problem: &Problem, search: &Search, posterior: &Posterior) -> Co
     let fit = best.fit.as_ref().expect("the best was fitted");
     let shares = shares(search, posterior, &best);
     let strange = leaves_too_much(problem, fit) || problem.tracks.iter().all(|t| t.position_free) && is_beyond_a_car(&best);
-    let stands_in = best.place.filter(|_| law_share(problem, search, &best) > STAND_IN_SHARE);
+    let gap = || misfit(&problem.all_residuals(&problem.nominal(), None));
+    let stands_in = best.place.filter(|_| law_share(gap(), search, &best) > STAND_IN_SHARE);
     let named: Vec<usize> = best.effects.iter().copied().filter(|&e| Some(REGISTRY[e].effect.subsystem) != stands_in).collect();
     let verdict =
         if strange { Verdict::InputsDoNotFit } else { verdict_of(!best.effects.is_empty(), !named.is_empty(), best.place.is_some()) };
@@ -209,13 +210,17 @@ fn is_beyond_a_car(best: &Explanation) -> bool {
 
 /// Cost of an explanation without the price of its law.
 fn cost(e: &Explanation) -> f64 {
-    e.fit.as_ref().map_or(f64::INFINITY, |f| f.misfit() + prior(&f.point))
+    e.fit.as_ref().map_or(f64::INFINITY, without_functions)
 }
 
-/// Share of the gap between car and vehicle file that a missing law takes beside the effects.
-fn law_share(problem: &Problem, search: &Search, best: &Explanation) -> f64 {
-    let gap = misfit(&problem.all_residuals(&problem.nominal(), None));
-    let without = search.of(&best.effects).map_or(gap, |h| h.fit.cost);
+/// Cost of a fit without the price of the functions of laws and forms.
+fn without_functions(fit: &Fit) -> f64 {
+    fit.misfit() + prior(&fit.point)
+}
+
+/// Share of the gap between car and vehicle file, as the misfit of that file's car, that a missing law takes beside the effects.
+fn law_share(gap: f64, search: &Search, best: &Explanation) -> f64 {
+    let without = search.of(&best.effects).map_or(gap, |h| without_functions(&h.fit));
     share(gap, without, cost(best))
 }
 
@@ -390,6 +395,16 @@ mod tests {
         assert!((share(100.0, 60.0, 20.0) - 0.5).abs() < 1e-12 && (share(100.0, 100.0, 20.0) - 1.0).abs() < 1e-12);
         // What does harm takes nothing, and nothing is taken of no gap.
         assert_eq!([share(100.0, 15.0, 20.0), share(20.0, 20.0, 20.0)], [0.0; 2]);
+    }
+
+    /// Effects leave 60 of 100, of which 20 are the price of their forms, and 20 beside a law: it takes a quarter, for its own price does not count either.
+    #[test]
+    fn the_price_of_forms_is_no_part_of_what_a_law_takes() {
+        use crate::gap::infer::search::{Hypothesis, Search};
+        let fit = |cost: f64, misfit: f64| Fit { cost, misfits: [misfit, 0.0, 0.0], ..Fit::made_up(Vec::new()) };
+        let best = Explanation { fit: Some(fit(30.0, 20.0)), ..concluded(&["vehicle_mass"]).explanation };
+        let search = Search::made_up(vec![Hypothesis::made_up(&best.effects, fit(60.0, 40.0))]);
+        assert!((law_share(100.0, &search, &best) - 0.25).abs() < 1e-12);
     }
 
     #[test]

@@ -85,7 +85,9 @@ impl Learned {
             let others = (0..problem.tracks.len()).into_par_iter().filter(|k| *k != left_out);
             let mut believed = point.clone();
             believed.own[left_out].fill(0.0);
-            others.map(|k| misfit(&[problem.residuals(k, point, None)])).sum::<f64>() + prior(&believed)
+            // In order: a sum must not depend on the threads.
+            let misfits: Vec<f64> = others.map(|k| misfit(&[problem.residuals(k, point, None)])).collect();
+            misfits.iter().sum::<f64>() + prior(&believed)
         };
         let costs: Vec<f64> = tried.iter().map(cost).collect();
         let least = (0..costs.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).unwrap_or(0);

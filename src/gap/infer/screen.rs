@@ -127,12 +127,10 @@ pub fn limits(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)]) ->
     let mut all = of_starts(screen_at(problem, anchor, further, For::Limits(&|_, _| vec![MIDDLE_SHARE])));
     let nearer = |effect: usize, start: usize| -> Vec<f64> {
         let there = all.iter().find(|l| (l.limit.effect, l.start) == (effect, start));
-        let away = |share: &f64, l: &OfStart| (l.in_starts.min(MOST_STARTS) / share).ln().abs();
-        let nearest = there.and_then(|l| LIMIT_SHARES.into_iter().min_by(|a, b| away(a, l).total_cmp(&away(b, l))));
-        nearest.into_iter().filter(|share| *share != MIDDLE_SHARE).collect()
+        there.map(OfStart::nearest_share).into_iter().filter(|share| *share != MIDDLE_SHARE).collect()
     };
     all.extend(of_starts(screen_at(problem, anchor, &[], For::Limits(&nearer))));
-    first_to_show(all)
+    first_to_show(&all)
 }
 
 /// What a screening is made for.
@@ -301,7 +299,7 @@ impl Screening {
 
     /// The detection limits of each effect that was screened, in these recordings or in others at the same anchor.
     pub fn limits(&self, information: &Information) -> Vec<Limit> {
-        first_to_show(self.limits_of_starts(information))
+        first_to_show(&self.limits_of_starts(information))
     }
 
     /// The same of each start at each share of it.
@@ -388,13 +386,29 @@ struct OfStart {
 /// Limit in starts that stands for an infinite one.
 const MOST_STARTS: f64 = 1e9;
 
-/// Of each start the share that is nearest to its own limit, of each effect the start that shows first.
-fn first_to_show(all: Vec<OfStart>) -> Vec<Limit> {
-    let away = |l: &OfStart| (l.in_starts.min(MOST_STARTS) / l.share).ln().abs();
-    let mut of_starts: Vec<OfStart> = Vec::new();
-    for one in all {
+impl OfStart {
+    /// How far the limit is from a share of the start.
+    fn away(&self, share: f64) -> f64 {
+        (self.in_starts.min(MOST_STARTS) / share).ln().abs()
+    }
+
+    /// The share that is nearest to the limit.
+    fn nearest_share(&self) -> f64 {
+        LIMIT_SHARES.into_iter().min_by(|a, b| self.away(*a).total_cmp(&self.away(*b))).expect("there are shares")
+    }
+}
+
+/// Of each start the limit at the middle share, or at the one that is nearest to that limit, whichever is nearer to its own share; of each effect the start that shows first.
+fn first_to_show(all: &[OfStart]) -> Vec<Limit> {
+    let away = |l: &OfStart| l.away(l.share);
+    let is_asked = |l: &&OfStart| {
+        let middle = all.iter().find(|m| (m.limit.effect, m.start, m.share) == (l.limit.effect, l.start, MIDDLE_SHARE));
+        middle.is_none_or(|middle| l.share == MIDDLE_SHARE || l.share == middle.nearest_share())
+    };
+    let mut of_starts: Vec<&OfStart> = Vec::new();
+    for one in all.iter().filter(is_asked) {
         match of_starts.iter_mut().find(|o| (o.limit.effect, o.start) == (one.limit.effect, one.start)) {
-            Some(o) if away(&one) < away(o) => *o = one,
+            Some(o) if away(one) < away(o) => *o = one,
             Some(_) => {}
             None => of_starts.push(one),
         }
@@ -445,7 +459,30 @@ pub(super) fn off(c: &Candidate, p: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects;
+    use crate::effects::{self, param::vehicle_mass::factor};
+
+    /// 0.034 starts, found with a tenth of one, are nearest to that tenth: with all three shares at hand the limit is the one that is found with that share alone. 0.02 of them are not.
+    #[test]
+    fn a_limit_is_the_same_whichever_shares_were_replayed() {
+        let of = |share: f64, in_starts: f64| OfStart {
+            start: 0,
+            share,
+            in_starts,
+            limit: Limit {
+                effect: 7,
+                parameter: factor,
+                size: in_starts,
+                start: 1.0,
+                visibility: Visibility { information: 1.0, relative: 1.0 },
+            },
+        };
+        let size = |all: Vec<OfStart>| first_to_show(&all)[0].size;
+        assert_eq!([size(vec![of(0.1, 0.034)]), size(vec![of(1.0, 0.5), of(0.1, 0.034), of(0.01, 0.0166)])], [0.034; 2]);
+        let found = [size(vec![of(0.1, 0.02), of(0.01, 0.012)]), size(vec![of(1.0, 1.0), of(0.1, 0.02), of(0.01, 0.012)])];
+        assert_eq!(found, [0.012; 2]);
+        // What has no such share has the limit that it has.
+        assert_eq!(size(vec![of(1.0, 0.03)]), 0.03);
+    }
 
     /// A start that moves one of an effect's amplitudes is a departure of that one alone, whatever its value is where there is no effect.
     #[test]

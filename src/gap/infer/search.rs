@@ -215,6 +215,10 @@ pub fn search(problem: &Problem, earlier: Option<&Search>, progress: &(dyn Fn(&s
         frontier = of_size.into_iter().map(|h| h.effects.clone()).collect();
     }
     if let Some(earlier) = earlier {
+        // Without work left nothing was screened here.
+        if found.promised.iter().all(Option::is_none) {
+            found.promised.clone_from(&earlier.promised);
+        }
         take_up(problem, &mut found, earlier);
     }
     found
@@ -412,7 +416,7 @@ mod tests {
         assert_eq!(found.screened.iter().map(|(set, _)| set.clone()).collect::<Vec<_>>(), [[moves]]);
     }
 
-    /// With no work left, a search only takes up what an earlier one found, and nothing is exchanged, though the set that leads strains its tolerances.
+    /// With no work left, a search only takes up what an earlier one found and promised, and nothing is exchanged, though the set that leads strains its tolerances.
     #[test]
     fn a_search_ends_when_its_work_is_done() {
         use crate::gap::infer::exchange::exchange;
@@ -426,9 +430,10 @@ mod tests {
         let moves = vec![crate::effects::find("kiss_point_thermal").unwrap()];
         let fitted = |set: &[usize]| Hypothesis::fitted(&problem, set.to_vec(), &problem.nominal(), LOOK, None);
         let single = Hypothesis { lead: 1e6, ..fitted(&moves) };
-        let earlier = Search::made_up(vec![single, fitted(&[])]);
+        let mut earlier = Search::made_up(vec![single, fitted(&[])]);
+        earlier.promised = (0..REGISTRY.len()).map(|e| Some(e as f64)).collect();
         let mut found = search(&none, Some(&earlier), &|_, _| {});
-        assert!(none.work.was_cut_short() && found.screened.is_empty());
+        assert!(none.work.was_cut_short() && found.screened.is_empty() && found.promised == earlier.promised);
         assert_eq!(found.hypotheses.len(), 2);
         found.hypotheses[0].fit.point.shared.fill(2.0);
         exchange(&none, &mut found);

@@ -172,7 +172,8 @@ fn promised(problem: &Problem, of: &Hypothesis, courses: &[Course], [sharp, coar
     };
     let all: Vec<OfSize> = SIZES.iter().flat_map(|&size| OF_TIME.map(|share| of_size(size, share * size))).collect();
     let best = all.iter().max_by(|a, b| a.coarse.total_cmp(&b.coarse)).expect("there are sizes");
-    let as_good = all.iter().map(|one| (one.coarse - best.coarse).exp()).sum::<f64>() / all.len() as f64;
+    let as_good = |one: &OfSize| if best.coarse.is_finite() { (one.coarse - best.coarse).exp() } else { 1.0 };
+    let as_good = all.iter().map(as_good).sum::<f64>() / all.len() as f64;
     let log_odds = (PLACE_PRIOR / (1.0 - PLACE_PRIOR)).ln() + as_good.ln();
     let states = basis.len();
     let mut timed = if best.time > 0.0 { linear(&changes, basis.len()) } else { Basis::new() };

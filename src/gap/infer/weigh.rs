@@ -39,12 +39,12 @@ pub struct Information {
 }
 
 impl Information {
-    /// Logarithm of the evidence that functions of these sizes add, nats, with the likelihood to this further power.
+    /// Logarithm of the evidence that functions of these sizes add, nats, with the likelihood to this further power; −∞ where rounding leaves no posterior.
     pub fn gain(&self, by: &DVector<f64>, power: f64) -> f64 {
         let n = by.len();
         let gram = DMatrix::from_fn(n, n, |i, j| power * by[i] * by[j] * self.gram[(i, j)] + f64::from(u8::from(i == j)));
         let slope = power * self.slope.component_mul(by);
-        let Some(law) = gram.cholesky() else { return 0.0 };
+        let Some(law) = gram.cholesky() else { return f64::NEG_INFINITY };
         let log_det = 2.0 * law.l_dirty().diagonal().map(f64::ln).sum();
         0.5 * slope.dot(&law.solve(&slope)) - 0.5 * log_det
     }
@@ -69,6 +69,9 @@ impl Information {
     fn along_states(&self, effects: &[Vec<Alone>], first: usize, size: f64) -> (f64, DVector<f64>) {
         let mut best = (0.0, DVector::from_element(self.slope.len(), size));
         best.0 = self.gain(&best.1, 1.0);
+        if best.0 == f64::NEG_INFINITY {
+            return (0.0, best.1);
+        }
         let mut more = 0.0;
         for states in effects {
             let alike = best.0;
@@ -159,6 +162,16 @@ mod tests {
             let [without, with] = variance.map(|v| -0.5 * measured * measured / v - 0.5 * v.ln());
             assert!((one.gain(&DVector::from_element(1, size), 1.0) - (with - without)).abs() < 1e-9, "{size}");
         }
+    }
+
+    /// Functions that cost 10 nats are better than those of which rounding leaves no posterior; there states say nothing more.
+    #[test]
+    fn what_cannot_be_weighed_never_wins() {
+        let of = |gram: f64| Information { gram: DMatrix::from_element(1, 1, gram), slope: DVector::zeros(1) };
+        let size = DVector::from_element(1, 1.0);
+        assert!(of(-2.0).gain(&size, 1.0) < of(20_f64.exp()).gain(&size, 1.0));
+        let states = vec![vec![Alone { functions: vec![0], factor: 1.0 }]];
+        assert_eq!(of(-2.0).along_states(&states, 0, 1.0), (0.0, size));
     }
 
     /// Eight states with two functions each, one of which is uneven by what all of them are expected to be together: five and a half standard deviations if that is shared out, two if it lies

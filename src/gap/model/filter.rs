@@ -18,7 +18,7 @@
 
 use super::lock_up::{self, LOCKED, LOCKED_MEAN, slip_noise};
 use super::noise::Noise;
-use super::replay::HIDDEN;
+use super::replay::{HIDDEN, rests};
 use super::tolerance::Wander;
 use super::track::{Channel, Track};
 use super::unseen::{self, interval, unseen};
@@ -364,18 +364,12 @@ pub const RESTED_S: f64 = 0.5;
 
 /// Observations at which the car has stood under its brakes for [`RESTED_S`]; a wheel speed below its sensor's threshold stands.
 fn stands(track: &Track, omega_c: &[(f64, usize)], noise: f64, braking: impl Fn(usize) -> bool) -> Vec<bool> {
-    let (mut since, mut last) = (0.0, omega_c.iter().map(|s| s.0).find(|v| v.is_finite()).unwrap_or(0.0));
-    (0..omega_c.len())
-        .map(|k| {
-            let speed = omega_c[k].0;
-            last = if speed.is_finite() { speed } else { last };
-            // A sample that is lost at speed is not one below the threshold.
-            let stands = if speed.is_finite() { speed.abs() <= LOCKED * noise } else { last.abs() < HIDDEN };
-            let rests = braking(k) && stands;
-            since = if rests { since + interval(track, k) } else { 0.0 };
-            since > RESTED_S
-        })
-        .collect()
+    let mut since = 0.0;
+    let held = |(k, rests): (usize, bool)| {
+        since = if rests && braking(k) { since + interval(track, k) } else { 0.0 };
+        since > RESTED_S
+    };
+    rests(omega_c.iter().map(|s| s.0), |speed| speed <= LOCKED * noise).enumerate().map(held).collect()
 }
 
 /// A coloured noise and a further one: both are first-order, and the slower one's time stands for both where both are there.

@@ -50,7 +50,7 @@ pub fn skew(tracks: &[Track], with: &Disturbances, most: f64) -> f64 {
                 continue;
             }
             if k > begin && time(k - 1) - time(begin) > TOGETHER_S {
-                let inside = begin + PACE_OBSERVATIONS..(k - PACE_OBSERVATIONS).max(begin + PACE_OBSERVATIONS);
+                let inside = begin + PACE_OBSERVATIONS..k.saturating_sub(PACE_OBSERVATIONS).max(begin + PACE_OBSERVATIONS);
                 let known = inside.filter(|&j| slip(j).is_finite());
                 products -= known.clone().map(|j| slip(j) * paces[j]).sum::<f64>();
                 squares += known.map(|j| paces[j].powi(2)).sum::<f64>();
@@ -109,4 +109,33 @@ pub fn blur(track: &Track, speeds: &[Vec<(f64, usize)>; 2], locked: &[bool]) -> 
         }
     }
     blur
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::campaign::Recording;
+    use crate::gap::model::noise::Noise;
+    use crate::gap::model::prepare::healthy;
+    use crate::gap::model::tolerance::{self, Logger};
+
+    /// Two samples, half a second apart.
+    #[test]
+    fn a_stretch_of_few_samples_says_nothing_of_lateness() {
+        let count = PACE_OBSERVATIONS - 1;
+        let speed: Vec<f64> = (0..count).map(|k| 10.0 * k as f64).collect();
+        let track = Track::new(&Recording {
+            sample_rate_hz: 2.0,
+            time: (0..count).map(|k| 0.5 * k as f64).collect(),
+            omega_f: speed.clone(),
+            omega_c: speed,
+            t_e: vec![0.0; count],
+            x_to_cmd: vec![12.0; count],
+            theta_h: vec![25.0; count],
+            ..Recording::default()
+        });
+        let tolerances = tolerance::read(&serde_json::json!({}), Logger::UNIFORM).unwrap();
+        let with = healthy([Noise { white: 0.1, coloured: 0.0, memory_s: 1.0 }; 5], 0.2, 0.0, &tolerances);
+        assert_eq!(skew(&[track], &with, 0.01), 0.0);
+    }
 }

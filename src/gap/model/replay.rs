@@ -127,6 +127,16 @@ const LOCKED_SLIP: f64 = 0.6;
 /// Speed in rad/s under which a sensor's threshold may lie.
 pub const HIDDEN: f64 = 10.0;
 
+/// Whether a wheel may be at rest, sample by sample of its speed in rad/s: a known one is if it is `slow`, and one without a sample if the last known speed may be below the threshold of its
+/// sensor. A sample that is lost at speed is not one below the threshold.
+pub fn rests(omega: impl Iterator<Item = f64> + Clone, slow: impl Fn(f64) -> bool) -> impl Iterator<Item = bool> {
+    let mut last = omega.clone().find(|v| v.is_finite()).unwrap_or(0.0);
+    omega.map(move |speed| {
+        last = if speed.is_finite() { speed } else { last };
+        if speed.is_finite() { slow(speed.abs()) } else { last.abs() < HIDDEN }
+    })
+}
+
 /// State at a row: the speeds as measured there; a clutch that is closed on two nearly equal speeds is locked.
 pub fn start(track: &Track, car: &Car, row: usize, theta: [f64; 2], noise: f64) -> Start {
     start_read(track, car, row, theta, noise, [0.0; 2])

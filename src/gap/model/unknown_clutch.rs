@@ -60,6 +60,10 @@ impl UnknownClutch {
     /// Flywheel speed as sensed at `time` s, rad/s: straight from one observation to the next, and on beyond the last.
     pub fn omega_f(&self, time: f64) -> f64 {
         let n = self.time.len();
+        if n < 2 {
+            // A part of a log may hold no sample, or one.
+            return self.omega_f.first().copied().unwrap_or(0.0);
+        }
         let k = self.time.partition_point(|t| *t <= time).clamp(1, n - 1);
         let (a, b) = if time > self.time[n - 1] { (n - 1 - SLOPE.min(n - 1), n - 1) } else { (k - 1, k) };
         let share = (time.max(self.time[0]) - self.time[a]) / (self.time[b] - self.time[a]);
@@ -221,7 +225,8 @@ impl Sensors {
                 let pace = s.pace();
                 runs(&together).map(|r| moves(&r) as f64 * pace).filter(|t| *t > LEAST_S).sum::<f64>()
             };
-            all.par_iter().map(one).sum()
+            // In order: a sum must not depend on the threads.
+            all.par_iter().map(one).collect::<Vec<f64>>().iter().sum()
         };
         let steps = |(most, step): (f64, f64)| {
             let count = (most / step).round() as i32;
@@ -282,6 +287,25 @@ mod tests {
         let omega_f = time.iter().map(|&t| both(t)[0] + noise()).collect();
         let omega_c = time.iter().map(|&t| gain * both(t - lag)[1] + noise()).collect();
         Speeds { time, value: [omega_f, omega_c], noise: [0.1, 0.1] }
+    }
+
+    /// What is stale may be all that a part of a log has of a speed.
+    #[test]
+    fn a_part_without_a_flywheel_speed_has_one_that_stands() {
+        for known in 0..2 {
+            let recording = crate::campaign::Recording {
+                sample_rate_hz: 100.0,
+                time: (0..50).map(|k| 0.01 * f64::from(k)).collect(),
+                omega_f: (0..50).map(|k| if k < known { 90.0 } else { f64::NAN }).collect(),
+                omega_c: vec![80.0; 50],
+                t_e: vec![10.0; 50],
+                theta_h: vec![25.0; 50],
+                ..Default::default()
+            };
+            let mut tracks = [Track::new(&recording)];
+            find(&mut tracks, &[Noise { white: 0.1, coloured: 0.0, memory_s: 1.0 }; 5]);
+            assert_eq!(tracks[0].unknown_clutch.as_ref().unwrap().omega_f(0.3), 90.0 * f64::from(known));
+        }
     }
 
     #[test]

@@ -20,6 +20,7 @@ use super::infer::belief::{ByAccuracy, EXACT};
 use super::infer::density::{ByPhase, Point, Problem, TEMPERATURES};
 use super::infer::posterior::Posterior;
 use super::infer::screen::Limit;
+use super::model::clock::{CONTROL_INTERVAL_S, misses};
 use super::model::filter::Disturbances;
 use super::model::noise::Noise;
 use super::model::tolerance::{self, Car, Nuisance, ToleranceError};
@@ -80,10 +81,8 @@ impl Planner {
         logger: Logger,
         manoeuvres: Vec<Manoeuvre>,
     ) -> Result<Self, ToleranceError> {
-        let steady = tolerance::Logger {
-            interval_s: 1.0 / logger.rate_hz,
-            loose: 1.0 / logger.rate_hz > 1.2 * tolerance::Logger::UNIFORM.interval_s,
-        };
+        let interval_s = 1.0 / logger.rate_hz;
+        let steady = tolerance::Logger { interval_s, loose: misses(interval_s, CONTROL_INTERVAL_S) };
         let tolerances = tolerance::read(document, steady)?;
         let white = |white: f64| Noise { white, coloured: 0.0, memory_s: 1.0 };
         let [x, t, theta] = sensors.bench;
@@ -226,5 +225,24 @@ impl Outlook {
         let stands_in = |r: &Rival| !r.effects.contains(&effect) && kept(r);
         let others = (1..self.rivals.len()).filter(|&k| stands_in(&self.rivals[k]));
         std::iter::once(0).chain(others).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    /// As a recording at that rate is read: at 75 Hz a logger still sees every command.
+    #[test]
+    fn a_planned_logger_is_as_loose_as_one_that_has_recorded() {
+        let vehicle = Vehicle::paper();
+        let sigmas = |all: &[Nuisance]| all.iter().map(|n| n.sigma).collect::<Vec<_>>();
+        for (rate_hz, loose) in [(100.0, false), (75.0, false), (60.0, true)] {
+            let logger = Logger { rate_hz, bench: [false; 3], theta_0_sigma: [1.0; 2] };
+            let planner = Planner::before(&vehicle, &json!({}), Sensors::default(), logger, Vec::new()).unwrap();
+            let read = tolerance::read(&json!({}), tolerance::Logger { interval_s: 1.0 / rate_hz, loose }).unwrap();
+            assert_eq!(sigmas(&planner.shared), sigmas(&read.shared), "{rate_hz} Hz");
+        }
     }
 }
