@@ -74,6 +74,20 @@ fn two_launches() -> Car {
     with_only(everyday(Kind::Healthy), &[0, 1])
 }
 
+/// The torque of a healthy car with its sign turned is no fault of the car: the answer says which channel is mistaken, and names no effect.
+#[test]
+fn a_torque_that_counts_the_other_way_is_a_mistake_in_the_map() {
+    let mut campaign = Folder::of("sign", &with_only(everyday(Kind::Healthy), &[0, 1, 2])).read();
+    campaign.recordings.iter_mut().flat_map(|r| &mut r.t_e).for_each(|t| *t = -*t);
+    let answer = diagnose(&campaign, &|_, _| {}).unwrap().answer;
+    assert!(
+        answer.sentence.starts_with("These inputs do not fit this vehicle: with the opposite sign of the engine torque"),
+        "{}",
+        answer.sentence
+    );
+    assert!(answer.which.effects.is_empty() && answer.place.primary.is_none() && answer.confidence.0 > 0.9, "{:?}", answer.confidence);
+}
+
 #[test]
 fn a_healthy_car_has_no_gap() {
     let found = answer(&Folder::of("healthy", &everyday(Kind::Healthy)).read()).json;

@@ -58,6 +58,7 @@ fn learned_at(car: &Car, place: Subsystem, or_at: &[Subsystem]) -> (Tried, Close
         or_at: or_at.to_vec(),
         taken_back: None,
         irregular: Vec::new(),
+        mistake: None,
     };
     let null = effects::null();
     let held_out = &campaign.recordings[split.judge];

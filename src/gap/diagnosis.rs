@@ -19,6 +19,7 @@ use super::infer::sensors;
 use super::infer::strained::Strained;
 use super::map;
 use super::measure::{self, Closed, Overlay};
+use super::mistaken::mistaken;
 use super::model::filter::Disturbances;
 use super::model::prepare;
 use super::model::tolerance::ToleranceError;
@@ -138,6 +139,7 @@ fn diagnosed(
     let Read { ready, mut found, control_interval_s } = read_with_control_unit(&campaign, &vehicle, ready, found, &searched)?;
     let read = control_interval_s.map_or(campaign.clone(), |s| commanded_every(&campaign, s));
     let campaign = &read;
+    let mistake = mistaken(campaign, &vehicle, &ready, &found, &searched)?;
     let Ready { split, mut problem, tolerances, with } = ready;
     let known = |n: &&Note| n.text != NO_POSITION;
     let mut notes: Vec<String> = campaign.notes.iter().filter(known).map(|n| format!("{}: {}", n.recording, n.text)).collect();
@@ -200,6 +202,7 @@ fn diagnosed(
         }
     }
     let point = &conclusion.explanation.fit.as_ref().expect("the best was fitted").point.clone();
+    mistake.into_iter().for_each(|m| conclusion.mistake(m));
     notes.extend(notes::temperatures(&problem, point));
     let misled = || misled(&problem, &split.taught, &vehicle, &tuned_by(&found, &conclusion, point));
     let named = matches!(conclusion.verdict, Verdict::Explained | Verdict::PartlyExplained);
@@ -435,6 +438,7 @@ mod tests {
             or_at: Vec::new(),
             taken_back: None,
             irregular: Vec::new(),
+            mistake: None,
         };
         assert_eq!(fitted_whole(&problem, &found, &conclusion).residuals, fit.residuals);
         found.let_go_of_all();

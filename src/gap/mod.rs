@@ -7,7 +7,7 @@
 //!    prediction) are white where the model is right; smooth laws that no effect of the library covers
 //! 3. [`infer`]: one joint density of recordings and unknowns; its mode and evidence; the search over sets of effects; the posterior over these sets and over
 //!    missing laws
-//! 4. [`verdict`]: what the posterior says; [`map`]: where the balances do not close; [`free`]: replays that nothing corrects; [`measure`]: how far off they are, before and after;
+//! 4. [`verdict`]: what the posterior says; [`mistaken`]: whether channels are mistaken; [`map`]: where the balances do not close; [`free`]: replays that nothing corrects; [`measure`]: how far off they are, before and after;
 //!    [`drive`]: what happened when on a drive
 //! 5. [`plan`]: what to measure to settle what is open, and how small an effect would still show; [`advice`]: the same in words
 //! 6. [`retune`]: the numbers of the car that is handed back
@@ -32,6 +32,7 @@ pub mod infer;
 pub mod joint;
 pub mod map;
 pub mod measure;
+pub mod mistaken;
 pub mod model;
 pub mod notes;
 pub mod plan;

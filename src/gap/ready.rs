@@ -42,6 +42,16 @@ impl Ready {
         if split.taught.is_empty() {
             return Err(DiagnosisError::TooFew(campaign.recordings.len()));
         }
+        Self::taught(split, campaign, vehicle, work)
+    }
+
+    /// The same rows of the campaign's recordings with other values in their channels.
+    pub(super) fn with_channels(&self, taught: Vec<Recording>, campaign: &Campaign, vehicle: &Vehicle) -> Result<Self, DiagnosisError> {
+        let Split { judge, last_engagement, ref name, .. } = self.split;
+        Self::taught(Split { taught, judge, last_engagement, name: name.clone() }, campaign, vehicle, &self.problem.work)
+    }
+
+    fn taught(split: Split, campaign: &Campaign, vehicle: &Vehicle, work: &Work) -> Result<Self, DiagnosisError> {
         let taught: Vec<&Recording> = split.taught.iter().collect();
         let (tracks, tolerances) = prepare::read(&taught, &campaign.vehicle_json)?;
         let with = prepare::disturbances(&tracks, &tolerances);

@@ -52,6 +52,12 @@ fn of_verdict(f: &Findings, closed: f64) -> String {
         };
         return format!("The most probable explanation ({}) is {names}, which {closes} {share}{rest}.", percent(c.probability));
     }
+    if let Some(mistake) = c.mistake {
+        let words = mistake.words();
+        return format!(
+            "These inputs do not fit this vehicle: {words}, the recordings are explained far better than as they are mapped. Check the channel map."
+        );
+    }
     match c.verdict {
         Verdict::NoGap if position_free(f) => format!(
             "No effect is needed in engine, driveline and sensors: there the model follows the car within the tolerances of its vehicle file. Without a position, {} are not assessable.",

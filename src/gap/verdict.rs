@@ -5,6 +5,7 @@ use super::infer::fit::Fit;
 use super::infer::irregular::Irregular;
 use super::infer::posterior::{Explanation, Posterior};
 use super::infer::search::Search;
+use super::mistaken::{Mistake, Mistaken};
 use crate::effects::{PARAMETERS, REGISTRY, Subsystem};
 use serde::Serialize;
 
@@ -62,6 +63,8 @@ pub struct Conclusion {
     pub taken_back: Option<TakenBack>,
     /// What is irregular, in words with its size.
     pub irregular: Vec<String>,
+    /// A mistake in the channel map that explains the recordings.
+    pub mistake: Option<Mistake>,
 }
 
 /// Effects that would account for the innovations, with which the car follows the recordings of the fit worse than without.
@@ -105,6 +108,7 @@ pub fn conclude(problem: &Problem, search: &Search, posterior: &Posterior) -> Co
         or_at,
         taken_back: None,
         irregular: Vec::new(),
+        mistake: None,
     }
 }
 
@@ -135,6 +139,12 @@ impl Conclusion {
             }
         }
         self.shares = self.unexplained_at.map(|place| (place, 1.0)).into_iter().collect();
+    }
+
+    /// Takes it that a channel is mistaken: what was concluded of the recordings as they are mapped is of no car.
+    pub fn mistake(&mut self, mistaken: Mistaken) {
+        (self.verdict, self.probability, self.mistake) = (Verdict::InputsDoNotFit, mistaken.probability, Some(mistaken.mistake));
+        (self.effects, self.unexplained_at, self.shares, self.or_at) = (Vec::new(), None, Vec::new(), Vec::new());
     }
 
     /// Takes it that something irregular is left.
@@ -303,6 +313,7 @@ mod tests {
             or_at: Vec::new(),
             taken_back: None,
             irregular: Vec::new(),
+            mistake: None,
         }
     }
 

@@ -76,16 +76,7 @@ fn of_verdict(diagnosis: &Value) -> String {
             format!("{} {explains} {part}{only}{rest}.", capitalised(&names))
         }
         Some("unexplained") => format!("No effect in the library explains the gap; it lies in {place}."),
-        Some("inputs_do_not_fit") if !texts(diagnosis, "hidden_without_position").is_empty() => {
-            "The recordings do not fit this vehicle: such a car cannot have this torque and these speeds at once, whatever its clutch \
-             transmits. Check the channel map."
-                .to_owned()
-        }
-        Some("inputs_do_not_fit") => {
-            "The recordings do not fit this vehicle: such a car cannot have this torque, position and speed at once. \
-             Check the channel map."
-                .to_owned()
-        }
+        Some("inputs_do_not_fit") => text(diagnosis, "sentence").unwrap_or("These inputs do not fit this vehicle.").to_owned(),
         _ => "The diagnosis holds no verdict.".to_owned(),
     }
 }

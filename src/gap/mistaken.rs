@@ -1,0 +1,140 @@
+//! Whether the recordings are those of a car whose channels are mistaken: speeds exchanged, a torque or a position that counts the other way.
+//!
+//! Each is one more explanation: a car under another reading of the channels, which has the prior of a missing law. Its likelihood is that of the same samples, so that it is weighed against the
+//! best explanation of the recordings as they are mapped, to the power to which the likelihood is believed. Only a reading under which the car of the file does better is searched.
+
+use super::diagnosis::DiagnosisError;
+use super::infer::belief::{ByAccuracy, overall};
+use super::infer::density::Problem;
+use super::infer::search::Search;
+use super::infer::weigh::log_sum;
+use super::infer::{irregular, sensors};
+use super::ready::Ready;
+use crate::campaign::{Campaign, Recording};
+use crate::vehicle::Vehicle;
+
+/// A mistake in the channel map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mistake {
+    /// The flywheel's speed is the disc's and the other way round.
+    Speeds,
+    /// The engine torque has the other sign.
+    Torque,
+    /// The position grows as the clutch opens where it should fall, or the other way round.
+    Position,
+}
+
+/// A mistake that explains the recordings, and its probability.
+#[derive(Clone, Copy, Debug)]
+pub struct Mistaken {
+    /// Which.
+    pub mistake: Mistake,
+    /// Its probability, each reading with the explanation that suits it best.
+    pub probability: f64,
+}
+
+impl Mistake {
+    const ALL: [Self; 3] = [Self::Speeds, Self::Torque, Self::Position];
+
+    /// What has to be done to the channels for the car of the file to follow them.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Speeds => "with flywheel and disc speed exchanged",
+            Self::Torque => "with the opposite sign of the engine torque",
+            Self::Position => "with a position that counts the other way",
+        }
+    }
+
+    /// Recordings without the mistake; none where they have no such channel.
+    fn mended(self, recordings: &[Recording]) -> Option<Vec<Recording>> {
+        let mut all = recordings.to_vec();
+        match self {
+            Self::Speeds => all.iter_mut().for_each(|r| std::mem::swap(&mut r.omega_f, &mut r.omega_c)),
+            Self::Torque => all.iter_mut().flat_map(|r| &mut r.t_e).for_each(|t| *t = -*t),
+            Self::Position => {
+                let range = |(least, most): (f64, f64), x: &f64| (least.min(*x), most.max(*x));
+                let (least, most) = all.iter().flat_map(|r| &r.x_to_cmd).fold((f64::INFINITY, f64::NEG_INFINITY), range);
+                if least > most {
+                    return None;
+                }
+                let turn =
+                    |r: &mut Recording| r.x_to_cmd.iter_mut().chain(r.x_to.iter_mut().flatten()).for_each(|x| *x = least + most - *x);
+                all.iter_mut().for_each(turn);
+            }
+        }
+        Some(all)
+    }
+}
+
+/// The mistake without which these recordings are likeliest, if they are likelier than as they are mapped: at the car of the file, and then at the best explanation that a search finds. `found` is what it
+/// found of them as they are.
+///
+/// # Errors
+/// [`DiagnosisError`] if a campaign without the mistake can't be made ready, as the campaign itself could.
+pub(super) fn mistaken(
+    campaign: &Campaign,
+    vehicle: &Vehicle,
+    ready: &Ready,
+    found: &Search,
+    searched: &dyn Fn(&Problem, Option<&Search>) -> Search,
+) -> Result<Option<Mistaken>, DiagnosisError> {
+    let powers = ready.problem.powers;
+    let nominal = |r: &Ready| -0.5 * sensors::minus_log_likelihood(&r.problem, &r.problem.nominal(), &r.with);
+    let (as_mapped, explained) = (nominal(ready), believed(&ready.problem, found));
+    let mut read: Vec<(Mistake, ByAccuracy<f64>)> = Vec::new();
+    for mistake in Mistake::ALL {
+        let Some(mended) = mistake.mended(&ready.split.taught) else { continue };
+        let mut other = ready.with_channels(mended, campaign, vehicle)?;
+        if mean(irregular::probability(&ready.problem, nominal(&other) - as_mapped)) < 0.5 {
+            continue;
+        }
+        // Both readings are of the same samples, and believed to the same power.
+        other.problem.powers = powers;
+        read.push((mistake, believed(&other.problem, &searched(&other.problem, None))));
+    }
+    let probability = |mistake: Mistake, of: &ByAccuracy<f64>| {
+        let others = |a: usize| log_sum(&read.iter().filter(|r| r.0 != mistake).map(|r| r.1[a]).chain([explained[a]]).collect::<Vec<_>>());
+        mean(std::array::from_fn(|a| irregular::posterior(of[a] - others(a))))
+    };
+    let mut all = read.iter().map(|(mistake, of)| Mistaken { mistake: *mistake, probability: probability(*mistake, of) });
+    Ok(all.find(|m| m.probability > 0.5))
+}
+
+fn mean(of: ByAccuracy<f64>) -> f64 {
+    of.iter().sum::<f64>() / of.len() as f64
+}
+
+/// Logarithm of the posterior of the best explanation that was found, for each accuracy that it may have, the recordings' own scale included.
+fn believed(problem: &Problem, found: &Search) -> ByAccuracy<f64> {
+    let scale: f64 = 0.5 * problem.filters.iter().map(|f| f.log_det).sum::<f64>();
+    let best = |a: usize| found.hypotheses.iter().map(|h| h.by_accuracy[a]).fold(f64::NEG_INFINITY, f64::max);
+    std::array::from_fn(|a| best(a) - overall(problem.powers[a]) * scale)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gap::infer::search::Hypothesis;
+    use crate::gap::model::prepare::Example;
+    use crate::gap::progress::Work;
+
+    /// A car's recordings with each mistake in them are known by it, and without one by none; here the car of the file alone is asked.
+    #[test]
+    fn each_mistake_is_known_by_the_car_that_fits_without_it() {
+        let example = Example::read();
+        let alone = |problem: &Problem, _: Option<&Search>| {
+            Search::made_up(vec![Hypothesis::fitted(problem, Vec::new(), &problem.nominal(), 2, None)])
+        };
+        let of = |recordings: Vec<Recording>| {
+            let campaign = Campaign { recordings, ..example.campaign.clone() };
+            let ready = Ready::new(&campaign, &example.vehicle, &Work::default()).unwrap();
+            mistaken(&campaign, &example.vehicle, &ready, &alone(&ready.problem, None), &alone).unwrap()
+        };
+        let right = &example.campaign.recordings;
+        assert!(of(right.clone()).is_none());
+        for mistake in Mistake::ALL {
+            let found = of(mistake.mended(right).unwrap()).unwrap_or_else(|| panic!("{mistake:?} is not known"));
+            assert!(found.mistake == mistake && found.probability > 0.9, "{mistake:?}: {found:?}");
+        }
+    }
+}
