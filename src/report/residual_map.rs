@@ -74,6 +74,9 @@ fn lead(diagnosis: &Value) -> String {
                 format!("The gap lies in {}{then}.", or_places(&all))
             }
         }
+        None if text(diagnosis, "verdict") == Some("inputs_do_not_fit") => {
+            "No subsystem can be named, because the inputs do not fit.".to_owned()
+        }
         None => "No subsystem shows a gap.".to_owned(),
     };
     let remainder = text(place, "unexplained_at").filter(|_| partly).map_or_else(String::new, |id| {

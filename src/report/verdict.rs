@@ -195,6 +195,10 @@ pub fn confidence(diagnosis: &Value) -> Option<String> {
     if !diagnosis["which"]["taken_back"].is_null() {
         return Some("Not settled.".to_owned());
     }
+    // How one explanation of them compares with another says nothing.
+    if text(diagnosis, "verdict") == Some("inputs_do_not_fit") {
+        return Some("All that follows is of the recordings as they are mapped.".to_owned());
+    }
     let (name, behind) = next_best(diagnosis)?;
     let odds = match behind.exp() {
         r if r > 1e6 => "more than a million to one".to_owned(),
@@ -360,6 +364,17 @@ mod tests {
             let said = headline(&diagnosis);
             assert!(said.ends_with(&format!(" {verb} the gap.")), "{said}");
         }
+    }
+
+    #[test]
+    fn of_inputs_that_do_not_fit_no_explanation_is_called_likely() {
+        let explanations = json!([{"effects": ["judder"], "behind": 0.0}, {"effects": ["vehicle_mass"], "behind": 9.0}]);
+        let said = |verdict: &str| {
+            confidence(&json!({"verdict": verdict, "sentence": "S.", "which": {"explanations": explanations, "effects": []}, "where": {}}))
+                .unwrap()
+        };
+        assert!(said("explained").contains("Next best"), "{}", said("explained"));
+        assert_eq!(said("inputs_do_not_fit"), "All that follows is of the recordings as they are mapped.");
     }
 
     #[test]
