@@ -9,8 +9,10 @@ use super::coordinate::Coordinate;
 use super::density::{Point, Problem};
 use super::fit::{Fit, along};
 use super::linear::Frame;
+use super::sensors;
 use crate::effects::{Act, REGISTRY};
 use crate::gap::model::replay;
+use crate::gap::model::tolerance::Signal;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -139,23 +141,34 @@ fn stretches(problem: &Problem, point: &Point, k: usize) -> Vec<Stretch> {
         torque[j] = if now.phase == crate::plant::Phase::Slipping { now.t_fc } else { 0.0 };
         angle[j..=j + 1].fill(plant.slip_angle());
     });
+    // What acts from one observation to the next acts at the angle in the middle, and a flywheel speed that is sensed late shows it later.
+    let late = sensors::late(&car.effects)[0] + car.late[Signal::OmegaF as usize];
+    let mut time = vec![0.0; n + 1];
+    (0..n).for_each(|j| time[j + 1] = time[j] + filter.gains[j].interval);
+    let shown: Vec<(f64, f64)> = (0..n)
+        .map(|j| {
+            let acted = (0.5 * (time[j] + time[j + 1]) - late).clamp(0.0, time[n]);
+            let i = time.partition_point(|t| *t <= acted).clamp(1, n) - 1;
+            let share = (acted - time[i]) / (time[i + 1] - time[i]);
+            (torque[i], angle[i] + share * (angle[i + 1] - angle[i]))
+        })
+        .collect();
     let mut all: Vec<Stretch> = Vec::new();
     let (mut begin, mut quiet) = (0.0, usize::MAX);
-    for j in 0..n {
+    for (j, (torque, angle)) in shown.into_iter().enumerate() {
         let gain = &filter.gains[j];
-        if torque[j] != 0.0 {
-            if quiet > REMEMBERED || (angle[j] - begin).abs() > LONGEST_ANGLE {
+        if torque != 0.0 {
+            if quiet > REMEMBERED || (angle - begin).abs() > LONGEST_ANGLE {
                 all.push(Stretch::default());
-                begin = angle[j];
+                begin = angle;
             }
             quiet = 0;
         } else {
             quiet = quiet.saturating_add(1);
         }
         if let Some(s) = all.last_mut().filter(|_| quiet <= REMEMBERED) {
-            s.torque.push(torque[j]);
-            // What acts from one observation to the next acts at the angle in the middle.
-            s.angle.push(0.5 * (angle[j] + angle[j + 1]));
+            s.torque.push(torque);
+            s.angle.push(angle);
             s.innovation.push(innovations[2 * j]);
             s.gain.push(gain.interval / car.vehicle.driveline.J_f);
             s.forget.push(1.0 - gain.of[0][0]);
@@ -279,5 +292,35 @@ mod tests {
             let off = (-sine).atan2(cosine) - phase;
             assert!(off.sin().abs() < 0.8 && off.cos() > 0.0, "phase {} for {phase}", off + phase);
         }
+    }
+
+    /// A launch of a car that judders, recorded with a flywheel speed that is 60 ms late: the ripple that the innovations of a car with that sensor show has the order of the clutch's, and not that of a
+    /// phase that runs ahead as slip falls.
+    #[test]
+    fn a_late_flywheel_speed_shows_the_ripple_of_an_earlier_angle() {
+        use crate::effects::param::{engine_speed_delay, judder};
+        use crate::plant::Start;
+        let example = crate::gap::model::prepare::Example::read();
+        let (mut problem, _) = example.problem(&[&example.campaign.recordings[1]]);
+        let mut point = problem.nominal();
+        point.effects[engine_speed_delay::delay] = 0.06;
+        let mut true_point = point.clone();
+        (true_point.effects[judder::cosine], true_point.effects[judder::order]) = (0.15, 1.3);
+        let track = &mut problem.tracks[0];
+        let theta = example.campaign.recordings[1].theta_h[0];
+        let start = Start { omega_f: track.measured[0][0], omega_c: track.measured[1][0], theta_c: theta, theta_b: theta };
+        let car = crate::gap::model::tolerance::Car {
+            effects: true_point.effects,
+            ..crate::gap::model::tolerance::Car::nominal(&example.vehicle)
+        };
+        let mut shown = [vec![f64::NAN; track.rows()], vec![f64::NAN; track.rows()]];
+        replay::replay(track, &car, (&start, 0.0), 0..track.rows(), None, |row, now, _, _| {
+            (shown[0][row], shown[1][row]) = (now.omega_f, now.omega_c);
+        });
+        shown.into_iter().enumerate().for_each(|(c, speed)| track.measured[c] = speed);
+        let stretches = stretches(&problem, &point, 0);
+        let longest = stretches.iter().flat_map(|s| &s.angle).fold(0.0, |m: f64, a| m.max(a.abs()));
+        let order = orders(&stretches, longest, 0.0)[0].1;
+        assert!((order - 1.3).abs() * longest < PI, "{order} after {longest} rad");
     }
 }

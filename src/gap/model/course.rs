@@ -14,7 +14,7 @@
 
 use super::filter::{Filter, STATES};
 use super::missing::way;
-use super::replay::{self, Missing, SUBSTEP_S, Steps, added, at};
+use super::replay::{self, Missing, SUBSTEP_S, Steps, added, at, carried};
 use super::tolerance::{Car, Signal};
 use super::track::Track;
 use super::unseen::interval;
@@ -167,16 +167,17 @@ impl<'a> Course<'a> {
             for row in rows.clone() {
                 let read = law.errors_of_reading(row);
                 let seen = |s: usize| state.speeds[s] - sensors[s].since - self.late[s] * state.pace[s];
-                let carried = model.carried(&state);
+                let torque = model.carried(&state);
                 let shows = [
                     seen(0) + read[0],
                     speed_gain * seen(1) + read[1],
                     at(&law.bench[0], row),
-                    carried + at(&law.clutch, row),
+                    torque + at(&law.clutch, row),
                     at(&law.bench[1], row),
                 ];
                 errors.iter_mut().zip(shows).for_each(|(e, x)| *e -= x / rows.len() as f64);
                 if row + 1 == rows.end {
+                    let before = estimate;
                     for (c, innovation) in gain.innovations([errors[0], errors[1]], &mut estimate).into_iter().enumerate() {
                         all.push(innovation.map_or(0.0, |innovation| innovation * gain.weight[c]));
                         let Some(innovation) = innovation else { continue };
@@ -195,6 +196,7 @@ impl<'a> Course<'a> {
                     if filter.stands[k] {
                         model.hold_car(&mut state);
                     }
+                    errors[3] -= carried(filter, k, [&before, &estimate], inertia, stuck);
                     for (c, gains) in filter.bench.iter().enumerate().filter(|(_, g)| !g.is_empty()) {
                         bench[c].push(gains[k].innovation(errors[c + 2], &mut lasting[c]));
                     }

@@ -132,7 +132,7 @@ impl BenchGain {
 }
 
 /// Filter of one recording.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Filter {
     /// By observation.
     pub gains: Vec<Gain>,

@@ -327,17 +327,35 @@ pub fn torques(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Ve
 /// What the filter adds from observation `k` on to a car with these inertias, by its estimate. The gains belong to one pair of inertias, and so do the accelerations that they ask for: a
 /// candidate with others would be corrected by more or less, and gain or lose by that alone. So the inertias' ratios count, by the side on which a torque was found: of both together while
 /// the clutch sticks, the car's while the flywheel is pinned.
-pub fn added(filter: &Filter, k: usize, estimate: &[f64; STATES], [j_f, j_c]: [f64; 2], stuck: bool) -> Added {
+pub fn added(filter: &Filter, k: usize, estimate: &[f64; STATES], inertia: [f64; 2], stuck: bool) -> Added {
+    let share = shares(filter, k, inertia, stuck);
+    let clutch = estimate[state::CLUTCH];
+    Added { flywheel: share[0] * (estimate[state::ENGINE] - clutch), disc: share[1] * (estimate[state::LOAD] + clutch) }
+}
+
+/// Correction in N·m that turns the clutch torque of a replay at observation `k` into the filter's prediction of the transducer's reading, given the estimates `before` and after (`now`)
+/// that observation's speeds. While the clutch slips the replay's torque is the law's alone, so the estimated disturbance of the clutch is added. While it sticks, the replay's torque holds
+/// the speeds together under the disturbances that were added on the way here; it already has their estimates from `before`, and has the clutch's with the wrong sign, for that one is
+/// applied as an external pair of torques.
+pub fn carried(filter: &Filter, k: usize, [before, now]: [&[f64; STATES]; 2], [j_f, j_c]: [f64; 2], stuck: bool) -> f64 {
+    let share = shares(filter, k, [j_f, j_c], stuck)[0];
+    if !stuck {
+        return share * now[state::CLUTCH];
+    }
+    let more = |place: usize| now[place] - before[place];
+    share * (before[state::CLUTCH] + (j_c * more(state::ENGINE) - j_f * more(state::LOAD)) / (j_f + j_c))
+}
+
+/// Torque that a candidate with these inertias needs for one that the filter found, on flywheel and disc.
+fn shares(filter: &Filter, k: usize, [j_f, j_c]: [f64; 2], stuck: bool) -> [f64; 2] {
     let of = filter.inertia;
-    let share = if filter.pinned[k] {
+    if filter.pinned[k] {
         [j_c / of[1]; 2]
     } else if stuck {
         [(j_f + j_c) / (of[0] + of[1]); 2]
     } else {
         [j_f / of[0], j_c / of[1]]
-    };
-    let clutch = estimate[state::CLUTCH];
-    Added { flywheel: share[0] * (estimate[state::ENGINE] - clutch), disc: share[1] * (estimate[state::LOAD] + clutch) }
+    }
 }
 
 /// A corrected replay: its whitened innovations; `each` sees in every row what the sensors would show, and the plant.
@@ -391,6 +409,7 @@ pub fn corrected_in(
         }
         let gain = &filter.gains[k];
         let mean = |c: usize| sums[c].0 / sums[c].1.max(1) as f64;
+        let before = estimate;
         for (c, innovation) in gain.innovations([mean(0), mean(1)], &mut estimate).into_iter().enumerate() {
             speeds.push(innovation.map_or(0.0, |innovation| innovation * gain.weight[c]));
             let Some(innovation) = innovation else { continue };
@@ -403,12 +422,14 @@ pub fn corrected_in(
         if filter.stands[k] {
             plant.hold_car();
         }
+        let d = &plant.config().constants.driveline;
+        let (inertia, stuck) = ([d.J_f, d.J_c], plant.state().stuck);
+        let beyond = [0.0, carried(filter, k, [&before, &estimate], inertia, stuck), 0.0];
         for (c, gains) in filter.bench.iter().enumerate().filter(|(_, g)| !g.is_empty()) {
-            bench[c].push(gains[k].innovation(mean(c + 2), &mut lasting[c]));
+            bench[c].push(gains[k].innovation(mean(c + 2) - beyond[c], &mut lasting[c]));
         }
         estimate.iter_mut().zip(gain.decay).skip(2).for_each(|(e, d)| *e *= d);
-        let d = &plant.config().constants.driveline;
-        *added = self::added(filter, k, &estimate, [d.J_f, d.J_c], plant.state().stuck);
+        *added = self::added(filter, k, &estimate, inertia, stuck);
         sums = Default::default();
         k += 1;
         if k < n {
@@ -457,6 +478,23 @@ mod tests {
                 assert!(of(errors).iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{:?}", of(errors));
             }
         }
+    }
+
+    /// By the balances of flywheel and car, worked out for the torques that act on each once the filter knows them.
+    #[test]
+    fn a_transducer_shows_what_the_filter_found_the_clutch_to_carry() {
+        let filter = Filter { inertia: [0.2, 1.8], pinned: vec![false], ..Filter::default() };
+        let of = |engine, load, clutch| {
+            let mut e = [0.0; STATES];
+            (e[state::ENGINE], e[state::LOAD], e[state::CLUTCH]) = (engine, load, clutch);
+            e
+        };
+        let (before, now, inertia) = (of(10.0, -4.0, 3.0), of(16.0, -2.0, 5.0), [0.3, 2.7]);
+        assert!((carried(&filter, 0, [&before, &now], inertia, false) - 1.5 * 5.0).abs() < 1e-12);
+        let on = added(&filter, 0, &before, inertia, true);
+        let held = |on_f: f64, on_c: f64| on_f - inertia[0] * (on_f + on_c) / (inertia[0] + inertia[1]);
+        let expected = held(1.5 * 16.0, 1.5 * -2.0) - held(on.flywheel, on.disc);
+        assert!((carried(&filter, 0, [&before, &now], inertia, true) - expected).abs() < 1e-12);
     }
 
     #[test]
