@@ -50,8 +50,10 @@ pub enum FaultError {
     /// A number that is missing or out of its bounds.
     #[error("fault {0}: {1} is missing, or not between {2:?} and {3:?}")]
     Number(usize, &'static str, f64, f64),
-    /// Two ramps of one parameter at once.
-    #[error("fault {0} of {1} begins while an earlier one still moves; let it begin when the ramp has ended")]
+    /// Two ramps of one parameter at once, or two jumps at one instant.
+    #[error(
+        "fault {0} of {1} begins while an earlier one still moves, or jumps where an earlier one begins; let it begin later, when that has ended"
+    )]
     Overlap(usize, &'static str),
 }
 
@@ -70,8 +72,9 @@ impl Faults {
         let mut faults = list.iter().enumerate().map(numbered).collect::<Result<Vec<_>, _>>()?;
         faults.sort_by(|a, b| a.1.time.total_cmp(&b.1.time));
         for (k, (number, late)) in faults.iter().enumerate() {
-            let moves = |(_, early): &(usize, Fault)| early.parameter == late.parameter && early.time + early.ramp > late.time;
-            if faults[..k].iter().any(moves) {
+            let undone = |early: &Fault| early.time == late.time && late.ramp == 0.0;
+            let moves = |early: &Fault| early.time + early.ramp > late.time;
+            if faults[..k].iter().any(|(_, early)| early.parameter == late.parameter && (moves(early) || undone(early))) {
                 return Err(FaultError::Overlap(*number, PARAMETERS[late.parameter].variable));
             }
         }
@@ -198,5 +201,10 @@ mod tests {
         let late = json!({"parameter": "effect.friction_level.factor", "time_s": 0.9, "value": 1.0});
         // Numbered as the file has them.
         assert!(said(json!([late, ramp])).starts_with("fault 1 of effect.friction_level.factor begins while an earlier one still moves"));
+        // Of two jumps at one instant the first would do nothing; a ramp may begin where another fault has jumped.
+        let jump = json!({"parameter": "effect.friction_level.factor", "time_s": 7.0, "ramp_s": 0.0, "value": 1.4});
+        assert!(said(json!([jump, jump])).starts_with("fault 2 of effect.friction_level.factor begins while an earlier one"));
+        let ramp_there = json!({"parameter": "effect.friction_level.factor", "time_s": 7.0, "ramp_s": 1.0, "value": 1.1});
+        assert_eq!(Faults::from_value(&json!([jump, ramp_there])).unwrap().iter().count(), 2);
     }
 }

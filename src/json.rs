@@ -43,7 +43,9 @@ pub fn parse(text: &str) -> Result<Value, Fault> {
 /// The first key, with its place and in quotes, that its object has already; of a text that is JSON.
 fn repeated(text: &str) -> Option<(usize, &str)> {
     // The keys of each object that is open; an array has none.
-    let mut open: Vec<HashSet<&str>> = Vec::new();
+    let mut open: Vec<HashSet<String>> = Vec::new();
+    // A character may be written as itself or as an escape.
+    let key_of = |quoted: &str| serde_json::from_str(quoted).unwrap_or_else(|_| quoted.to_owned());
     let mut at = 0;
     while let Some(step) = text[at..].find(['"', '{', '[', '}', ']']) {
         at += step;
@@ -59,7 +61,7 @@ fn repeated(text: &str) -> Option<(usize, &str)> {
             }
         };
         let is_key = text.as_bytes()[at] == b'"' && text[end..].trim_start().starts_with(':');
-        if is_key && !open.last_mut()?.insert(&text[at..end]) {
+        if is_key && !open.last_mut()?.insert(key_of(&text[at..end])) {
             return Some((at, &text[at..end]));
         }
         at = end;
@@ -88,6 +90,8 @@ mod tests {
         assert_eq!(parse(sound).unwrap(), serde_json::from_str::<Value>(sound).unwrap());
         let fault = parse("\u{feff}{\"a\": {\"b\": 1},\n \"c\": [{\"b\": 1, \"b\": 2}]}").unwrap_err();
         assert_eq!(fault.to_string(), "line 2, column 17: the key \"b\" stands in its object already; keep one of the two");
+        let escaped = parse(r#"{"a": 1, "\u0061": 2}"#).unwrap_err();
+        assert!(escaped.to_string().starts_with(r#"line 1, column 10: the key "\u0061" stands"#), "{escaped}");
     }
 
     #[test]

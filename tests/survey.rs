@@ -94,6 +94,30 @@ fn a_made_up_log_gives_back_what_was_put_in() {
     assert_eq!(kisspoint::survey::export::recordings(&s, "TqShaft", Some(1)).unwrap().len(), 1);
 }
 
+/// The same car from speeds of the road, of a wheel, of the output shaft and of the gearbox input: the inertia at the disc is the same, or what is missing is said.
+#[test]
+fn inertia_follows_from_what_lies_between_the_speed_and_the_road() {
+    let path = log(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("survey_inertia"));
+    let given = Known { ratios: RATIOS.to_vec(), final_drive: Some(FINAL_DRIVE), tyre_radius: Some(RADIUS), ..Known::default() };
+    let expected = 1400.0 * (RADIUS / (RATIOS[1] * FINAL_DRIVE)).powi(2);
+    // Engine speed per unit of the speed is the gear's ratio times a factor that its place in the driveline gives.
+    for (name, factor) in [("wheel_speed_fl", FINAL_DRIVE), ("output_shaft_speed", 1.0)] {
+        for known in [&Known { tyre_radius: Some(RADIUS), ..Known::default() }, &given] {
+            let mut s = of(&path, known);
+            let road = s.road.unwrap();
+            (s.log.channels[road].name, s.log.channels[road].quantity) = (name.into(), Some(kisspoint::campaign::Quantity::Speed));
+            s.gears.levels = RATIOS.iter().map(|ratio| ratio * factor).collect();
+            s.gears.common = s.gears.given.then_some(factor);
+            match kisspoint::survey::export::inertia(&s, 1400.0, 1) {
+                Ok(inertia) => near(inertia, expected, 1e-9, name),
+                Err(said) => {
+                    assert!(name == "output_shaft_speed" && !s.gears.given && said.contains("--ratios and --final-drive"), "{name}: {said}")
+                }
+            }
+        }
+    }
+}
+
 /// A log of VCDS at 3 Hz, engine and road at stamps of their own: the gears are there, and what is too slow for launches and shifts is said.
 #[test]
 fn a_slow_log_in_blocks_side_by_side_has_its_gears() {

@@ -106,8 +106,9 @@ fn speed(signal: &Signal, range: &Range) -> Suspicion {
         if above(-1.0) < half {
             return Some((range.min.0, format!("the engine would turn backwards at {} rad/s", short(range.min.1)), None));
         }
-        if peak < 40.0 {
-            return Some((at, format!("the engine would never turn faster than {:.0} rpm", rpm(peak)), Some("Hz")));
+        let (at, fastest) = range.max;
+        if fastest < 40.0 {
+            return Some((at, format!("the engine would never turn faster than {:.0} rpm", rpm(fastest)), Some("Hz")));
         }
     }
     None

@@ -16,11 +16,11 @@ use rayon::prelude::*;
 /// believed like 80 000 exact ones, or like 40 000 if the logger is slower than the control unit.
 pub const MOST_SAMPLES: usize = 120_000;
 
-/// Rows of a campaign that are fitted at most: each holds both speeds, and what judges is kept whatever its length.
+/// Rows of a campaign that are fitted at most: each holds both speeds. What judges is kept whatever its length, and so is one other recording.
 pub fn most_rows(campaign: &Campaign) -> usize {
     let rows = campaign.recordings.iter().map(|r| r.time.len());
     let longest = rows.clone().max().unwrap_or(0);
-    rows.sum::<usize>().min(longest + MOST_SAMPLES / 2)
+    rows.sum::<usize>().min(longest + longest.max(MOST_SAMPLES / 2))
 }
 
 /// The part of a campaign that is fitted, with the recording that judges, and what is to be said of the others; none if all of it is.

@@ -14,7 +14,8 @@ pub fn three_digits(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();
     }
-    let magnitude = value.abs().max(1e-6).log10().floor() as i32;
+    let rounded: f64 = format!("{value:.2e}").parse().expect("a number that was just written");
+    let magnitude = rounded.abs().max(1e-6).log10().floor() as i32;
     format!("{value:.*}", (2 - magnitude).clamp(0, 9) as usize)
 }
 
@@ -51,8 +52,15 @@ mod tests {
             ["100 %", "100 %", "99.9 %", "12.3 %", "−5.0 %"]
         );
         assert_eq!(
-            [three_digits(12.345), three_digits(0.012_345), three_digits(1234.5), three_digits(0.0)],
-            ["12.3", "0.0123", "1234", "0"]
+            [
+                three_digits(12.345),
+                three_digits(0.012_345),
+                three_digits(1234.5),
+                three_digits(9.999),
+                three_digits(-99.96),
+                three_digits(0.0)
+            ],
+            ["12.3", "0.0123", "1234", "10.0", "-100", "0"]
         );
     }
 }

@@ -71,17 +71,30 @@ pub fn recordings(s: &Survey, torque: &str, gear: Option<usize>) -> Result<Vec<R
     Ok(engagements.into_iter().enumerate().map(one).collect())
 }
 
-/// Inertia of a car of `mass` kg at the disc in a gear, from 0, kg·m²: m (r/i)², without the driveline's own.
+/// Inertia of a car of `mass` kg at the disc in a gear, from 0, kg·m²: m (r/i)², i the ratio of engine to wheels, without the driveline's own.
 ///
 /// # Errors
-/// A shaft's speed without the tyre's radius says nothing of the car.
+/// A gear that was not found; a shaft's speed from which i or the tyre's radius r does not follow.
 pub fn inertia(s: &Survey, mass: f64, gear: usize) -> Result<f64, String> {
     let road = s.road.map(|k| &s.log.channels[k]).filter(|_| gear < s.gears.levels.len());
     let Some(road) = road else { return Err(format!("there is no gear {}: {} were found", gear + 1, s.gears.levels.len())) };
-    // Metres of road per radian of a shaft whose speed is measured.
-    let travel = if road.quantity == Some(Quantity::Velocity) { Some(1.0) } else { s.tyre_radius };
-    let travel = travel.ok_or("the mass needs --tyre-radius where the speed is that of a shaft")?;
-    Ok(mass * (travel / s.gears.factor(gear)).powi(2))
+    let level = s.gears.factor(gear);
+    if s.is_road_speed() {
+        return Ok(mass / level.powi(2));
+    }
+    let radius = s.tyre_radius.ok_or("the mass needs --tyre-radius where the speed is that of a shaft")?;
+    let of_wheel = ["wheel", "whl"].iter().any(|w| road.name.to_lowercase().contains(w)) && road.quantity == Some(Quantity::Speed);
+    let ratio = match s.gears.common.filter(|_| s.gears.given).zip(s.final_drive) {
+        Some((common, final_drive)) => level / common * final_drive,
+        None if of_wheel => level,
+        None => {
+            return Err(format!(
+                "the mass needs --ratios and --final-drive: {} is a shaft's speed, and nothing says what lies between that shaft and the wheels",
+                road.name
+            ));
+        }
+    };
+    Ok(mass * (radius / ratio).powi(2))
 }
 
 /// The samples at their own stamps, NaN elsewhere.

@@ -52,10 +52,19 @@ pub struct Survey {
     pub latency: Option<latency::Lag>,
     /// Rolling radius of the tyre, m, where it is given or follows from the ratios.
     pub tyre_radius: Option<f64>,
+    /// Ratio of the final drive, where it is given.
+    pub final_drive: Option<f64>,
     /// Whether any channel is a position of the clutch.
     pub has_position: bool,
     /// Words on what could not be found, and why.
     pub remarks: Vec<String>,
+}
+
+impl Survey {
+    /// Whether the speed behind the clutch is the road's, in m/s, and not a shaft's.
+    pub fn is_road_speed(&self) -> bool {
+        self.road.is_some_and(|k| self.log.channels[k].quantity == Some(Quantity::Velocity))
+    }
 }
 
 /// A series of samples.
@@ -124,6 +133,7 @@ pub fn survey(log: Log, known: &Known) -> Survey {
         torques: Vec::new(),
         latency: None,
         tyre_radius: known.tyre_radius,
+        final_drive: known.final_drive,
         remarks: Vec::new(),
         log,
     };
@@ -159,7 +169,7 @@ pub fn survey(log: Log, known: &Known) -> Survey {
     s.tyre_radius = s.tyre_radius.or_else(|| Some(drive? / s.gears.common?));
     s.engagements = engagements::find(omega, v, &s.gears);
     s.torques = torque::readings(&s.log, omega, v);
-    let clutch = s.torques.first().map(|reading| s.log.channels[reading.channel].trace());
+    let clutch = s.torques.iter().find(|reading| !reading.is_no_torque()).map(|reading| s.log.channels[reading.channel].trace());
     for engagement in &mut s.engagements {
         let factor = s.gears.factor(engagement.gear);
         engagement.ringing = ringing::after(omega, v, (factor, steps.0 + factor * steps.1), engagement.met, engagement.until);

@@ -46,7 +46,7 @@ pub fn after(engine: Trace<'_>, road: Trace<'_>, (factor, quantum): (f64, f64), 
         return None;
     }
     let slip = |k: usize| (road.time[k], engine.at(road.time[k]) - factor * road.values[k]);
-    let around: Vec<(f64, f64)> = road.within(met - MEAN_S, end + MEAN_S).map(slip).filter(|(t, _)| *t >= met && *t <= until).collect();
+    let around: Vec<(f64, f64)> = road.within(met, end + MEAN_S).map(slip).filter(|(t, _)| *t <= until).collect();
     let around: Vec<(f64, f64)> = around.chunk_by(|a, b| bin(a.0 - met) == bin(b.0 - met)).map(mean).collect();
     let points: Vec<(f64, f64)> = around.iter().filter(|(t, _)| *t <= end).map(|&(t, s)| (t - met, s - mean_around(&around, t))).collect();
     let total: f64 = points.iter().map(|p| p.1 * p.1).sum();

@@ -148,7 +148,7 @@ impl Survey {
             "engine_speed": name(self.engine),
             "speed_behind_clutch": name(self.road),
             "ratios_given": self.gears.given,
-            "final_drive_over_tyre_radius_1_m": self.gears.common,
+            "final_drive_over_tyre_radius_1_m": self.gears.common.filter(|_| self.is_road_speed()),
             "gears": (0..self.gears.levels.len()).map(gear).collect::<Vec<_>>(),
             "engagements": self.engagements.iter().map(engagement).collect::<Vec<_>>(),
             "latency_s": self.latency.map(|l| json!({"value": l.seconds, "low": l.interval.0, "high": l.interval.1})),

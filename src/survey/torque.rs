@@ -29,6 +29,17 @@ pub struct Reading {
     pub verdict: String,
 }
 
+impl Reading {
+    /// Whether it is neither the engine's torque nor, unless its zero is off, the clutch's.
+    pub fn is_no_torque(&self) -> bool {
+        self.idle.is_some_and(|(_, _, level)| level.abs() >= SMALL) && self.inertia.is_some_and(is_no_engine)
+    }
+}
+
+fn is_no_engine(inertia: f64) -> bool {
+    !(INERTIAS.0..=INERTIAS.1).contains(&inertia)
+}
+
 /// The readings of all torque channels; those that may be the clutch's come first.
 pub fn readings(log: &Log, engine: Trace<'_>, road: Trace<'_>) -> Vec<Reading> {
     let pedal = log.channels.iter().find(|c| c.quantity == Some(Quantity::Share) && c.name.to_lowercase().contains("clutch"));
@@ -71,7 +82,7 @@ fn reading(channel: usize, torque: Trace<'_>, engine: Trace<'_>, open: &[(f64, f
             range.clone().zip(range.skip(1)).map(|(i, j)| (torque.values[i] - level) * (torque.time[j] - torque.time[i])).sum();
         let gain = engine.at(from) - engine.at(a);
         // Changes that are lost in noise ask for nothing.
-        (impulse.abs() > 2.0).then(|| impulse / gain)
+        (impulse.abs() > 2.0 && gain != 0.0).then(|| impulse / gain)
     });
     let clutch = if sure { "the clutch open" } else { "the car at rest (whether the clutch is open, no channel tells)" };
     let verdict = match inertia {
@@ -79,7 +90,7 @@ fn reading(channel: usize, torque: Trace<'_>, engine: Trace<'_>, open: &[(f64, f
             "reads next to nothing with {clutch}: it may be the torque of clutch, gearbox input or wheels, or the engine's net torque, which is \
              little, too, at idle with the clutch open"
         ),
-        Some(j) if !(INERTIAS.0..=INERTIAS.1).contains(&j) => format!(
+        Some(j) if is_no_engine(j) => format!(
             "it can't be T_e: with {clutch} its changes would ask for an engine of {j:.2} kg·m² (engines have {} to {}); nor is it the clutch's or \
              gearbox input's torque, which is 0 there, unless its zero is off by {level:.0} N·m",
             INERTIAS.0, INERTIAS.1

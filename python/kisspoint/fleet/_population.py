@@ -89,6 +89,8 @@ class Covariate:
     scale: float
     values: Array
     """Standardised; 0 where it is not known."""
+    known: Array
+    """Whether each car says it."""
 
 
 def covariates(members: list[Row]) -> list[Covariate]:
@@ -101,7 +103,7 @@ def covariates(members: list[Row]) -> list[Covariate]:
         if known.sum() < SLOPE_LEAST or np.std(values[known]) == 0:
             continue
         centre, scale = float(values[known].mean()), float(values[known].std())
-        found.append(Covariate(name, unit, centre, scale, np.where(known, (values - centre) / scale, 0.0)))
+        found.append(Covariate(name, unit, centre, scale, np.where(known, (values - centre) / scale, 0.0), known))
     # Two that go together tell nothing apart.
     if len(found) == 2 and abs(np.corrcoef(found[0].values, found[1].values)[0, 1]) > 0.95:
         found.pop()
@@ -190,7 +192,7 @@ def _one(digest: str, group: Group) -> tuple[dict[str, Any], list[Row]]:
     population = {
         "vehicle": digest,
         "cars": n,
-        "covariates": [{"name": one.name, "unit": one.unit, "centre": _shown(one), "cars": int((one.values != 0).sum())} for one in drift],
+        "covariates": [{"name": one.name, "unit": one.unit, "centre": _shown(one), "cars": int(one.known.sum())} for one in drift],
         "numbers": sorted(numbers, key=lambda one: -abs(one["mean"] / one["mean_sd"])),
         "effects": [one for one in effects if one["high"] > 0.02 or one["cars"]],
         "off": {"probability": fitted.off, "width": fitted.width},
@@ -273,7 +275,7 @@ def _sizes(digest: str, effect: str, group: Group, drift: list[Covariate]) -> tu
     J = len(group.parameters[effect])
     same = [(h, D) for _, h, D in group.effects[effect] if len(h) == J]
     h, D = np.array([one[0] for one in same]), np.array([one[1] for one in same])
-    known = [one for one in drift if (one.values[which] != 0).sum() >= SLOPE_LEAST]
+    known = [one for one in drift if one.known[which].sum() >= SLOPE_LEAST]
     c = np.column_stack([np.ones(len(which)), *(one.values[which] for one in known)])
     fitted = _hierarchy.fit(_hierarchy.Members(h, D, c))
     out, rows = [], []

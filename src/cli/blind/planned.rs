@@ -295,14 +295,16 @@ fn one_size(
         recordings = drive_all(&car_of(0.0), plan, vehicle, effect).0;
     } else {
         // The generator's sizes are not the library's: two secants lead to the one that is wanted.
-        for _ in 0..3 {
+        for attempt in 0..3 {
+            if attempt > 0 {
+                size *= target / reached;
+            }
             let (all, told) = drive_all(&car_of(size), plan, vehicle, effect);
             reached = departure(&told).filter(|d| *d > 0.0)?;
             recordings = all;
             if (reached / target - 1.0).abs() < 0.02 {
                 break;
             }
-            size *= target / reached;
         }
         if !(0.8..1.25).contains(&(reached / target)) {
             return None;
