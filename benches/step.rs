@@ -1,8 +1,7 @@
-//! Nanoseconds per step of plant and controller beside the same schemes hand-written in C (`benches/peer`, gcc -O3).
+//! Nanoseconds per step of plant and controller, compared with the same numerical schemes hand-written in C (`benches/peer`, gcc -O3).
 //!
-//! `cargo bench --bench step`. Without gcc only the Rust figures are printed. Both sides run the same inputs, and their final
-//! states are compared, so that neither leaves work out. Each figure is the best of nine medians over 200 launches, in alternation with
-//! the peer.
+//! `cargo bench --bench step`. Without gcc only the Rust figures are printed. Both sides run the same inputs, and their final states are compared, so that neither can omit
+//! work. Each figure is the best of nine medians over 200 launches; Rust and C alternate.
 
 use kisspoint::control::{self, Controller, Settings};
 use kisspoint::effects;
@@ -75,7 +74,7 @@ fn controller_in_rust() -> Figures {
     (time, [end.x_to, end.theta_c, end.t_e_ref])
 }
 
-/// Compiles and runs the peer `name`; none if there is no C compiler.
+/// Compiles and runs the C program `name`; `None` if there is no C compiler.
 fn in_c(name: &str) -> Option<Figures> {
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peer").join(name).with_extension("c");
     let program = std::env::temp_dir().join(format!("kisspoint_peer_{name}_{}", std::process::id()));
@@ -92,7 +91,7 @@ fn in_c(name: &str) -> Option<Figures> {
 }
 
 fn compare(name: &str, rust: fn() -> Figures) {
-    // Nine turns each, in alternation; the best counts, for what else the machine does can only add.
+    // Nine alternating runs each. The best one counts, because other load on the machine can only add time.
     let mut best = rust();
     let mut peer = in_c(name);
     for _ in 0..8 {

@@ -1,10 +1,10 @@
-//! Prints what is read of a campaign, as JSON: per recording its channels, and what was left out. `cargo run --example read_campaign -- FOLDER [MAP]`
+//! Prints the content of a campaign as it is read, as JSON: the channels of each recording, and what was left out. `cargo run --example read_campaign -- FOLDER [MAP]`
 
 use kisspoint::campaign::{self, ChannelMap, ReadOptions, Recording};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Samples as JSON has them: a missing one is null.
+/// Samples for JSON, in which a missing one is null.
 fn values(samples: &[f64]) -> Vec<Option<f64>> {
     samples.iter().map(|x| x.is_finite().then_some(*x)).collect()
 }

@@ -1,4 +1,4 @@
-//! Writes the report of a made-up campaign: `cargo run --example report -- report.html`.
+//! Writes the report of a synthetic campaign: `cargo run --example report -- report.html`.
 
 #[path = "../tests/report/campaign.rs"]
 mod campaign;

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Builds the FMUs' shared library for every platform on a Debian 12 x86-64 machine with rustup's stable toolchain, and
-# asserts what importers rely on: the highest glibc symbol, the DLL's imports, the exported functions.
+# Builds the FMUs' shared library for every platform on a Debian 12 x86-64 machine with rustup's stable toolchain, and asserts properties that importers rely on: the highest
+# glibc symbol, the DLL's imports, the exported functions.
 #
 #   packaging/cross.sh [linux64] [aarch64-linux] [win64]      all three if none is named
 #
-# The libraries land in target/fmu-libraries/<platform>/. `kisspoint fmu --library A --library B …` packs them.
-# Downloads go to target/cross. The ordinary build needs none of this.
+# The libraries are written to target/fmu-libraries/<platform>/. `kisspoint fmu --library A --library B …` packs them. Downloads go to target/cross. The ordinary build needs
+# none of this.
 set -euo pipefail
 ROOT=$(cd "$(dirname "$0")/.." && pwd)
 WORK=$ROOT/target/cross
@@ -20,7 +20,7 @@ cd "$ROOT"
 CARGO=(--release --lib --no-default-features --config profile.release.debug=0 --config 'profile.release.strip="symbols"')
 fail() { echo "cross.sh: $*" >&2; exit 1; }
 
-# zig as a linker against an old glibc, from the Python package registry.
+# zig, from the Python package registry, links against an old glibc.
 need_zig() {
   [ -x "$WORK/venv/bin/cargo-zigbuild" ] && return
   python3 -m venv "$WORK/venv"

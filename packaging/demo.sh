@@ -15,7 +15,7 @@ need cc "install a C compiler, e.g. apt-get install gcc"
 step "Build the command, and the library that goes into the FMUs"
 cargo build --profile quick --bin kisspoint
 cargo build --release --lib --no-default-features
-# The plant for browsers, with which the report replays what the reader asks; without it the report has replays made beforehand.
+# The plant for browsers, with which the report replays recordings at other sizes of effects; without it the report has replays made beforehand.
 if command -v rustup >/dev/null && rustup target add wasm32-unknown-unknown >/dev/null 2>&1; then packaging/sources.sh --module; fi
 kisspoint=${CARGO_TARGET_DIR:-target}/quick/kisspoint
 export KISSPOINT_LIBRARY=${CARGO_TARGET_DIR:-target}/release/libkisspoint.so

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Makes anew what the documentation shows of the program: the executed notebook and the pictures of the report, all of the bundled campaign, and the numbers
-# that docs/importers.md quotes. Tests say when any of them is out of date; a picture holds the words of the verdict that it shows.
+# Updates what the documentation shows of the program: the executed notebook and the pictures of the report, all of the bundled campaign, and the numbers that docs/importers.md
+# quotes. Tests fail if any of them is out of date; each picture has the words of its verdict stored with it.
 #
-#   packaging/docs.sh               after packaging/test.sh, whose builds and Python it takes; needs Chromium with its driver
+#   packaging/docs.sh               after packaging/test.sh, whose builds and Python environment it uses; needs Chromium with its driver
 set -euo pipefail
 cd "$(dirname "$0")/.."
 target=${CARGO_TARGET_DIR:-target}

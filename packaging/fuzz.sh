@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Fuzzes what comes from outside: sequences of FMI calls, serialized states, vehicle files, recordings.
+# Fuzzes the interfaces to the outside: sequences of FMI calls, serialized states, vehicle files, recordings.
 #
 #   packaging/fuzz.sh [SECONDS] [TARGET…]      15 s each of calls, states, vehicles and recordings unless said otherwise
 #
-# Begins with the seeds of fuzz/seeds and keeps what it finds under target/fuzz-corpus. Exits with 1 at the first input that breaks a promise and
-# says where it is kept. A stable Rust will do: RUSTC_BOOTSTRAP lends what cargo-fuzz asks of a nightly.
+# Starts from the seeds of fuzz/seeds and keeps its findings under target/fuzz-corpus. Exits with 1 at the first input that violates a promise, and says where that input is
+# kept. A stable Rust suffices: RUSTC_BOOTSTRAP enables the nightly features that cargo-fuzz needs.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -18,11 +18,11 @@ export RUSTC_BOOTSTRAP=1 CARGO_TARGET_DIR=$target/fuzz PATH=$tools/bin:$PATH
 if ! command -v cargo-fuzz >/dev/null; then
     CARGO_TARGET_DIR=$target/tools/build cargo install --quiet --locked --root "$tools" cargo-fuzz@0.13.1
 fi
-# Without its runtime (a distribution's Rust may lack it) the sanitizer is left out; broken promises are still found.
+# If the sanitizer's runtime is missing (as in the Rust of some distributions), it runs without the sanitizer; violated promises are still found.
 sanitizer=address
 compgen -G "$(rustc --print sysroot)/lib/rustlib/*/lib/librustc*_rt.asan.a" >/dev/null || sanitizer=none
 
-# All are built at once, and what is built is run: cargo-fuzz would look at every crate again for each.
+# All targets are built at once and the binaries are run directly, because cargo-fuzz would check every crate again for each target.
 build=$target/fuzz-build.log
 cargo fuzz build --fuzz-dir fuzz -D -s "$sanitizer" >"$build" 2>&1 || { tail -40 "$build" >&2; exit 1; }
 built=$CARGO_TARGET_DIR/$(rustc -vV | sed -n 's/^host: //p')/debug

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Mutation testing: changes the code in one place at a time and asks whether a test notices.
+# Mutation testing: changes the code in one place at a time and checks whether a test fails.
 #
 #   packaging/mutants.sh [AREA…]               physics effects plant control fmi2 campaign gap, or all of them
 #   packaging/mutants.sh --changed [BASE]      only what differs from BASE (the parent commit unless said otherwise): what CI runs
 #   MINUTES=10 packaging/mutants.sh …          ends after so many minutes; mutants come in random order, so what was tried is a sample
 #
-# Each area has the tests that are about it. Prints the score of each and writes target/mutants/<area>/mutants.out. Exits with 2 if a survivor is not
-# in packaging/mutants.txt, the list of those that are known, each with its reason. Uses cargo-mutants, which it installs below target/tools.
+# Each area has the tests that cover it. Prints the score of each and writes target/mutants/<area>/mutants.out. Exits with 2 if a surviving mutant is not in
+# packaging/mutants.txt, the list of known ones with their reasons. Uses cargo-mutants, which it installs below target/tools.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -34,7 +34,7 @@ if [[ ${1:-} == --changed ]]; then
 fi
 (($#)) || set -- "${areas[@]}"
 
-# The tests that are about an area, quickest first; the first group needs no more than the library of the FMUs.
+# The tests that cover an area, fastest first; the first group needs only the library of the FMUs.
 tests() {
     case $1 in
     effects) echo val_effects val_physics effects_null ;;
@@ -48,12 +48,12 @@ tests() {
     esac
 }
 
-# A copy of what is tracked, or new: it is what the mutants are made in.
+# A copy of the tracked and new files, in which the mutants are made.
 copy=$out/tree
 rm -rf "$copy"
 mkdir -p "$copy"
 git ls-files -z --cached --others --exclude-standard | while IFS= read -rd '' name; do [[ ! -e $name ]] || printf '%s\0' "$name"; done | tar -c --null -T - | tar -x -C "$copy"
-# build.rs declares the effects, in a file that cargo-mutants does not read: there it is told of them.
+# build.rs declares the effects in a generated file that cargo-mutants does not read, so the modules are declared for it here.
 for name in "$copy"/src/effects/*.rs "$copy"/src/effects/simulated/*.rs; do
     [[ $name == */mod.rs ]] || printf '#[cfg(any())]\n#[path = "%s"]\nmod %s;\n' "${name#"$copy"/src/effects/}" "$(basename "$name" .rs)" >>"$copy/src/effects/mod.rs"
 done
@@ -71,8 +71,8 @@ for area in "$@"; do
     ((left > 30)) || { echo "mutants.sh: no time left for $area"; continue; }
     printf '\n== %s\n' "$area"
     rm -rf "${out:?}/$area"
-    # What is compiled for WebAssembly alone no test here runs: src/fmi2/sources.rs.
-    # Ends with 2 for survivors and 3 for time-outs, which are judged below; 124 is the end of the time given.
+    # src/fmi2/sources.rs is compiled only for WebAssembly, and no test here runs it.
+    # cargo mutants exits with 2 for survivors and 3 for time-outs, which are judged below; 124 means that the given time is over.
     status=0
     timeout --signal=INT "$left" cargo mutants --no-config --dir "$copy" --gitignore false --jobs 1 --minimum-test-timeout 20 --output "$out/$area" "${diff[@]}" \
         --file "src/$area/**" --exclude src/fmi2/sources.rs "${arguments[@]}" || status=$?

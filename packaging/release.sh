@@ -1,14 +1,13 @@
 #!/usr/bin/env bash
-# Everything that is handed out, in one command: the FMUs' library for three platforms, the C sources, wheels and archives.
+# Builds everything that is distributed, in one command: the FMUs' library for three platforms, the C sources, wheels and archives.
 #
 #   packaging/release.sh            writes target/dist/: kisspoint-*.whl (manylinux2014 x86-64, win_amd64), kisspoint-<platform>.tar.gz,
 #                                   kisspoint-fmu-sources.tar.gz, SHA256SUMS
-#   packaging/release.sh --untried  the same without trying it, e.g. to hold the sums of two machines against each other
+#   packaging/release.sh --untried  the same without trying the results, e.g. to compare the checksums of two machines
 #
-# Every wheel and the archives for x86-64 hold the libraries of all platforms, so that `kisspoint fmu` packs them all, and the module with which a report
-# replays the plant in the browser. Needs what packaging/cross.sh
-# and packaging/sources.sh need, and root, wine64 and qemu-user to try the results. The same commit and compilers give the same bytes.
-# Each result is tried in a clean environment: without compiler, checkout or variables.
+# Every wheel and the archives for x86-64 contain the libraries of all platforms, so that `kisspoint fmu` packs them all, and the module with which a report replays the plant
+# in the browser. Needs what packaging/cross.sh and packaging/sources.sh need, and root, wine64 and qemu-user to try the results. The same commit and compilers give the same
+# bytes. Each result is tried in a clean environment: without compiler, checkout or environment variables.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 ROOT=$PWD
@@ -19,14 +18,14 @@ export SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct)}
 fail() { echo "release.sh: $*" >&2; exit 1; }
 rm -rf "$DIST" "$LIBRARIES" && mkdir -p "$DIST"
 
-# Neutral names for the places that it is built in, so that there are none to be taken out later.
+# Paths of the build machine are replaced by neutral names while compiling, so that none has to be removed later.
 export KISSPOINT_PLACES=
 export RUSTFLAGS="--remap-path-prefix=$ROOT=. --remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=cargo --remap-path-prefix=$(rustc --print sysroot)=rust"
 packaging/cross.sh linux64 aarch64-linux win64
 packaging/sources.sh
 install -D -m 644 target/fmu-sources/kisspoint.wasm "$LIBRARIES/wasm32/kisspoint.wasm"
 
-# The command for both systems that it runs on, against the same old glibc and the same DLLs as the libraries.
+# The command for both systems that it supports, against the same old glibc and the same DLLs as the libraries.
 CARGO=(--release --bin kisspoint --config profile.release.debug=0 --config 'profile.release.strip="symbols"')
 export CARGO_TARGET_DIR=$WORK/cargo
 PATH="$WORK/venv/bin:$PATH" cargo zigbuild "${CARGO[@]}" --target x86_64-unknown-linux-gnu.2.17
@@ -39,7 +38,7 @@ highest=$(readelf -V --wide "${COMMAND[linux64]}" | grep -oE 'GLIBC_[0-9.]+' | s
 
 "$WORK/venv/bin/pip" install -q "setuptools>=77" wheel
 wheel() { # PLATFORM TAG
-    # What another platform's wheel left behind would go into this one.
+    # Files left by another platform's wheel would go into this one.
     rm -rf build
     KISSPOINT=${COMMAND[$1]} KISSPOINT_LIBRARIES=$LIBRARIES KISSPOINT_PLATFORM=$2 "$WORK/venv/bin/pip" wheel -q --no-deps --no-build-isolation -w "$DIST" .
     rm -rf build
@@ -77,10 +76,10 @@ done
 ls -l "$DIST"
 [ "${1:-}" = --untried ] && exit
 
-# The libraries: every platform's, on a coupled launch.
+# The libraries of every platform, in a coupled launch.
 bash tests/cross/run.sh
 
-# README's first steps.
+# The first steps of README.md.
 clean=$(mktemp -d)
 trap 'rm -rf "$clean"' EXIT
 chmod 755 "$clean"
@@ -113,7 +112,7 @@ venv/bin/pip install -q "$DIST"/*manylinux2014_x86_64.whl
 first_steps wheel-linux64 env -i HOME="$clean" PATH="$clean/venv/bin" kisspoint
 tar -xzf "$DIST/kisspoint-linux64.tar.gz"
 first_steps archive-linux64 env -i HOME="$clean" PATH=/nowhere kisspoint-linux64/kisspoint
-# pip itself lays the Windows wheel out; wine, which does not run as root here, runs what lies there. It lacks one DLL that every Windows has.
+# pip itself unpacks the Windows wheel; wine, which does not run as root here, runs its content. Wine lacks one DLL that every Windows has.
 venv/bin/pip install -q --target wheel-win64 --platform win_amd64 --only-binary :all: --no-deps "$DIST"/*win_amd64.whl
 tar -xzf "$DIST/kisspoint-win64.tar.gz"
 x86_64-w64-mingw32-gcc -O2 -shared -static "$ROOT/tests/cross/bcryptprimitives.c" -o bcryptprimitives.dll -ladvapi32

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The FMUs under load for as long as you say: both tests of tests/load.rs, half of the time each.
+# The FMUs under load for a given time: both tests of tests/load.rs, half of the time each.
 #
 #   packaging/soak.sh [SECONDS]      an hour unless said otherwise
 set -euo pipefail

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
-# Makes the C sources of both FMUs, for targets that compile FMUs for themselves: Simulink Coder, SCALEXIO, QNX and the like. Beside them lies
-# kisspoint.wasm, with which a report replays the plant in the browser.
+# Makes the C sources of both FMUs, for targets that compile FMUs themselves: Simulink Coder, SCALEXIO, QNX and others. It also makes kisspoint.wasm, with which a report
+# replays the plant in the browser.
 #
 #   packaging/sources.sh --module   makes kisspoint.wasm alone, which needs no wabt
 #
 #   packaging/sources.sh            writes target/fmu-sources/; `kisspoint fmu --sources target/fmu-sources` packs them
 #
-# The Rust sources are the one source of truth: they are compiled to WebAssembly, and wabt's wasm2c turns that into C99. The target
-# needs neither Rust nor WebAssembly, only a C compiler and setjmp. Needs Debian's wabt (fetched), and rustup.
+# The Rust sources are the only source: they are compiled to WebAssembly, which wabt's wasm2c translates to C99. The target needs neither Rust nor WebAssembly, only a C
+# compiler and setjmp. Needs Debian's wabt (fetched), and rustup.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 ROOT=$PWD
@@ -28,6 +28,6 @@ cp "$WORK/wasm/wasm32-unknown-unknown/release/kisspoint.wasm" "$OUT/"
 wasm2c -n MODEL "$WORK/wasm/wasm32-unknown-unknown/release/kisspoint.wasm" -o "$OUT/kisspoint.c"
 cp /usr/include/wasm-rt.h "$OUT/"
 cp packaging/sources/*.[ch] "$OUT/"
-# So that sources of another version are seen for what they are.
+# The GUIDs are written into the header, so that sources of another version can be recognised.
 printf '/* %s */\n' $(strings -n 36 "$WORK/wasm/wasm32-unknown-unknown/release/kisspoint.wasm" | grep -oE '[0-9a-f]{8}-[0-9a-f]{4}-8[0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9a-f]{12}' | sort -u) >>"$OUT/kisspoint.h"
 du -sh "$OUT"

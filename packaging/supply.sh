@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# What the binaries are made of: licences, sources and known weaknesses of every crate (cargo-deny), a bill of materials (CycloneDX), and no path of
-# the machine that built them.
+# Composition of the binaries: licences, sources and known vulnerabilities of every crate (cargo-deny), a bill of materials (CycloneDX), and a check that they contain no path
+# of the machine that built them.
 #
 #   packaging/supply.sh [DIR]        writes kisspoint.cdx.json and kisspoint-fmu.cdx.json into DIR, out/ unless said otherwise
 #
-# Installs cargo-deny and cargo-cyclonedx below target/tools. The list of weaknesses comes from the network; without one that check is left out and
-# said so. The tests check the licences without either (tests/python/test_licences.py).
+# Installs cargo-deny and cargo-cyclonedx below target/tools. The list of vulnerabilities comes from the network; without a network that check is left out, with a message. The
+# tests check the licences without either (tests/python/test_licences.py).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -35,7 +35,7 @@ bill() {
 bill kisspoint
 bill kisspoint-fmu --no-default-features
 
-# The library as it ships, with neutral names for the places it was built in.
+# The library as it is distributed, with neutral names for the paths of the build machine.
 export RUSTFLAGS="${RUSTFLAGS:-} --remap-path-prefix=$PWD=. --remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=cargo --remap-path-prefix=$(rustc --print sysroot)=rust"
 cargo build --quiet --release --lib --no-default-features --config profile.release.debug=0 --config 'profile.release.strip="symbols"'
 library=$target/release/libkisspoint.so

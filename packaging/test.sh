@@ -1,13 +1,12 @@
 #!/usr/bin/env bash
 # All tests, Rust and Python, from a fresh checkout. Exits with 1 if any fails, and says which group did.
-# Needs Rust (cargo), a C compiler and Python 3.11 or later; as root on Debian it installs Chromium, Valgrind, wabt and an
-# ARM compiler with its emulator by itself; the tests of what is missing are skipped and said so.
-# All Rust code is built in one profile, `quick`, so that nothing is compiled twice.
+# Needs Rust (cargo), a C compiler and Python 3.11 or later. As root on Debian it installs Chromium, Valgrind, wabt and an ARM compiler with its emulator by itself; tests whose
+# tools are missing are skipped, with a message. All Rust code is built in one profile, `quick`, so that nothing is compiled twice.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 target=${CARGO_TARGET_DIR:-target}
-# What is built once is built as fast code, not for the next build.
+# Everything is built only once, so incremental compilation would only slow the code down.
 export CARGO_INCREMENTAL=0
 python=${PYTHON:-python3}
 summary=()
@@ -50,7 +49,7 @@ if command -v valgrind >/dev/null; then
 else
     skipped "C: misuse under Valgrind" "valgrind is not installed"
 fi
-# The headers of FMI 2.0, as bindgen reads them for the crate fmi-sys, from a libclang of the Python package registry.
+# The headers of FMI 2.0, which bindgen reads for the crate fmi-sys, need a libclang, which comes from the Python package registry.
 libclang=$("$target/venv/bin/python" -c 'import clang.native, os; print(os.path.dirname(clang.native.__file__))' 2>/dev/null || true)
 if [[ -n $libclang ]]; then
     [[ $libclang == /* ]] || libclang=$PWD/$libclang
@@ -60,16 +59,17 @@ else
     skipped "Rust: against fmi-sys" "libclang is not to be had"
 fi
 group "Rust: fuzzing, 10 s each" bash packaging/fuzz.sh 10
-# Says which changes of the last commit no test would notice; that is read, and stops nothing.
+# Lists the mutants of the last commit that no test would notice, for information; it never fails the run.
 group "Rust: mutants of the last commit" bash -c 'MINUTES=5 bash packaging/mutants.sh --changed || echo "ended with $?"'
-# Made anew each time, or sources of another version would be tried.
+# Made again each time, because otherwise sources of another version might be tested.
 if command -v wasm2c >/dev/null && rustup target add wasm32-unknown-unknown >/dev/null 2>&1; then
     group "C sources of the FMUs" bash packaging/sources.sh
 else
     rm -rf "$target/fmu-sources"
     skipped "C sources of the FMUs" "wabt or std for wasm32-unknown-unknown is not to be had; packaging/sources.sh says more"
 fi
-# The library as it ships, without what only the command needs; it goes into the FMUs that the Python tests load. Built where the command is, it would make cargo build everything else again.
+# The library as it is distributed, without the parts that only the command needs; it goes into the FMUs that the Python tests load. Built in the command's target folder, it
+# would make cargo rebuild everything else.
 fmu_library() {
     CARGO_TARGET_DIR=$target/fmus cargo build --profile quick --lib --no-default-features &&
         cp --remove-destination "$target/fmus/quick/libkisspoint.so" "$target/quick/"

@@ -1,4 +1,4 @@
-//! Timed faults: parameters of effects that change at given times, with ramps. The plant's FMU and the launch play them.
+//! Timed faults: parameters of effects that change at given times, with ramps. The plant's FMU and the launch apply them.
 //!
 //! ```json
 //! [{"parameter": "effect.friction_level.factor", "time_s": 0.6, "ramp_s": 0.2, "value": 0.7}]
@@ -7,10 +7,10 @@
 //! | symbol | meaning | unit |
 //! |---|---|---|
 //! | `time_s` | onset, counted from the start of the simulation | s |
-//! | `ramp_s` | time over which the value moves from its start, or from the fault before, to `value` in a straight line; 0, or none given, is a jump | s |
-//! | `value` | where it ends and stays, until a later fault of the same parameter | the parameter's |
+//! | `ramp_s` | time over which the parameter moves linearly from the value that it has at the onset to `value`; 0 or absent: a jump | s |
+//! | `value` | final value, held until a later fault of the same parameter | that of the parameter |
 //!
-//! While a ramp runs, the plant takes its value anew every millisecond counted from the onset, whatever the communication step.
+//! While a ramp runs, the plant updates the value every millisecond, counted from the onset, whatever the communication step.
 
 use crate::effects::{PARAMETERS, Parameters};
 use serde_json::Value;
@@ -21,7 +21,7 @@ const RASTER: f64 = 1e-3;
 /// One change of one parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fault {
-    /// Place of the parameter.
+    /// Index of the parameter in [`PARAMETERS`].
     pub parameter: usize,
     /// Onset, s.
     pub time: f64,
@@ -50,7 +50,7 @@ pub enum FaultError {
     /// A number that is missing or out of its bounds.
     #[error("fault {0}: {1} is missing, or not between {2:?} and {3:?}")]
     Number(usize, &'static str, f64, f64),
-    /// Two ramps of one parameter at once, or two jumps at one instant.
+    /// A fault begins while an earlier ramp of the same parameter is still running, or jumps at the instant at which another one begins.
     #[error(
         "fault {0} of {1} begins while an earlier one still moves, or jumps where an earlier one begins; let it begin later, when that has ended"
     )]
@@ -58,10 +58,10 @@ pub enum FaultError {
 }
 
 impl Faults {
-    /// Reads a list; `faults` of a document may be absent.
+    /// Reads the `faults` of a document. If they are absent (null), there are none.
     ///
     /// # Errors
-    /// The first fault that is unsound.
+    /// The first invalid fault, or the first one that begins while an earlier ramp of its parameter is still running.
     pub fn from_value(document: &Value) -> Result<Self, FaultError> {
         let list = match document {
             Value::Null => return Ok(Self::default()),
@@ -81,7 +81,7 @@ impl Faults {
         Ok(Self(faults.into_iter().map(|(_, fault)| fault).collect()))
     }
 
-    /// The list as it is read.
+    /// The list in the form that [`Faults::from_value`] reads.
     pub fn to_value(&self) -> Value {
         let entry = |f: &Fault| serde_json::json!({"parameter": PARAMETERS[f.parameter].variable, "time_s": f.time, "ramp_s": f.ramp, "value": f.value});
         Value::Array(self.0.iter().map(entry).collect())
@@ -98,12 +98,12 @@ impl Faults {
         self.0.iter()
     }
 
-    /// All numbers, to tell lists of faults apart.
+    /// All numbers of the faults (parameter index, onset, ramp, value), for comparing two lists.
     pub fn numbers(&self) -> impl Iterator<Item = f64> {
         self.0.iter().flat_map(|f| [f.parameter as f64, f.time, f.ramp, f.value])
     }
 
-    /// Parameters at `time`, which are `start` but for the faults.
+    /// Parameters at `time`: those of `start`, changed by the faults that have begun by then.
     pub fn at(&self, time: f64, start: &Parameters) -> Parameters {
         let mut now = *start;
         for f in self.0.iter().filter(|f| f.time <= time) {
@@ -127,7 +127,7 @@ impl Faults {
     }
 }
 
-/// Whole rasters in `elapsed` seconds; a clock that is a rounding short of one has reached it.
+/// Number of whole raster intervals in `elapsed` seconds. A time that falls short of the next interval by a rounding error counts as having reached it.
 fn rasters(elapsed: f64) -> f64 {
     const ROUNDING: f64 = 1e-6;
     (elapsed / RASTER + ROUNDING).floor()
@@ -199,7 +199,7 @@ mod tests {
         assert!(said(json!([{"parameter": "effect.friction_level.factor", "time": 0.0, "value": 1.0}])).contains("\"time\""));
         let ramp = json!({"parameter": "effect.friction_level.factor", "time_s": 0.0, "ramp_s": 1.0, "value": 1.0});
         let late = json!({"parameter": "effect.friction_level.factor", "time_s": 0.9, "value": 1.0});
-        // Numbered as the file has them.
+        // Faults are numbered in the order of the file, not in that of their onsets.
         assert!(said(json!([late, ramp])).starts_with("fault 1 of effect.friction_level.factor begins while an earlier one still moves"));
         // Of two jumps at one instant the first would do nothing; a ramp may begin where another fault has jumped.
         let jump = json!({"parameter": "effect.friction_level.factor", "time_s": 7.0, "ramp_s": 0.0, "value": 1.4});

@@ -1,4 +1,4 @@
-//! JSON as people write it: what is wrong comes with its line and column, and a key that stands twice is an error. Which of the two would count, nobody could tell.
+//! Reads JSON that people write: errors have a line and a column, and a key that occurs twice in an object is an error, because it is unclear which of the two should count.
 
 use serde_json::Value;
 use std::collections::HashSet;
@@ -15,10 +15,10 @@ pub struct Fault {
     pub what: String,
 }
 
-/// Reads a document; a mark of its encoding in front of it is skipped.
+/// Reads a document; a byte order mark in front of it is skipped.
 ///
 /// # Errors
-/// The first thing that is wrong, or the first key that stands in its object already.
+/// The first syntax error (an empty text is one), or else the first key that occurs twice in its object.
 pub fn parse(text: &str) -> Result<Value, Fault> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     if text.trim().is_empty() {
@@ -40,9 +40,9 @@ pub fn parse(text: &str) -> Result<Value, Fault> {
     }
 }
 
-/// The first key, with its place and in quotes, that its object has already; of a text that is JSON.
+/// The first key that its object already has: its byte offset and the key in quotes. `text` must be valid JSON.
 fn repeated(text: &str) -> Option<(usize, &str)> {
-    // The keys of each object that is open; an array has none.
+    // Keys found so far in each object or array that is open; arrays have none.
     let mut open: Vec<HashSet<String>> = Vec::new();
     // A character may be written as itself or as an escape.
     let key_of = |quoted: &str| serde_json::from_str(quoted).unwrap_or_else(|_| quoted.to_owned());
@@ -69,7 +69,7 @@ fn repeated(text: &str) -> Option<(usize, &str)> {
     None
 }
 
-/// Bytes of the string that a text begins with, its quotes included.
+/// Length in bytes of the string literal with which `text` begins, including its quotes.
 fn length_of_string(text: &str) -> usize {
     let mut escaped = false;
     let end = text.bytes().skip(1).position(|b| {

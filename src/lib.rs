@@ -3,7 +3,7 @@
 //! The modules build on each other, from the equations up:
 //!
 //! - [`physics`]: the equations of the paper, as pure functions; [`vehicle`]: the numbers that go with them, read from `vehicle.json`; [`json`]: how such files are read
-//! - [`effects`]: what the nominal plant may be missing; [`faults`]: effects that come and go at given times
+//! - [`effects`]: what the nominal plant may be missing; [`faults`]: parameters of effects that change at given times
 //! - [`plant`]: clutch and driveline in time, with exact stick and slip; [`control`]: the launch controller
 //! - [`validated`]: where measurements have validated a plant
 //! - [`fmi2`]: the C interface of the FMUs, and `fmu`, which packs them
@@ -21,7 +21,7 @@ pub mod cli;
 pub mod control;
 pub mod effects;
 pub mod faults;
-// The one module that may be unsafe: it is spoken to from C.
+// The only module that may contain unsafe code, because it is called from C.
 #[allow(unsafe_code)]
 pub mod fmi2;
 #[cfg(feature = "cli")]

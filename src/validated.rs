@@ -1,6 +1,6 @@
-//! Where a plant was validated, and how well its clutch torque is known there: what a campaign leaves beside the numbers that it retuned.
+//! Where a campaign has validated the plant that it retuned, and how well the clutch torque of this plant is known.
 //!
-//! A [`Place`] is where the clutch works at one instant. Two numbers follow from it:
+//! A [`Place`] is the operating point of the clutch at one instant. Two numbers are computed from it:
 //!
 //! | number | equation |
 //! |---|---|
@@ -9,29 +9,29 @@
 //!
 //! | quantity | what it is | unit | scale of d |
 //! |---|---|---|---|
-//! | slip | engine over disc; its magnitude counts as ln(1 + slip/10 rad/s), its sign stays | rad/s | 0.35 of that: 4 rad/s near lock-up, 16 at 30 rad/s |
+//! | slip | flywheel minus disc speed; its magnitude is transformed to ln(1 + slip/10 rad/s), its sign is kept | rad/s | 0.35 of that: 4 rad/s near lock-up, 16 at 30 rad/s |
 //! | temperature | of the disc | °C | 20 K |
-//! | closing | travel of the bearing beyond the true contact, over that to the closed point; below −0.1 the clutch is open | 1 | 0.05 |
+//! | closing | travel of the bearing beyond the true contact, relative to the travel from there to the closed point; −0.1 and less count as −0.1 (open) | 1 | 0.05 |
 //! | torque | of the clutch, positive from engine to disc | N·m | 10 N·m |
 //!
-//! Places are covered jointly: a hot clutch at low torque and a cold one at high torque cover nothing hot at high torque. While the clutch is locked its torque is what
-//! the load asks for, and σ is that of the capacity at which it would break away.
+//! The quantities are covered jointly: a hot clutch at low torque and a cold clutch at high torque do not cover a hot clutch at high torque. While the clutch is locked, its torque
+//! is determined by the load, and σ is the standard deviation of the capacity at which it would break away.
 
 use serde_json::{Value, json};
 
-/// Quantities of a place.
+/// Number of quantities of a place.
 const N: usize = 4;
 
-/// Slip at which its scale has doubled, rad/s.
+/// Slip at which the scale of the slip is twice that at zero slip, rad/s.
 const SLIP: f64 = 10.0;
 
-/// Least closing: the clutch is open there and below.
+/// Lower limit of the closing. At this value and below, the clutch is open.
 const OPEN: f64 = -0.1;
 
-/// Distances that count as one, of slip (transformed), temperature in K, closing, torque in N·m.
+/// Difference that counts as a distance of one, in slip (transformed), temperature in K, closing, and torque in N·m.
 const SCALE: [f64; N] = [0.35, 20.0, 0.05, 10.0];
 
-/// Most places that are kept: they bound the work of a step.
+/// Maximum number of places that are kept; it bounds the computing time of a step.
 pub const MOST_PLACES: usize = 512;
 
 /// Breakpoints of the table of σ: closing, disc temperature in °C, slip in rad/s.
@@ -41,27 +41,27 @@ pub const THETA: [f64; 6] = [20.0, 60.0, 100.0, 150.0, 200.0, 260.0];
 /// See [`CLOSING`].
 pub const SLIPS: [f64; 7] = [0.0, 4.0, 12.0, 30.0, 60.0, 110.0, 180.0];
 
-/// Values of the table.
+/// Number of values in the table.
 pub const TABLE: usize = CLOSING.len() * THETA.len() * SLIPS.len();
 
-/// Greatest σ, N·m: more than such a clutch transmits. A plant that no campaign has retuned says this.
+/// Upper limit of σ, N·m, which is more than such a clutch transmits. It is also the σ of a plant that no campaign has retuned.
 pub const UNKNOWN_NM: f64 = 1000.0;
 
-/// Where the clutch works.
+/// Operating point of the clutch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// Slip, rad/s.
     pub slip: f64,
     /// Disc temperature, °C.
     pub theta: f64,
-    /// Travel beyond the true contact over that to the closed point.
+    /// Travel beyond the true contact, relative to the travel from there to the closed point.
     pub closing: f64,
     /// Clutch torque, N·m.
     pub torque: f64,
 }
 
 impl Place {
-    /// Coordinates in which a distance counts as one.
+    /// The quantities, each divided by the difference that counts as a distance of one.
     #[inline]
     fn scaled(&self) -> [f64; N] {
         let slip = (self.slip.abs() / SLIP).ln_1p().copysign(self.slip);
@@ -74,7 +74,7 @@ impl Place {
     }
 }
 
-/// What a campaign leaves beside the numbers that it retuned.
+/// Places at which a retuned plant was validated, and the table of σ of its clutch torque.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Validated {
     places: Vec<Place>,
@@ -83,25 +83,25 @@ pub struct Validated {
     sigma: Vec<f64>,
 }
 
-/// What is wrong with it in a file.
+/// Error in the `validated` of a vehicle document.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum ValidatedError {
-    /// Not places of four numbers.
+    /// The places are not a list of at most [`MOST_PLACES`] places of four numbers.
     #[error(
         "validated.places are no list of at most {MOST_PLACES} places, each slip in rad/s, temperature in °C, closing and torque in N·m"
     )]
     Places,
-    /// Not the table's size, or numbers that are no standard deviations.
+    /// The table does not have [`TABLE`] numbers, or some of them cannot be standard deviations.
     #[error("validated.sigma_Nm is no list of {TABLE} numbers between 0 and {UNKNOWN_NM} N·m")]
     Sigma,
 }
 
 impl Validated {
-    /// Keeps as few places as cover all that are given, each within a distance of one, and a table of σ in N·m by closing, temperature and slip. Where more than
-    /// [`MOST_PLACES`] would be needed the least visited are left out, which understates what was covered.
+    /// Thins out the visited places and takes a table of σ in N·m by closing, temperature and slip. A place is kept if no place kept before is within a distance of one, so that
+    /// the kept places cover all visited ones. If there are more than [`MOST_PLACES`], the least visited are left out, which understates the coverage.
     ///
     /// # Panics
-    /// A table that has not [`TABLE`] values.
+    /// If the table does not have [`TABLE`] values.
     pub fn new(visited: impl Iterator<Item = Place>, sigma: impl Iterator<Item = f64>) -> Self {
         let mut kept: Vec<(Place, [f64; N], usize)> = Vec::new();
         for place in visited {
@@ -112,7 +112,7 @@ impl Validated {
                 None => kept.push((place, at, 1)),
             }
         }
-        // A stable sort: of places that were visited as often, the first are kept.
+        // The sort is stable: of places that were visited equally often, the first are kept.
         kept.sort_by_key(|k| std::cmp::Reverse(k.2));
         kept.truncate(MOST_PLACES);
         let sigma: Vec<f64> = sigma.map(|s| rounded(s.min(UNKNOWN_NM))).collect();
@@ -120,10 +120,10 @@ impl Validated {
         Self { places: kept.iter().map(|k| k.0).collect(), scaled: kept.iter().map(|k| k.1).collect(), sigma }
     }
 
-    /// Reads `validated` of a vehicle document, which may be absent.
+    /// Reads the `validated` of a vehicle document; none if it is absent (null).
     ///
     /// # Errors
-    /// A list that has not its size, or holds something else than numbers within their bounds.
+    /// A list of the wrong size, or one that contains anything but numbers within their bounds.
     pub fn from_value(document: &Value) -> Result<Option<Self>, ValidatedError> {
         if document.is_null() {
             return Ok(None);
@@ -138,17 +138,17 @@ impl Validated {
         Ok(Some(Self { scaled: places.iter().map(Place::scaled).collect(), places, sigma: sigma.ok_or(ValidatedError::Sigma)? }))
     }
 
-    /// What is read back as the same.
+    /// The document from which [`Validated::from_value`] reads the same places and table.
     pub fn to_value(&self) -> Value {
         json!({"places": self.places.iter().map(Place::numbers).collect::<Vec<_>>(), "sigma_Nm": self.sigma})
     }
 
-    /// All numbers, to tell one from another.
+    /// All numbers of the places and of the table, for comparisons.
     pub fn numbers(&self) -> impl Iterator<Item = f64> {
         self.places.iter().flat_map(Place::numbers).chain(self.sigma.iter().copied())
     }
 
-    /// Places that stand for all that were covered.
+    /// The kept places, which represent all places that were visited.
     pub fn places(&self) -> &[Place] {
         &self.places
     }
@@ -158,7 +158,8 @@ impl Validated {
         &self.sigma
     }
 
-    /// Validity at a place, from 0 to 1. `near` is the number of a kept place to look at first, and takes that of the nearest: it saves work and changes nothing.
+    /// Validity at a place, from 0 to 1. `near` is the index of the kept place that is compared first; if that place is farther than one, the index of the nearest kept place is
+    /// stored in it. This saves computing time and does not affect the result.
     #[inline]
     pub fn validity(&self, place: &Place, near: &mut usize) -> f64 {
         let at = place.scaled();
@@ -195,7 +196,7 @@ impl Validated {
     }
 }
 
-/// Significant digits that a file has are those that count: the numbers are the same before they were written and after.
+/// Rounds to four significant digits, those that a file has, so that the numbers are the same before they are written and after they are read.
 fn rounded(x: f64) -> f64 {
     format!("{x:.3e}").parse().unwrap_or(x)
 }
@@ -208,13 +209,13 @@ fn numbers(list: &Value) -> Option<Vec<f64>> {
     list.as_array()?.iter().map(|v| v.as_f64().filter(|x| x.is_finite())).collect()
 }
 
-/// Squared distance.
+/// Squared distance between two places in scaled coordinates.
 #[inline]
 fn squared(a: &[f64; N], b: &[f64; N]) -> f64 {
     (0..N).map(|k| (a[k] - b[k]) * (a[k] - b[k])).sum()
 }
 
-/// Interval of the breakpoints that holds `x`, and how far in it is: 0 to 1, also outside.
+/// Index of the interval between breakpoints that contains `x`, and the position of `x` in it, limited to 0 to 1.
 #[inline]
 fn between(breakpoints: &[f64], x: f64) -> (usize, f64) {
     let mut k = 0;
@@ -232,7 +233,7 @@ mod tests {
         Place { slip, theta, closing, torque }
     }
 
-    /// σ is closing + 10 · temperature/100 °C + 100 · slip/180 rad/s: linear interpolation gives it back.
+    /// σ is 1 + closing + 10 · temperature/100 °C + 100 · slip/180 rad/s, which linear interpolation reproduces.
     fn plane() -> Validated {
         let of = |(u, t, s): (f64, f64, f64)| u + 1.0 + 0.1 * t + s / 1.8;
         let grid = CLOSING.iter().flat_map(|u| THETA.iter().flat_map(move |t| SLIPS.iter().map(move |s| (*u, *t, *s))));

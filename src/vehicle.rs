@@ -27,7 +27,7 @@ pub struct Vehicle {
     pub driveline: Driveline,
 }
 
-/// One number of a `T`, such as a vehicle: what the model description says of it, and where it lives.
+/// One number of a `T`, such as a vehicle: its entry in the model description, and access to it.
 pub struct Number<T> {
     /// Flat name, as the FMU has it.
     pub name: &'static str,
@@ -35,7 +35,7 @@ pub struct Number<T> {
     pub unit: &'static str,
     /// Meaning in words.
     pub meaning: &'static str,
-    /// Value unless set otherwise; of a vehicle, the paper's.
+    /// Default value; for a vehicle, that of the paper's car.
     pub default: f64,
     /// Least value accepted.
     pub min: f64,
@@ -45,7 +45,7 @@ pub struct Number<T> {
     pub value_reference: u32,
     /// Reads the number.
     pub get: fn(&T) -> f64,
-    /// Gives access to the number.
+    /// Mutable access to the number.
     pub get_mut: fn(&mut T) -> &mut f64,
 }
 
@@ -69,10 +69,10 @@ pub enum VehicleError {
     /// A number is missing.
     #[error("vehicle number \"{}\" is missing; add it (unit {})", .0, if *.1 == "1" { "1".to_owned() } else { written(.1) })]
     Missing(String, &'static str),
-    /// A number has another JSON type.
+    /// A number has the wrong JSON type.
     #[error("vehicle number \"{}\" is {}, not a number; {}", .0, .1, if .1.is_string() { "write it without quotes" } else { "give one number" })]
     NotANumber(String, Value),
-    /// A list has another JSON type.
+    /// A list has the wrong JSON type.
     #[error("vehicle number \"{}\" is {}, not a list; write its coefficients in brackets, e.g. [{}]", .0, .1, if .1.is_number() { .1.to_string() } else { "4.02".to_owned() })]
     NotAList(String, Value),
     /// An array has the wrong length.
@@ -109,7 +109,7 @@ pub enum VehicleError {
     Implausible(String),
 }
 
-/// A unit as people write it; the model description has plain letters only.
+/// A unit as it is usually written, such as N·m or °C, from that of the model description, which has ASCII characters only. Empty for the unit 1.
 pub fn written(unit: &str) -> String {
     match unit {
         "1" => String::new(),
@@ -120,12 +120,12 @@ pub fn written(unit: &str) -> String {
     }
 }
 
-/// How many there may be, as the subject of a sentence.
+/// The permitted number of coefficients, as the subject of a sentence: "3 are", "1 to 3 are".
 fn count(least: usize, most: usize) -> String {
     if least == most { format!("{most} are") } else { format!("{least} to {most} are") }
 }
 
-/// A question after the name that is nearest, if one is near.
+/// The question whether the nearest known name was meant; empty if no name is near.
 fn meant(nearest: &str) -> String {
     if nearest.is_empty() { String::new() } else { format!("; did you mean \"{nearest}\"?") }
 }
@@ -135,7 +135,7 @@ fn quantity(value: f64, unit: &str) -> String {
     format!("{value} {}", written(unit)).trim_end().to_owned()
 }
 
-/// Arrays of the file: group, key, flat names of their coefficients, least count.
+/// Arrays of the file: group, key, flat names of the coefficients, least number of coefficients.
 const ARRAYS: [(&str, &str, [&str; 3], usize); 4] = [
     ("friction", "mu_d", ["m_0", "m_1", "m_2"], 3),
     ("actuator", "x_cnt", ["x_cnt_0", "x_cnt_1", "x_cnt_2"], 1),
@@ -144,7 +144,7 @@ const ARRAYS: [(&str, &str, [&str; 3], usize); 4] = [
 ];
 
 impl Vehicle {
-    /// The paper's car, with the readings of its misprints.
+    /// The paper's car; misprints of the paper are read as described in `docs/model.md`.
     pub fn paper() -> Self {
         defaults(&NUMBERS)
     }
@@ -152,12 +152,12 @@ impl Vehicle {
     /// Reads and checks the text of a `vehicle.json`.
     ///
     /// # Errors
-    /// The first number that is missing, misnamed, no number, out of bounds or in contradiction with another one.
+    /// The text is not JSON; or the first number that is missing, misnamed, not a number, out of bounds or in contradiction with another one.
     pub fn from_json(text: &str) -> Result<Self, VehicleError> {
         Self::from_value(&json::parse(text).map_err(VehicleError::Json)?)
     }
 
-    /// As [`Vehicle::from_json`], of a parsed document; `tolerance`, `effects`, `faults`, `validated` and keys that begin with `_` or `$` are left to others.
+    /// As [`Vehicle::from_json`], for a parsed document. `tolerance`, `effects`, `faults`, `validated` and keys that begin with `_` or `$` are not read here.
     ///
     /// # Errors
     /// As [`Vehicle::from_json`].
@@ -205,12 +205,12 @@ impl Vehicle {
         Value::Object(root)
     }
 
-    /// Bounds of every number and what must hold between them.
+    /// Checks the bounds of every number and the relations that must hold between numbers.
     ///
     /// # Errors
-    /// The first number out of bounds, or a contradiction: a kiss point beyond the closed point at 25 °C, a closed point that is not
-    /// positive, of which learned laws of the actuator take shares, a spring that leaves no torque. What can be simulated all the same,
-    /// `kisspoint vehicle check` doubts.
+    /// The first number out of bounds, or a contradiction: an inner radius of the facings that is not less than the outer one, a kiss point that is not below the closed point at
+    /// 25 °C, a closed point that is not positive (learned laws of the actuator take shares of it), or a cushion spring without force at the closed point.
+    /// `kisspoint vehicle check` also reports doubtful numbers that can be simulated.
     pub fn check(&self) -> Result<(), VehicleError> {
         for number in &NUMBERS {
             let value = (number.get)(self);
@@ -248,7 +248,7 @@ fn implausible(what: String) -> VehicleError {
     VehicleError::Implausible(what)
 }
 
-/// Place of `group.key` among the numbers.
+/// Index of `group.key` in [`NUMBERS`].
 fn place(group: &str, key: &str) -> Option<usize> {
     let is = |name: &str| {
         name.len() == group.len() + 1 + key.len()
@@ -258,7 +258,7 @@ fn place(group: &str, key: &str) -> Option<usize> {
     NUMBERS.iter().position(|n| is(n.name))
 }
 
-/// Sets what stands at `group.key` of the file, and notes which numbers were given.
+/// Sets the number, or the coefficients, that the file has at `group.key`, and marks them as given.
 fn set_from_file(vehicle: &mut Vehicle, given: &mut [bool], group: &str, key: &str, value: &Value) -> Result<(), VehicleError> {
     let path = || format!("{group}.{key}");
     let not_a_number = |value: &Value, path: String| VehicleError::NotANumber(path, value.clone());
@@ -283,7 +283,8 @@ fn set_from_file(vehicle: &mut Vehicle, given: &mut [bool], group: &str, key: &s
     Ok(())
 }
 
-/// The known path, or group, that is nearest to `path`; empty if in group or number more than a third of the letters differ.
+/// The known path, or group, that is nearest to `path` in edit distance. Empty if more than a third of the letters differ in the group or in the key, unless the same key exists in
+/// another group.
 fn nearest(path: &str) -> String {
     let in_file = |n: &'static str| {
         let (group, key) = n.split_once('.').unwrap_or((n, ""));
@@ -294,7 +295,7 @@ fn nearest(path: &str) -> String {
     let near = |(known_group, known_key): &(&str, &str)| {
         let (groups, keys) = (distance(group, known_group), if key.is_empty() { 0 } else { distance(key, known_key) });
         let is_near = keys <= key.len().div_ceil(3) && groups <= group.len().div_ceil(3);
-        // A number may stand in the wrong group.
+        // A number may have been written into the wrong group.
         let is_elsewhere = keys == 0 && !key.is_empty();
         (is_near || is_elsewhere).then_some(keys + groups)
     };
@@ -306,7 +307,7 @@ fn nearest(path: &str) -> String {
     }
 }
 
-/// Letters to insert, leave out or replace between two words.
+/// Levenshtein distance between two words: the number of bytes to insert, delete or replace.
 fn distance(a: &str, b: &str) -> usize {
     let mut row: Vec<usize> = (0..=b.len()).collect();
     for (i, x) in a.bytes().enumerate() {

@@ -1,10 +1,10 @@
-//! The invariants of docs/architecture.md that the source itself can show.
+//! The invariants of docs/architecture.md that can be checked on the source text.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::{fs, iter};
 
-/// Which modules each module may import; the one list of import directions.
+/// Modules that each module may import; the only list of import directions.
 const IMPORTS: [(&str, &[&str]); 18] = [
     ("physics", &[]),
     ("json", &[]),
@@ -18,10 +18,10 @@ const IMPORTS: [(&str, &[&str]); 18] = [
     ("launch", &["physics", "vehicle", "effects", "faults", "plant", "control"]),
     ("plots", &["physics", "vehicle", "effects", "plant", "control", "launch"]),
     ("campaign", &["json"]),
-    // Of the plots, only the chart.
+    // Of `plots`, only the line chart.
     ("survey", &["campaign", "plots"]),
     ("gap", &["physics", "validated", "vehicle", "effects", "plant", "campaign"]),
-    // Of the diagnosis, only the form in which curves are handed over.
+    // Of `gap`, only the types in which curves are handed over.
     ("report", &["validated", "vehicle", "effects", "gap"]),
     ("fmu", &["physics", "validated", "vehicle", "effects", "faults", "control", "fmi2", "launch"]),
     (
@@ -51,7 +51,7 @@ fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Every file below `dir` with this ending.
+/// Every file below `dir` with this extension.
 fn files(dir: &Path, ending: &str) -> Vec<PathBuf> {
     let entries = fs::read_dir(dir).unwrap_or_else(|e| panic!("{}: {e}", dir.display()));
     let mut all: Vec<PathBuf> = entries
@@ -63,7 +63,7 @@ fn files(dir: &Path, ending: &str) -> Vec<PathBuf> {
     all
 }
 
-/// The text without comments, without string literals that span no line end, and without the tests at its end.
+/// The text without comments, without string literals that do not span lines, and without the test module at its end.
 fn code(path: &Path) -> String {
     let text = fs::read_to_string(path).unwrap();
     let text = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
@@ -83,7 +83,7 @@ fn module(path: &Path) -> String {
     inside.components().next().unwrap().as_os_str().to_string_lossy().trim_end_matches(".rs").to_owned()
 }
 
-/// Top-level modules that this code names as `crate::…`, also in a list.
+/// Top-level modules that this code names as `crate::…`, also within a list in braces.
 fn imports(code: &str) -> BTreeSet<String> {
     let name = |text: &str| text.trim().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
     code.split("crate::")
@@ -142,7 +142,7 @@ fn every_file_of_an_effect_is_registered() {
         .map(|p| p.file_stem().unwrap().to_string_lossy().into_owned())
         .filter(|stem| stem != "mod")
         .collect();
-    // A law that was learned is no effect of the library.
+    // A learned law is not an effect of the library.
     let all = kisspoint::effects::all().map(|e| e.id).chain(["empirical"]);
     let registered: BTreeSet<String> = all.map(str::to_owned).collect();
     assert_eq!(found, registered);
@@ -213,7 +213,7 @@ fn the_table_of_invariants_names_tests_that_are_there() {
     assert!(named > 20, "{named} files");
 }
 
-/// Whether what stands at `at` is the beginning of a path, not its middle.
+/// Whether `at` is the beginning of a path and not its middle.
 fn begins_a_path(line: &str, at: usize) -> bool {
     !line[..at].ends_with(|c: char| c.is_alphanumeric() || matches!(c, '.' | '_' | '-' | '/' | '}' | ')' | '~'))
 }

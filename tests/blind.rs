@@ -1,11 +1,11 @@
-//! `kisspoint blind` as a command: what it refuses, what it keeps, and what it leaves behind.
+//! `kisspoint blind` as a command: refused options, kept answers, and files left behind.
 
 use kisspoint::campaign::{self, ReadOptions};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-/// A folder of this test that goes with it.
+/// A folder of this test, removed when it is dropped.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -65,7 +65,7 @@ fn campaigns_are_kept_with_their_answers_and_drawn_again_alike() {
     }
 }
 
-/// What is drawn is what the reader takes: drives as they are, and what a worse logger wrote with a word at most.
+/// The reader accepts what is drawn: drives without a remark, and degraded logs with nothing more than notes.
 #[test]
 fn drawn_campaigns_are_read_whole() {
     let (road, altered) = (Folder::new("road"), Folder::new("altered"));
@@ -82,7 +82,7 @@ fn drawn_campaigns_are_read_whole() {
     }
 }
 
-/// Sends an interruption as the keyboard does, while cars are being diagnosed.
+/// Sends an interrupt, as Ctrl-C does, while cars are being diagnosed.
 #[cfg(unix)]
 #[test]
 fn an_interruption_leaves_no_folder() {

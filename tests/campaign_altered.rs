@@ -1,10 +1,10 @@
-//! The bundled campaign as a road logger would have given it: what is lost or wrong is left out, everything else is kept as it was.
+//! The bundled campaign as a road logger would have recorded it: lost or wrong samples are left out, all others are read unchanged.
 
 use kisspoint::campaign::{self, Campaign, ReadOptions};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// The cells of a recording, the header apart.
+/// The cells of a recording without its header.
 type Rows = Vec<Vec<String>>;
 
 const TIME: usize = 0;
@@ -53,7 +53,7 @@ fn number(cell: &str) -> f64 {
     cell.parse().unwrap()
 }
 
-/// A number that looks drawn, from 0 to 1.
+/// A pseudo-random number from 0 to 1.
 fn drawn(k: usize) -> f64 {
     f64::from((k as u32).wrapping_mul(2_654_435_761).rotate_left(13).wrapping_mul(0x9e37_79b9) >> 8) / f64::from(1_u32 << 24)
 }
@@ -69,7 +69,7 @@ fn every_second_sample_of_the_disc_speed_is_missing() {
     let c = altered("half", |_, rows| rows.iter_mut().skip(1).step_by(2).for_each(|r| r[OMEGA_C].clear()));
     assert_eq!((c.recordings.len(), notes(&c).as_str()), (9, ""));
     for (r, w) in c.recordings.iter().zip(&whole().recordings) {
-        // A last row without a disc speed is no part of the recording.
+        // A last row without a disc speed does not belong to the recording.
         let n = r.time.len();
         assert_eq!((&r.time[..], &r.omega_f[..], r.sample_rate_hz), (&w.time[..n], &w.omega_f[..n], w.sample_rate_hz));
         assert!(n + 1 >= w.time.len());
@@ -129,7 +129,7 @@ fn a_dead_band_of_the_disc_speed() {
     assert_eq!(c.left_out, []);
     let mut hidden = 0;
     for (r, w) in c.recordings.iter().zip(&whole().recordings) {
-        // No zero is believed where the speed passes through the band; what is above it stays.
+        // Zeros are not accepted while the speed passes through the sensor's dead band; values above it are unchanged.
         let passes = w.omega_c.iter().any(|v| v.abs() < 1.0) && w.omega_c.iter().any(|v| *v > 20.0);
         assert!(!passes || r.omega_c.iter().all(|v| *v != 0.0), "{}: {}", r.name, notes(&c));
         assert!(r.omega_c.iter().zip(&w.omega_c).all(|(r, w)| w.abs() < 3.0 || r == w));
@@ -152,7 +152,7 @@ fn lost_frames_lose_themselves_alone() {
     for (r, w) in c.recordings.iter().zip(&whole().recordings) {
         all += w.time.len();
         lost += w.time.len() - r.time.len();
-        // Every frame that was not lost stands where it stood.
+        // Every frame that was not lost keeps its time and value.
         let at = |t: f64| w.time.partition_point(|s| *s < t - 1e-9);
         assert!(r.time.iter().zip(&r.omega_f).all(|(t, v)| w.omega_f[at(*t)] == *v), "{}", r.name);
         assert!((r.time.last().unwrap() - w.time.last().unwrap()).abs() < 0.05, "{}", r.name);
@@ -176,7 +176,7 @@ fn stamps_jitter_by_almost_half_of_the_interval() {
     }
 }
 
-/// What is named first, beside what stands in its place.
+/// The effect named first, followed by its rivals.
 fn named(c: &Campaign) -> Vec<String> {
     let found = kisspoint::gap::diagnosis::diagnose(c, &|_, _| {}).unwrap().json;
     let first = &found["which"]["effects"][0];
@@ -184,7 +184,7 @@ fn named(c: &Campaign) -> Vec<String> {
     std::iter::once(&first["id"]).chain(rivals).map(|id| id.as_str().unwrap_or("nothing").to_string()).collect()
 }
 
-/// The bundled car's kiss point moves as its clutch heats: a worse log says so, too.
+/// The kiss point of the bundled car moves as the clutch heats, and the diagnosis of a degraded log finds the same.
 #[test]
 fn the_diagnosis_of_a_worse_log_is_the_same() {
     let blank = |_: usize, rows: &mut Rows| rows.iter_mut().skip(1).step_by(2).for_each(|r| r[OMEGA_C].clear());
@@ -212,11 +212,11 @@ fn the_diagnosis_of_a_worse_log_is_the_same() {
         ("dead-diagnosed", &dead),
         ("lost-diagnosed", &lost),
     ];
-    // Side by side, which leaves no core idle.
+    // In parallel, so that no core is idle.
     all.into_par_iter().for_each(|(name, change)| assert_eq!(named(&altered(name, change)), ["kiss_point_thermal"], "{name}"));
 }
 
-/// Nobody noted how warm the clutch was: 25 °C, give or take 50 K.
+/// The temperature of the clutch at the start was not noted: 25 °C with a standard deviation of 50 K.
 #[test]
 fn the_diagnosis_without_start_temperatures_names_the_effect_first() {
     let mut c = whole();
@@ -227,7 +227,7 @@ fn the_diagnosis_without_start_temperatures_names_the_effect_first() {
     assert!(named(&c).contains(&"kiss_point_thermal".to_string()));
 }
 
-/// However fast the raster of an export, held or interpolated: what it put between the samples is left out, and what was sampled is as it was.
+/// In an export to a faster raster, held or interpolated, the added rows are left out and the original samples are read unchanged.
 #[test]
 fn a_faster_raster_reads_as_what_was_sampled() {
     let whole = whole();
@@ -271,7 +271,7 @@ fn a_faster_raster_reads_as_what_was_sampled() {
     }
 }
 
-/// Speeds at 50 Hz that a logger at 100 Hz repeats, beside inputs at 100 Hz.
+/// Speeds sampled at 50 Hz that a logger repeats at 100 Hz, beside inputs sampled at 100 Hz.
 #[test]
 fn speeds_that_a_logger_repeats_have_samples_where_they_change() {
     let whole = whole();
@@ -293,7 +293,7 @@ fn speeds_that_a_logger_repeats_have_samples_where_they_change() {
     }
 }
 
-/// Speeds at 40 Hz that a logger at 100 Hz repeats now twice, now once; or one of them.
+/// Speeds sampled at 40 Hz that a logger at 100 Hz repeats alternately twice and once; both speeds, or only one of them.
 #[test]
 fn speeds_that_a_logger_repeats_unevenly_have_samples_where_they_change() {
     let repeated = |name: &str, speeds: &[usize]| {

@@ -1,4 +1,4 @@
-//! Bad input: every defect is met with file, channel, row and remedy, and a sound recording beside it is still read.
+//! Faulty input: every defect is reported with file, channel, row and remedy, and a sound recording beside it is still read.
 //!
 //! Each case changes the sound recording `seed/r01.csv` in one way.
 
@@ -9,7 +9,7 @@ use kisspoint::campaign::{self, Campaign, CampaignError, ChannelMap, ReadOptions
 
 const ENTRY: &str = r#"{"manoeuvre": "launch", "sample_rate_Hz": 100, "theta_c0_degC": 36.0, "theta_b0_degC": 30.0}"#;
 
-/// A campaign's folder that is removed at the end.
+/// The folder of a campaign, removed at the end.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -55,7 +55,7 @@ fn seed() -> String {
     std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/campaign/seed/r01.csv")).unwrap()
 }
 
-/// The seed with every cell of some columns changed; column 0 is time, and rows count from 0.
+/// The seed recording with cells changed; column 0 is time, and rows count from 0.
 fn changed(change: impl Fn(usize, usize, f64) -> String) -> String {
     let seed = seed();
     let mut lines = seed.lines();
@@ -73,7 +73,7 @@ fn column(at: usize, change: impl Fn(usize, f64) -> String) -> String {
     changed(|row, column, value| if column == at { change(row, value) } else { value.to_string() })
 }
 
-/// Reads the sound recording and the changed one, which must be left out for a reason that holds all of these.
+/// Reads the sound recording and the changed one, which must be left out for a reason that contains all of these texts.
 fn left_out(second: &str, expected: &[&str]) {
     let campaign = Folder::with(second).read().unwrap();
     assert_eq!(campaign.recordings.len(), 1);
@@ -85,7 +85,7 @@ fn left_out(second: &str, expected: &[&str]) {
     }
 }
 
-/// Reads the changed recording, which must be used with a note that holds all of these.
+/// Reads the changed recording, which must be used, with notes that contain each of these texts.
 fn noted(second: &str, expected: &[&str]) -> Campaign {
     let campaign = Folder::with(second).read().unwrap();
     assert_eq!(campaign.left_out, []);
@@ -142,7 +142,7 @@ fn inputs_are_held_over_a_tenth_of_a_second() {
     let cut = noted(&input(100..111), &["x_to_cmd_mm, line 102: a gap of 0.110 s; the recording is cut in front of it, 0.990 s remain"]);
     assert_eq!(cut.recordings[1].time, whole.time[..100]);
     left_out(&input(20..40), &["r02.csv, channel x_to_cmd_mm, line 22", "0.190 s remain", "Record again"]);
-    // A frame that is lost loses no more than itself.
+    // A lost frame loses no other sample.
     let lost: String = seed().lines().enumerate().filter(|(i, _)| *i != 81).map(|(_, l)| format!("{l}\n")).collect();
     let lost =
         noted(&lost, &["omega_f_rad_s, omega_c_rad_s, x_to_mm, T_fc_Nm, theta_c_degC: 1 gap (1 sample", "T_e_Nm, x_to_cmd_mm: 1 gap"]);
@@ -266,7 +266,7 @@ fn files() {
     let some = |n: usize| seed().lines().take(n).map(|l| format!("{l}\n")).collect::<String>();
     left_out(&some(31), &["r02.csv, channel omega_f_rad_s, line 31: the recording ends here, 0.290 s after its start", "Record longer"]);
     left_out(&some(2), &["r02.csv, channel omega_f_rad_s, line 2: the recording ends here", "0.5 s or more"]);
-    // The engine's torque is still near zero there, which must not be taken for a unit.
+    // The engine torque is still near zero there; this must not be mistaken for a wrong unit.
     let early = column(3, |_, v| (v * 1e-3).to_string());
     left_out(&early.lines().take(4).map(|l| format!("{l}\n")).collect::<String>(), &["line 4: the recording ends here, 0.020 s"]);
     noted(&format!("{}0.8,120", some(81)), &["line 82 (the last) has 2 of 9 cells: cut off while writing, dropped"]);
@@ -289,7 +289,7 @@ fn channels_that_say_nothing() {
     let frozen = noted(&column(6, |_, _| "3.5".into()), &["x_to_mm: the value is 3.5 in every sample; the channel is not used"]);
     assert_eq!(frozen.recordings[1].x_to, None);
     noted(&column(3, |_, _| "50".into()), &["T_e_Nm: the value is 50 in every sample"]);
-    // In all recordings of a campaign it is none that was measured.
+    // A torque that is constant in all recordings of a campaign was not measured.
     let folder = Folder::with(&column(3, |_, _| "50".into()));
     folder.file("r01.csv", &column(3, |_, _| "0".into()));
     let fault = folder.fault();
@@ -436,7 +436,7 @@ fn a_production_car_has_a_road_speed_a_percentage_and_no_air() {
     let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9 * (1.0 + b.abs()));
     assert!(near(&got.omega_c, &whole.omega_c) && near(&got.t_e, &whole.t_e) && got.theta_h.iter().all(|t| *t == 35.0));
     assert!(campaign.notes.iter().any(|n| n.text.contains("indicated torque")), "{:?}", campaign.notes);
-    // The gear of a recording stands in recordings.json.
+    // The ratio of a recording's gear is given in recordings.json.
     let entry = ENTRY.replace('}', r#", "ratio": 6.2, "channel_map": {"theta_h_degC": {"value": 12}}}"#);
     folder.file("recordings.json", &format!(r#"{{"r02": {entry}}}"#));
     let slower = read(&both).unwrap();

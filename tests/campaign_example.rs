@@ -1,4 +1,4 @@
-//! The bundled campaign: whole, and readable without a remark.
+//! The bundled campaign is complete and is read without a remark.
 
 use kisspoint::campaign::{self, ReadOptions};
 use kisspoint::vehicle::Vehicle;

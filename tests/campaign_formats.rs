@@ -1,4 +1,4 @@
-//! MDF4 and Parquet files against what asammdf and pyarrow, which wrote them, read back.
+//! MDF4 and Parquet files are read as asammdf and pyarrow, which wrote them, read them back.
 //!
 //! The files and `expected.json` are made by `tests/python/make_measurements.py` from `seed/r01.csv`.
 
@@ -68,7 +68,7 @@ fn sums_are_those_of_asammdf() {
             assert_eq!(channel.unit.as_deref(), about["unit"].as_str(), "{file} {name}");
             assert_eq!((channel.count - channel.invalid) as u64, about["count"].as_u64().unwrap(), "{file} {name}");
         }
-        // The file with invalid samples is compared with the seed elsewhere, sample by sample.
+        // The file with invalid samples is compared with the seed sample by sample in another test.
         if channels.get("omega_f_rad_s").is_none() || file == "invalid.mf4" {
             continue;
         }
@@ -103,12 +103,12 @@ fn three_rates_keep_their_own_stamps() {
     assert!(notes.iter().any(|n| n.text == expected), "{expected} is not in {notes:?}");
 }
 
-/// A channel block that links to no unit leaves it to its conversion (`cc_md_unit`); one that links to an empty text has none.
+/// If a channel block has no link to a unit, the unit is that of its conversion (`cc_md_unit`); if it links to an empty text, it has no unit.
 #[test]
 fn a_unit_may_stand_with_the_conversion() {
     let bytes = std::fs::read(data("measurements/rates.mf4")).unwrap();
     let word = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap()) as usize;
-    // Links begin behind 24 bytes: of a channel the fifth is its conversion, the seventh its unit; of a conversion the second is its unit.
+    // The links of a block begin at byte 24: in a channel the fifth is its conversion and the seventh its unit; in a conversion the second is its unit.
     let channels = (0..bytes.len() - 160).step_by(8).filter(|&at| bytes[at..].starts_with(b"##CN"));
     let converted: Vec<usize> = channels.filter(|&at| word(at + 24 + 8 * 4) != 0 && word(at + 24 + 8 * 6) != 0).collect();
     assert!(converted.len() >= 2, "{converted:?}");
@@ -201,10 +201,10 @@ fn frames_of_a_bus_need_a_database() {
     let map = format!("dbc = {:?}\n{}", data("measurements/frames.dbc"), LOGGER.replace("theta_h_degC = \"TempBellHousing\"", ""));
     let (recording, notes) = read("measurements/frames.mf4", &map);
     let seed = seed();
-    // Two messages, 3 ms apart: every row has the signals of one of them.
+    // Two messages, 3 ms apart: every row has the signals of only one of them.
     let there = |v: &[f64]| v.iter().copied().filter(|v| !v.is_nan()).collect::<Vec<f64>>();
     let quarter_rpm = 0.1251 * std::f64::consts::PI / 30.0;
-    // The first frame of the engine comes before the clutch's: the recording begins where both are there.
+    // The engine's first frame precedes the clutch's; the recording begins where both are available.
     assert_near(&there(&recording.omega_f), &seed.omega_f[1..], quarter_rpm, "omega_f");
     let disc: Vec<f64> = seed.omega_c.iter().enumerate().filter(|(k, _)| *k != 50).map(|(_, v)| *v).collect();
     let got = there(&recording.omega_c);
@@ -228,7 +228,7 @@ fn more_kinds_of_parquet_columns() {
     }
 }
 
-/// The seed as text of another layout, read back.
+/// The seed written as text in another layout, read back.
 fn text(name: &str, bytes: &[u8]) -> (Recording, Vec<Note>) {
     let path = tempdir("texts").join(name);
     std::fs::write(&path, bytes).unwrap();
@@ -256,7 +256,7 @@ fn texts_of_every_layout_equal_the_seed() {
         (1..cells.len()).map(|k| format!("{},{},{}\n", cells[0], names[k], cells[k])).collect::<Vec<_>>()
     });
     let long = format!("t,channel,value\n{}", long.collect::<String>());
-    // A second block from the torque on, behind the same stamps.
+    // A second block of columns, from the torque on, that begins with the time stamps again.
     let blocks = plain.lines().map(|l| {
         let cells: Vec<&str> = l.split(',').collect();
         format!("{},{},{}\n", cells[..3].join(","), cells[0], cells[3..].join(","))
@@ -282,7 +282,7 @@ fn texts_of_every_layout_equal_the_seed() {
         assert_eq!((&recording.omega_f, &recording.t_e, &recording.theta_c), (&seed.omega_f, &seed.t_e, &seed.theta_c), "{name}");
         assert_eq!(notes.iter().any(|n| n.text.contains("in front of the header")), name == "preamble.csv", "{notes:?}");
     }
-    // Units in a row of their own, one of them another than ours.
+    // Units in a row of their own, one of which (daNm) differs from the library's.
     let stems = plain.replacen("T_e_Nm", "T_e", 1).replacen('\n', &format!("\n{units}\n"), 1);
     let (recording, notes) = text("units.csv", stems.as_bytes());
     let tenfold: Vec<f64> = seed.t_e.iter().map(|t| 10.0 * t).collect();
@@ -309,7 +309,7 @@ fn files_of_other_kinds_are_named_with_the_step_to_take() {
         assert!(message.contains(expected), "{message}");
         assert!(message.contains("can_logconvert") || message.contains("Save the sheet as CSV"), "{message}");
     }
-    // A table may be called a log.
+    // A table may have the file name of a log.
     let table = b"Time (s),Engine RPM,Speed MPH\n0.0,800,0\n0.1,810,0\n";
     for name in ["a.log", "a.asc"] {
         assert!(!fault(name, table).contains("raw frames"), "{}", fault(name, table));
@@ -341,10 +341,10 @@ fn a_drafted_map_reads_the_file_that_it_was_drafted_for() {
         let (drafted, _) = read(name, &map);
         assert_eq!(format!("{drafted:?}"), format!("{:?}", read(name, LOGGER).0), "{map}");
     }
-    // With our names, and with or without units in the file.
+    // With the library's channel names, and with or without units in the file.
     for name in ["measurements/plain.mf4", "measurements/invalid.mf4", "measurements/plain.parquet", "seed/r01.csv"] {
         let map = campaign::draft_channel_map(&campaign::inspect(&data(name), None, &|_| {}).unwrap());
-        // As texts: an invalid sample is NaN, which equals nothing.
+        // Compared as texts, because an invalid sample is NaN, which equals nothing.
         assert_eq!(format!("{:?}", read(name, &map)), format!("{:?}", read(name, "")), "{map}");
     }
 }

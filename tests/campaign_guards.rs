@@ -1,4 +1,4 @@
-//! What stands between a file and a recording: units, bounds that tell a wrong unit, values that are none, names that leave the folder.
+//! Checks between a file and a recording: units, bounds that reveal a wrong unit, values that are not numbers, names that lead out of the folder.
 
 use kisspoint::campaign::{self, Campaign, CampaignError, ChannelMap, ReadOptions, Recording};
 use std::f64::consts::PI;
@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 const ENTRY: &str = r#"{"manoeuvre": "launch", "sample_rate_Hz": 100, "theta_c0_degC": 36.0, "theta_b0_degC": 30.0}"#;
 
-/// A campaign of the sound recording r01 and, as r02, whatever a test writes; removed at the end.
+/// A campaign with the sound recording r01 and, as r02, the text that a test writes; removed at the end.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -49,7 +49,7 @@ fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/campaign").join(name)
 }
 
-/// The seed recording with the header of a column changed, and its cells.
+/// The seed recording with the header and the cells of one column changed.
 fn changed(column: usize, header: &str, change: impl Fn(usize, f64) -> f64) -> String {
     let seed = std::fs::read_to_string(data("seed/r01.csv")).unwrap();
     let line = |(row, line): (usize, &str)| {
@@ -60,14 +60,14 @@ fn changed(column: usize, header: &str, change: impl Fn(usize, f64) -> f64) -> S
     seed.lines().enumerate().map(line).collect()
 }
 
-/// Our unit of each column that is changed.
+/// The library's unit of each column that is changed.
 const UNITS: [(usize, &str); 5] = [(0, "s"), (1, "rad/s"), (3, "Nm"), (6, "mm"), (8, "degC")];
 
 type Read = fn(&Recording) -> Vec<f64>;
 
 #[test]
 fn every_unit_that_is_documented_is_read_by_its_factor() {
-    // Value of one unit in ours, and of none of it, by the definitions of the units.
+    // Factor and offset from each unit to the library's, by the definitions of the units.
     let foot_pound = 4.448_221_615_260_5 * 0.304_8;
     let speed: (usize, &str, Read) = (1, "omega_f_rad_s", |r| r.omega_f.clone());
     let torque: (usize, &str, Read) = (3, "T_e_Nm", |r| r.t_e.clone());
@@ -117,7 +117,7 @@ fn every_unit_that_is_documented_is_read_by_its_factor() {
 
 #[test]
 fn a_speed_that_no_car_turns_is_another_unit() {
-    // A fifth of the recording at 1600 rad/s, reached and left in ramps: no spike, and not most of it.
+    // A fifth of the recording is at 1600 rad/s, reached and left in ramps, so that it is neither a spike nor most of the recording.
     let burst = |row: usize| ((row as f64 - 45.0) / 15.0).min((105.0 - row as f64) / 15.0).clamp(0.0, 1.0);
     let at = |top: f64| Folder::new(&changed(1, "omega_f_rad_s", |row, ours| ours + burst(row) * (top - ours)));
     let reason = at(1600.0).left_out();
@@ -149,7 +149,7 @@ fn a_value_in_an_mdf_that_is_no_number_is_no_value() {
         assert!(found.omega_c.iter().all(|v| !v.is_infinite()), "{bad} was kept");
         assert_eq!(found.omega_c.iter().filter(|v| v.is_finite()).count(), 150, "{bad}: only that sample is none");
         assert!(read.notes.iter().any(|n| n.recording == "r02" && n.text.contains("omega_c")), "{bad}: it is said, {:?}", read.notes);
-        // Nor is it the least or the greatest for those who only look.
+        // Nor does it become the minimum or maximum that `inspect` shows.
         let seen = campaign::inspect(&folder.0.join("r02.mf4"), None, &|_| {}).unwrap();
         assert!(seen.channels.iter().all(|c| c.min.is_none_or(f64::is_finite) && c.max.is_none_or(f64::is_finite)), "{bad}: {seen:?}");
         assert_eq!(seen.channels.iter().map(|c| c.invalid).sum::<usize>(), 1, "{bad}");
@@ -173,7 +173,7 @@ fn a_campaign_that_is_too_large_is_refused_before_it_is_read() {
     folder.file("recordings.json", format!("{{{}}}", entries.join(",")).as_bytes());
     let refused = folder.read().unwrap_err().to_string();
     assert!(refused.contains("recordings.json: 1001 recordings") && refused.contains("the 1000 that"), "{refused}");
-    // A file that has no end on the disk: sparse, so that the test takes no room.
+    // A huge sparse file, which takes no room on the disk.
     std::fs::File::create(folder.0.join("recordings.json")).unwrap().set_len(1 << 30).unwrap();
     let refused = folder.read().unwrap_err().to_string();
     assert!(refused.contains("recordings.json: is larger than 16 MB"), "{refused}");
@@ -186,7 +186,7 @@ fn a_campaign_that_is_too_large_is_refused_before_it_is_read() {
 
 #[test]
 fn recordings_that_are_too_long_together_are_refused() {
-    // 1.2 million rows each, at 100 kHz: two of them are too many, one is not.
+    // 1.2 million rows each, at 100 kHz: one such recording is accepted, two are too many.
     let text = |skip: usize| {
         let mut text = String::from("time_s,omega_f_rad_s,omega_c_rad_s,T_e_Nm,x_to_cmd_mm\n");
         (skip..1_200_000 + skip).for_each(|k| {

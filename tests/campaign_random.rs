@@ -1,5 +1,5 @@
-//! Damaged recordings: files of all three formats with bytes changed, repeated and cut at random are refused with the file's name, or read as
-//! numbers, each in a moment. The thorough form is the fuzz target `recordings`.
+//! Damaged recordings: files of all three formats, with bytes changed, repeated and cut at random, are refused with the name of the file or read as numbers, and quickly in
+//! either case. The fuzz target `recordings` is the thorough version.
 
 use kisspoint::campaign::{ChannelMap, Recording, inspect, read_one};
 use std::path::{Path, PathBuf};
@@ -45,7 +45,7 @@ fn damage(bytes: &mut Vec<u8>, random: &mut Random) {
                 bytes.splice(at..at, part);
             }
             _ => {
-                // Formats count at their beginning and at their end.
+                // Headers and indices of these formats are at the beginning and at the end of a file.
                 let near = random.below(64.min(bytes.len()));
                 let place = if random.below(2) == 0 { near } else { bytes.len() - 1 - near };
                 bytes[place] = random.below(256) as u8;
@@ -65,7 +65,7 @@ fn damaged_files_are_refused_or_read_as_numbers() {
         theta_b0: 25.0,
         ..Recording::default()
     };
-    // Libraries beneath may panic on damage, which is caught: without the traces of it this is quick.
+    // Libraries of file formats may panic on damaged files, which is caught; without backtraces the test is faster.
     std::panic::set_hook(Box::new(|info| eprintln!("{info}")));
     let mut random = Random(0xda3e_39cb_94b9_5bdb);
     let (mut refused, mut read) = (0, 0);

@@ -1,4 +1,4 @@
-//! Campaigns of the repository with their expected answers: each folder of `tests/data/cases`.
+//! Campaigns of the repository with their expected answers: one in each folder of `tests/data/cases`.
 #![cfg(feature = "cli")]
 
 use kisspoint::campaign::{self, ReadOptions};
@@ -36,13 +36,13 @@ fn case(number: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/cases").join(number)
 }
 
-/// The first case, diagnosed once for both tests that look at it.
+/// The diagnosis of the first case, computed once for both tests that use it.
 fn first() -> &'static Diagnosis {
     static ANSWER: OnceLock<Diagnosis> = OnceLock::new();
     ANSWER.get_or_init(|| diagnosed(&case("1")))
 }
 
-/// What is wrong with the answer to a case, in words; nothing if it is right.
+/// What is wrong with the answer to a case, in words; `None` if it is right.
 fn wrong(case: &Path) -> Option<String> {
     let expected: Value = serde_json::from_slice(&std::fs::read(case.join("expected.json")).unwrap()).unwrap();
     let json = if case.ends_with("1") { first().json.clone() } else { diagnosed(case).json };
@@ -54,7 +54,7 @@ fn wrong(case: &Path) -> Option<String> {
     known.sort_unstable();
     let right_verdict = match (carried.len(), known.len()) {
         (0, _) => verdict == "no_gap",
-        // Whether something is left beside the right effects is not asked: no car has the library's forms.
+        // A remainder beside the right effects is accepted, because no effect of these cars has exactly the library's form.
         (all, library) if all == library => matches!(verdict, "explained" | "partly_explained"),
         _ => matches!(verdict, "unexplained" | "partly_explained"),
     };
@@ -68,13 +68,14 @@ fn wrong(case: &Path) -> Option<String> {
 fn every_case_gets_its_expected_answer() {
     let all = cases();
     assert!(all.len() >= 8, "{} cases", all.len());
-    // Not from within the pool, whose threads would wait for each other.
+    // Not from within the thread pool, whose threads would wait for each other.
     first();
     let wrong: Vec<String> = all.par_iter().filter_map(|c| wrong(c)).collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// The control unit of the first case computes at 50 Hz, as it is logged; that of the sixth at 100 Hz, of which a logger of 50 Hz would miss half.
+/// The control unit of the first case computes at 50 Hz, the rate at which it is logged. That of the sixth case computes at 100 Hz, so that a logger of 50 Hz would miss half
+/// of its commands.
 #[test]
 fn a_slow_control_unit_is_told_from_a_slow_logger() {
     let read = |number: &str, step: usize| {
@@ -92,7 +93,7 @@ fn a_slow_control_unit_is_told_from_a_slow_logger() {
     assert_eq!(diagnose(&read("6", 1), &|_, _| {}).unwrap().read.recordings[0].control_interval_s, None, "100 Hz, every command logged");
 }
 
-/// A bearing that is elsewhere than the law of the actuator has it shows in a sensor of its position, a torque of the clutch in a transducer.
+/// A missing law of the actuator shows in a position sensor, and a missing law of the clutch torque in a torque transducer.
 #[test]
 fn a_missing_law_shows_on_the_bench() {
     let campaign = campaign::read(&case("2").join("campaign"), &ReadOptions::default()).unwrap();
@@ -118,7 +119,8 @@ fn a_missing_law_shows_on_the_bench() {
     }
 }
 
-/// Of three launches of the seventh case's car, in which play and a contact that moved do much the same: play was first met beside judder alone, and lacked what a late speed explains.
+/// Three launches of the seventh case's car, in which actuator play and a shifted kiss point have nearly the same effect. The search first met play together with judder alone,
+/// without the late speed sensor that is also needed.
 #[test]
 fn a_rival_that_was_met_beside_a_part_of_the_best_set_shares_its_probability() {
     let mut campaign = campaign::read(&case("7").join("campaign"), &ReadOptions::default()).unwrap();

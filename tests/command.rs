@@ -1,4 +1,4 @@
-//! The command as scripts meet it: exit codes, one JSON document each, pipes that close early, messages that say what to do.
+//! The command as scripts use it: exit codes, one JSON document each, pipes that close early, error messages with a remedy.
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -45,7 +45,7 @@ impl Folder {
         self.0.join(name).display().to_string()
     }
 
-    /// The bundled campaign with its vehicle changed.
+    /// The bundled campaign with a changed vehicle file.
     fn campaign(&self, change: impl Fn(&mut Value)) -> String {
         for item in std::fs::read_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join(EXAMPLE)).unwrap() {
             let path = item.unwrap().path();
@@ -93,7 +93,8 @@ fn every_json_is_one_document_with_what_the_documentation_promises() {
     assert!(document(&["vehicle", "new", "--json"])["driveline"]["J_f"].is_number());
 }
 
-/// Of a folder with recordings and a vehicle file one command drafts what is missing; it replays as it is, and a draft overwrites nothing by itself.
+/// One command drafts the list of recordings that a folder with recordings and a vehicle file lacks. The draft can be replayed as it is, and does not overwrite an existing
+/// file without --force.
 #[test]
 fn a_drafted_list_of_recordings_makes_a_campaign() {
     let folder = Folder::new("drafted");
@@ -113,7 +114,7 @@ fn a_drafted_list_of_recordings_makes_a_campaign() {
     assert!(printed(&["replay", &path]).contains("r09"));
 }
 
-/// What a diagnosis refuses is no matter of plausibility.
+/// A tolerance that a diagnosis would refuse is an error, not a warning.
 #[test]
 fn a_tolerance_that_no_diagnosis_takes_fails_the_check() {
     let folder = Folder::new("tolerance");

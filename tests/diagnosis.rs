@@ -1,6 +1,6 @@
 //! The diagnosis of drawn cars, end to end: a healthy car, a car with one effect, a car with an effect outside the library.
 //!
-//! `realcar` draws the cars at test time and shares no code with the plant, so that nothing here finds its own formulas again.
+//! `realcar` draws the cars when the test runs and shares no code with the plant, so the diagnosis cannot simply recover its own formulas.
 
 use kisspoint::campaign::{self, Campaign, ReadOptions};
 use kisspoint::effects::REGISTRY;
@@ -13,7 +13,7 @@ use std::sync::OnceLock;
 
 const SEED: u64 = 41;
 
-/// A folder that goes when the test ends.
+/// A folder that is removed when the test ends.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -41,10 +41,10 @@ impl Drop for Folder {
     }
 }
 
-/// Of this seed the first car of which that can be said below.
+/// Index of the first car of this seed for which the assertions below hold.
 const FIRST: usize = 3;
 
-/// The first car of this kind that is recorded at 100 Hz without bench and holds all manoeuvres: the everyday campaign, and the quickest.
+/// The first car of this kind that is recorded at 100 Hz without a bench and with all manoeuvres: the everyday campaign, and the fastest to diagnose.
 fn everyday(kind: Kind) -> Car {
     let is_everyday = |car: &Car| {
         let r = &car.campaign.recordings;
@@ -53,7 +53,7 @@ fn everyday(kind: Kind) -> Car {
     (FIRST..1000).map(|index| draw_car_of(Place::Bench, SEED, index, kind)).find(is_everyday).unwrap()
 }
 
-/// The same car with only the recordings at these places.
+/// The same car with only the recordings at these indices.
 fn with_only(mut car: Car, places: &[usize]) -> Car {
     car.campaign.recordings = places.iter().map(|&k| car.campaign.recordings[k].clone()).collect();
     car
@@ -63,7 +63,7 @@ fn answer(campaign: &Campaign) -> Diagnosis {
     diagnose(campaign, &|_, _| {}).unwrap()
 }
 
-/// A car that is worn: its clutch takes hold elsewhere. Diagnosed once for all tests that look at the answer.
+/// A worn car, whose kiss point has moved. It is diagnosed once for all tests that use the answer.
 fn worn() -> &'static Diagnosis {
     static ANSWER: OnceLock<Diagnosis> = OnceLock::new();
     ANSWER.get_or_init(|| answer(&Folder::of("worn", &everyday(Kind::Single("kiss_point_offset"))).read()))
@@ -74,7 +74,7 @@ fn two_launches() -> Car {
     with_only(everyday(Kind::Healthy), &[0, 1])
 }
 
-/// The torque of a healthy car with its sign turned is no fault of the car: the answer says which channel is mistaken, and names no effect.
+/// The torque of a healthy car with its sign reversed is not a fault of the car: the answer says which channel is wrong, and names no effect.
 #[test]
 fn a_torque_that_counts_the_other_way_is_a_mistake_in_the_map() {
     let mut campaign = Folder::of("sign", &with_only(everyday(Kind::Healthy), &[0, 1, 2])).read();
@@ -119,7 +119,7 @@ fn an_effect_outside_the_library_is_flagged_and_located() {
     assert!(["unexplained", "partly_explained"].contains(&verdict), "{verdict}: {}", found["which"]["effects"]);
     assert_eq!(found["where"]["unexplained_at"], "driveline");
     assert!(found["confidence"].as_f64().unwrap() > 0.5, "{}", found["confidence"]);
-    // The map shows it with tolerances that the gap has not dragged away.
+    // The residual map shows the gap, with tolerances that the gap has not pulled away.
     let cells = found["where"]["equations"].as_array().unwrap();
     let worst = cells
         .iter()
@@ -132,7 +132,7 @@ fn an_effect_outside_the_library_is_flagged_and_located() {
 
 #[test]
 fn a_facing_that_dries_is_found_in_friction() {
-    // Few recordings, in which a spring, a temperature and a lag together could do much the same.
+    // Few recordings, for which a change of cushion spring, temperature dependence and lag together would be nearly equivalent.
     let car = with_only(everyday(Kind::Outside("damp_facing")), &[0, 1, 2, 3, 4]);
     let found = answer(&Folder::of("damp", &car).read()).json;
     assert_eq!(found["verdict"], "unexplained", "{}", found["which"]["explanations"]);
@@ -140,7 +140,7 @@ fn a_facing_that_dries_is_found_in_friction() {
     check_structure(&found);
 }
 
-/// What no state of the car leads to is allowed for, said, and named nowhere as an effect.
+/// An irregular disturbance, which depends on no state of the car, is allowed for and reported, but not named as an effect.
 #[test]
 fn something_irregular_is_said() {
     let car = with_only(everyday(Kind::Outside("misfire")), &[0, 5]);
@@ -157,7 +157,7 @@ fn something_irregular_is_said() {
 
 #[test]
 fn effects_that_look_alike_are_left_open() {
-    // Three launches, of which one judges: a contact that moves with temperature and a spring that changes with it are one to them.
+    // Three launches, one of which is held out: a kiss point that moves with temperature and a cushion spring that changes with temperature cannot be told apart.
     let car = with_only(everyday(Kind::Single("kiss_point_thermal")), &[0, 1, 2]);
     let found = answer(&Folder::of("alike", &car).read()).json;
     let effects = found["which"]["effects"].as_array().unwrap();
@@ -169,7 +169,7 @@ fn effects_that_look_alike_are_left_open() {
     check_structure(&found);
 }
 
-/// A pair, so that the search for a second effect takes part, in few recordings.
+/// A pair of effects in few recordings, so that the search for a second effect is exercised.
 fn pair() -> Car {
     with_only(everyday(Kind::Pair("kiss_point_offset", "engine_torque_gain")), &[0, 2, 3, 5, 8])
 }
@@ -178,7 +178,7 @@ fn answer_on(threads: usize, campaign: &Campaign) -> Diagnosis {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| answer(campaign))
 }
 
-/// Its answer on two threads, for both tests that compare another one with it.
+/// The answer to the pair on two threads, for both tests that compare another answer with it.
 fn answer_to_pair() -> &'static Diagnosis {
     static ANSWER: OnceLock<Diagnosis> = OnceLock::new();
     ANSWER.get_or_init(|| answer_on(2, &Folder::of("pair", &pair()).read()))
@@ -201,7 +201,7 @@ fn two_recordings_are_enough_and_one_is_held_out() {
 
 #[test]
 fn what_is_held_out_takes_no_part() {
-    // Two bytes of every row of the recording that judges are changed: all but how far stays as it was.
+    // The flywheel speed in every row of the held-out recording is changed: only the gap figures may change.
     let folder = Folder::of("leak", &pair());
     let before = &answer_to_pair().json;
     let held = before["how_far"]["held_out"][0].as_str().unwrap().to_owned();
@@ -235,7 +235,7 @@ fn recordings_that_cannot_be_used_are_left_out_with_a_word() {
     let folder = Folder::of("defects", &with_only(everyday(Kind::Healthy), &[0, 1, 2, 3, 4]));
     edit(&folder.0.join("r03.csv"), |rows| rows.truncate(40));
     edit(&folder.0.join("r04.csv"), |rows| rows[1..].iter_mut().for_each(|row| *row = without_flywheel_speed(row)));
-    // A sensor that fails for good one second into the recording.
+    // A sensor that fails permanently one second into the recording.
     edit(&folder.0.join("r05.csv"), |rows| rows[101..].iter_mut().for_each(|row| *row = without_flywheel_speed(row)));
     let found = answer(&folder.read()).json;
     let left_out = found["left_out"].as_array().unwrap();
@@ -277,7 +277,7 @@ fn edit(file: &Path, change: impl FnOnce(&mut Vec<String>)) {
     std::fs::write(file, rows.join("\n") + "\n").unwrap();
 }
 
-/// The keys and ranges that the schema requires. `tests/python/test_diagnosis.py` checks an answer against the schema itself.
+/// The keys and ranges that the schema requires. `tests/python/test_diagnosis.py` validates an answer against the schema itself.
 fn check_structure(found: &Value) {
     let has = |at: &str, keys: &[&str]| {
         let object = found.pointer(at).and_then(Value::as_object).unwrap_or_else(|| panic!("{at} is no object"));
@@ -307,7 +307,7 @@ fn check_structure(found: &Value) {
             assert!(low <= value && value <= high, "{name}: {p}");
         }
     }
-    // What is believed is the sum over the explanations that say it.
+    // The confidence is the sum over the explanations that state the same.
     let explanations = found["which"]["explanations"].as_array().unwrap();
     let number = |v: &Value| v.as_f64().unwrap_or(f64::NAN);
     let same = |e: &&Value| match found["verdict"].as_str() {
@@ -323,12 +323,13 @@ fn check_structure(found: &Value) {
     assert!(confidence > believed - 1e-4 && confidence < believed + rest + 1e-4, "{confidence} {believed} {rest}");
     let ranked = found["which"]["ranked"].as_array().unwrap();
     assert_eq!(ranked.len(), REGISTRY.len(), "every effect of the library is weighed");
-    // An effect that recordings would show from three usual ones on alone is not assessable by them.
+    // An effect that recordings would show only from three times its usual size on is not assessable from them.
     for r in ranked.iter().filter(|r| r["smallest_visible"].is_object()) {
         let (size, usual) = (number(&r["smallest_visible"]["size"]), number(&r["smallest_visible"]["usual"]));
         assert!((r["verdict"] == "not assessable") == (size > 3.0 * usual) || r["verdict"] == "chosen", "{r}");
     }
-    // What was never fitted is measured from the same explanation as the rest: beside a healthy car most of it is behind by odds and volume, not by all that the recordings say.
+    // The evidence of effects that were never fitted is relative to the same explanation as that of the others. For a healthy car, most of these effects trail by prior odds
+    // and parameter volume, not by the whole evidence of the recordings.
     let screened = ranked.iter().filter(|r| r["reason"].as_str().is_some_and(|why| why.starts_with("screened")));
     let mut behind: Vec<f64> = screened.map(|r| number(&r["evidence"])).collect();
     behind.sort_by(f64::total_cmp);
@@ -338,7 +339,7 @@ fn check_structure(found: &Value) {
     assert!(ranked.iter().all(|r| r["id"].is_string() && r["verdict"].is_string() && r["reason"].is_string()));
 }
 
-/// Two launches leave a small lag of the actuator open between lag and delay: the answer says what would split it, as the plan has worked it out.
+/// After two launches it is open whether a small actuator lag is a lag or a delay; the answer says what would split them, as the plan has computed it.
 #[test]
 fn what_is_open_comes_with_what_would_split_it() {
     let small = (0..40).map(|index| realcar::draw_car_sized(Place::Bench, 1, index, Kind::Single("actuator_lag"), 0.3));

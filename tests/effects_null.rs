@@ -1,4 +1,4 @@
-//! One law for every registered effect: at its null value it leaves the plant bit-identical, and at its starts it does not.
+//! Property of every registered effect: at its null value it leaves the plant bit-identical, and at its start values it does not.
 
 use kisspoint::effects::empirical::CURVES;
 use kisspoint::effects::{self, Act, Entry, PARAMETERS, Parameters, REGISTRY, Subsystem};
@@ -10,7 +10,7 @@ const START: Start = Start { omega_f: 104.719_755_119_659_78, omega_c: 0.0, thet
 const STEP: f64 = 0.01;
 const STEPS: usize = 320;
 
-/// A launch that opens a little on its way, locks up, and is driven on: every effect has its say.
+/// A launch in which the clutch reopens slightly, locks, and stays closed while the car drives on, so that every effect is exercised.
 fn inputs(k: usize) -> Inputs {
     let t = k as f64 * STEP;
     let x_to = match t {
@@ -22,7 +22,7 @@ fn inputs(k: usize) -> Inputs {
     Inputs { x_to, t_e_ref: if (1.9..2.6).contains(&t) { 60.0 } else { 30.0 }, theta_h: 30.0, t_load: 0.0 }
 }
 
-/// Every bit of what the plant shows at every step.
+/// Bit patterns of all outputs of the plant at every step.
 type Trace = Vec<[u64; 13]>;
 
 fn bits(plant: &Plant) -> [u64; 13] {
@@ -36,7 +36,7 @@ fn bits(plant: &Plant) -> [u64; 13] {
         .expect("nine outputs and four energies")
 }
 
-/// Runs the launch; `change` may give other effects at a step.
+/// Runs the launch; `change` may switch to other effects at a step.
 fn run(effects: &Parameters, change: impl Fn(usize) -> Option<Parameters>) -> (Trace, Phase) {
     let vehicle = Vehicle::paper();
     let mut plant = Plant::new(&vehicle, effects, &START, &inputs(0));
@@ -58,7 +58,7 @@ fn nominal() -> Trace {
     trace
 }
 
-/// A number in 0..1 that depends on its place alone (splitmix64).
+/// A pseudo-random number in 0..1 that depends on `seed` alone (splitmix64).
 fn share(seed: u64) -> f64 {
     let mut z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -66,7 +66,7 @@ fn share(seed: u64) -> f64 {
     ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// Null amplitudes of `entry` with shapes anywhere within their bounds.
+/// Null amplitudes of `entry`, with shape parameters anywhere within their bounds.
 fn shaped(entry: &Entry, seed: u64, p: &mut Parameters) {
     for k in entry.parameters.clone().filter(|k| !entry.effect.amplitudes.contains(k)) {
         let parameter = &PARAMETERS[k];
@@ -112,7 +112,7 @@ fn every_start_of_every_effect_changes_the_plant() {
     }
 }
 
-/// A search that starts on one side of nothing alone does not see what lies on the other.
+/// Every negative start value has its positive mirror, because a search that starts only on one side of zero does not find an optimum on the other.
 #[test]
 fn a_start_below_zero_has_its_mirror_above() {
     let mut mirrored = 0;
@@ -127,7 +127,7 @@ fn a_start_below_zero_has_its_mirror_above() {
     assert!(mirrored >= 8, "{mirrored}");
 }
 
-/// Laws that were learned: each curve changes the plant, and none of them leaves a trace once it is zero again.
+/// Learned laws: each curve changes the plant, and none leaves a trace once it is zero again.
 #[test]
 fn a_learned_law_is_bit_identical_at_zero_and_each_of_its_curves_changes_the_plant() {
     let nominal = nominal();
@@ -142,7 +142,7 @@ fn a_learned_law_is_bit_identical_at_zero_and_each_of_its_curves_changes_the_pla
     assert!(zero == nominal);
 }
 
-/// However wild a law is, faces that slip brake, the books of energy close, and nothing comes to be out of nothing.
+/// However wild a law is, slipping facings only dissipate, the energy balance closes, and no energy is created.
 #[test]
 fn the_books_of_energy_close_under_any_learned_law() {
     for seed in 0..12 {

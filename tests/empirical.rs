@@ -1,6 +1,7 @@
-//! Laws that are learned where the library ends: what they close on recordings that did not teach them, and when they are refused.
+//! Laws that are learned for gaps that no effect of the library explains: the share that they close on recordings that did not take part in learning, and when they are
+//! refused.
 //!
-//! `realcar` draws the cars; what is looked for is told here, so that no search has to come before.
+//! `realcar` draws the cars. The tests state which law to learn, so that no search is needed first.
 #![cfg(feature = "cli")]
 
 use kisspoint::campaign::{self, ReadOptions};
@@ -25,12 +26,12 @@ fn everyday(seed: u64, kind: Kind) -> Car {
     (0..1000).map(|index| draw_car_of(Place::Bench, seed, index, kind)).find(plain).unwrap()
 }
 
-/// What becomes of a law where a verdict says that something is missing at `place`, and the gap on what was held out: before, with, floor.
+/// Learns a law for a gap at `place`. Returns the attempt, and the gap on the held-out recordings: before, with the law, floor.
 fn learned(car: &Car, place: Subsystem) -> (Tried, Closed) {
     learned_at(car, place, &[])
 }
 
-/// The same where other places are in question as well.
+/// The same if the gap may also lie at other places.
 fn learned_at(car: &Car, place: Subsystem, or_at: &[Subsystem]) -> (Tried, Closed) {
     let folder = tempfile::tempdir().unwrap();
     car.write(folder.path()).unwrap();
@@ -91,7 +92,7 @@ fn learned_at(car: &Car, place: Subsystem, or_at: &[Subsystem]) -> (Tried, Close
     (tried, closed)
 }
 
-/// Facings that wear in have no formula in the library; the law that is learned closes what they leave, also on recordings that came later.
+/// Facings that wear in have no formula in the library; the learned law closes the gap that they leave, also on later recordings.
 #[test]
 fn a_learned_law_closes_the_gap_of_recordings_that_did_not_teach_it() {
     let car = everyday(3, Kind::Outside("wear_in"));
@@ -115,7 +116,7 @@ fn a_learned_law_closes_the_gap_of_recordings_that_did_not_teach_it() {
     }
 }
 
-/// Two laws are missing: the second one is learned beside the first, and closes what that leaves.
+/// Two laws are missing: the second one is learned beside the first, and closes the gap that the first leaves.
 #[test]
 fn a_second_law_is_learned_beside_the_first() {
     let car = everyday(3, Kind::Pair("engine_torque_lag", "road_load"));
@@ -125,13 +126,13 @@ fn a_second_law_is_learned_beside_the_first() {
         (&one.laws[..], &both.laws[..], both.refused),
         (&[Subsystem::Engine][..], &[Subsystem::Engine, Subsystem::Driveline][..], None)
     );
-    // An engine's lag is nothing that a table of torques could stand for.
+    // A lag of the engine cannot be represented by a table of torques.
     assert!(both.learned.curves.iter().any(|c| c.name == "engine_time"));
     assert!(both.share_left_out() > one.share_left_out() + 0.03 && closed.fraction() > closed_by_one.fraction().max(0.9));
     assert_eq!(both.places, [Subsystem::Engine, Subsystem::Driveline]);
 }
 
-/// Gusts come at any time: no curve over a state of the plant carries from one recording to the next.
+/// Gusts occur at any time, so no curve over a state of the plant carries over from one recording to the next.
 #[test]
 fn a_law_that_does_not_carry_over_is_refused() {
     let (tried, _) = learned(&everyday(3, Kind::Outside("gusts")), Subsystem::Driveline);
@@ -139,7 +140,7 @@ fn a_law_that_does_not_carry_over_is_refused() {
     assert!(tried.share_left_out() < 0.5);
 }
 
-/// What a law learned at the true place does for cars with each effect outside the library. It prints the figures.
+/// Prints how much a law learned at the true place closes, for cars with each of the effects outside the library.
 #[test]
 #[ignore = "takes minutes; prints a table"]
 fn what_is_learned_of_each_effect_outside_the_library() {

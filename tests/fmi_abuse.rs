@@ -29,7 +29,7 @@ fn resources() -> String {
     format!("file://{}", folder.display())
 }
 
-/// What the C program needs to know of both models.
+/// What the C program needs to know about both models.
 fn models() -> [(&'static str, &'static str, [String; 7]); 2] {
     use controller::vr as k;
     use plant::vr as p;

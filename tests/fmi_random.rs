@@ -1,5 +1,5 @@
-//! Random values within their bounds, in random order: whatever an importer may legally set, a step ends in time and gives numbers,
-//! or an error after which a reset leads on.
+//! Random values within their bounds, in random order: whatever an importer may legally set, a step ends in bounded time and yields numbers, or an error from which a reset
+//! recovers.
 
 use kisspoint::fmi2::variables::{Causality, Description, Kind, Variability};
 use kisspoint::fmi2::{controller, exports::*, plant, types::*};
@@ -11,7 +11,7 @@ mod random;
 use random::Random;
 
 impl Random {
-    /// Often what a sensor that works would say, else anything.
+    /// Usually a value that a working sensor would show, sometimes any value.
     fn measured(&mut self, start: f64) -> f64 {
         match (self.next() * 8.0) as u32 {
             0 => f64::NAN,
@@ -22,7 +22,7 @@ impl Random {
         }
     }
 
-    /// Often a bound itself, often near the start value, else anywhere.
+    /// Often a bound itself, often near the start value, otherwise any value between the bounds.
     fn within(&mut self, start: f64, min: f64, max: f64) -> f64 {
         match (self.next() * 6.0) as u32 {
             0 => min,
@@ -55,9 +55,9 @@ fn set_some(c: *mut c_void, d: &Description, random: &mut Random, share: f64, ru
 #[derive(PartialEq)]
 enum End {
     Complete,
-    /// Parameters that contradict each other, or that make a plant too fast to be followed: said before any number was made.
+    /// Parameters that contradict each other, or that make the plant too fast to be integrated; refused before any result was computed.
     Refused,
-    /// A step left no numbers: the parameters make a car that runs away.
+    /// A step produced values that are not finite: the parameters describe a car that runs away.
     Diverged,
 }
 

@@ -1,5 +1,5 @@
-//! After initialization, an FMU allocates nothing: stepping, getting, setting, tuning, refusing and saving into an existing state.
-//! The work of a step is bounded, whatever happens in it.
+//! After initialization, an FMU allocates no memory in stepping, getting, setting, tuning, refusing, and saving into an existing state. The work of a step is bounded, whatever
+//! happens in it.
 
 use kisspoint::fmi2::{controller, exports::*, plant, types::*};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -13,7 +13,7 @@ thread_local! {
     static COUNT: Cell<usize> = const { Cell::new(0) };
 }
 
-// SAFETY: everything is handed on to the system's allocator.
+// SAFETY: every call is forwarded to the system's allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         COUNT.with(|n| n.set(n.get() + 1));
@@ -34,7 +34,7 @@ fn allocations(work: impl FnOnce()) -> usize {
     COUNT.get() - before
 }
 
-/// An `fmi2CallbackLogger` may be written with fewer arguments than it is called with.
+/// A C implementation of `fmi2CallbackLogger` may declare fewer parameters than it is called with.
 unsafe extern "C" fn silent(_: *mut c_void, _: *const c_char, _: c_int, _: *const c_char, _: *const c_char) {}
 
 fn initialized(guid: &str) -> *mut c_void {
@@ -56,7 +56,7 @@ fn set(c: *mut c_void, vr: u32, value: f64) -> Status {
     fmi2SetReal(c, &vr, 1, &value)
 }
 
-/// A state that came as bytes serves for rolling back, too: also once delay lines have grown, which it did not have.
+/// A deserialized state can also be overwritten without allocation, even after delay lines have grown that it did not contain.
 #[test]
 fn nothing_is_allocated_in_saving_into_a_state_that_was_deserialized() {
     for guid in [plant::GUID, controller::GUID] {
@@ -114,7 +114,7 @@ fn nothing_is_allocated_after_initialization() {
             assert_eq!(fmi2GetFMUstate(p, &mut saved_p), Status::Ok);
             assert_eq!(fmi2GetFMUstate(k, &mut saved_k), Status::Ok);
             assert_eq!(fmi2DoStep(p, t, 1e-3, 0), Status::Ok);
-            // Roll back, inject effects with states of their own, and make the same step again.
+            // Roll back, inject effects that have states of their own, and repeat the step.
             assert_eq!(fmi2SetFMUstate(p, saved_p), Status::Ok);
             if n % 100 == 50 {
                 assert_eq!(set(p, plant::vr::effect_actuator_delay_delay, 0.02), Status::Ok);

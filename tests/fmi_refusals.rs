@@ -1,5 +1,5 @@
-//! What the FMU refuses although each value alone may be one: results that are no numbers, saved states beyond the bounds of their variables,
-//! shafts that are neither rigid nor soft enough to be followed.
+//! What the FMU refuses although each single value may be within its bounds: results that are not finite, saved states beyond the bounds of their variables, and shafts that
+//! are neither rigid nor soft enough to be integrated.
 
 use kisspoint::fmi2::{controller, exports::*, plant, types::*, words};
 use std::ffi::{CString, c_char, c_void};
@@ -37,7 +37,7 @@ fn serialized(c: *mut c_void) -> Vec<u8> {
     stored
 }
 
-/// Takes up the state of `c` with every word that holds `from`, but for the first `kept`, changed to `to`, sealed anew.
+/// Deserializes the state of `c` after changing every word that equals `from`, except for the first `kept` of them, to `to`, with a valid checksum.
 fn take_up_changed(c: *mut c_void, guid: &str, from: f64, to: f64, kept: usize) -> Status {
     let mut payload = words::payload(guid, &serialized(c)).unwrap();
     let places = payload.iter_mut().filter(|word| **word == from.to_bits()).skip(kept);
@@ -60,7 +60,7 @@ fn a_step_that_leaves_no_numbers_is_refused_until_a_reset() {
     assert_eq!((set(c, plant::vr::omega_f_start, 100.0), set(c, plant::vr::x_to, 6.5)), (Status::Ok, Status::Ok));
     initialize(c);
     assert_eq!(fmi2DoStep(c, 0.0, 0.01, 1), Status::Ok);
-    // No sound run comes to such a speed; its friction power is beyond every number.
+    // No sound run reaches such a speed; its friction power overflows.
     assert_eq!(take_up_changed(c, plant::GUID, get(c, plant::vr::omega_f), 1e308, 0), Status::Ok);
     assert_eq!(fmi2DoStep(c, 0.01, 0.01, 1), Status::Error);
     let mut time = f64::NAN;
@@ -86,7 +86,7 @@ fn a_state_beyond_the_bounds_of_its_variables_is_refused() {
     fmi2FreeInstance(c);
 }
 
-/// One sensor that fails does not keep the others' values from the controller.
+/// A failed sensor must not keep the values of the others from the controller.
 #[test]
 fn every_real_input_of_the_controller_takes_any_value() {
     use controller::vr::{T_e, T_e_max, T_grade, aggressiveness, fault_code, omega_c, omega_f, theta_h};
@@ -137,7 +137,7 @@ fn shafts_are_rigid_or_soft_enough_to_be_followed() {
     fmi2FreeInstance(c);
 }
 
-/// Words from 1 to 5 are no numbers of a plant or a controller, but flags, counts and choices, of which none has a 7.
+/// Words from 1 to 5 in these states are not quantities but flags, counts and choices, for none of which 7 is valid.
 #[test]
 fn a_state_with_a_choice_that_does_not_exist_is_refused() {
     for (guid, settings) in [

@@ -1,4 +1,4 @@
-//! The GUID tells cars apart: an FMU starts as the car that its GUID names, or not at all.
+//! The GUID identifies the car: an FMU starts as the car that its GUID names, or not at all.
 
 use kisspoint::effects;
 use kisspoint::fmi2::model::{MODELS, Registered, put_vehicle};
@@ -10,7 +10,7 @@ use std::{fs, ptr};
 
 const OTHER_J_C: f64 = 0.75;
 
-/// A resource folder with a car of another inertia, and that car.
+/// A resource folder of a car with a different inertia, and that car.
 fn other_car(name: &str) -> (PathBuf, Vehicle) {
     let mut vehicle = Vehicle::paper();
     vehicle.driveline.J_c = OTHER_J_C;
@@ -24,7 +24,7 @@ fn resources(folder: &Path, vehicle: &Vehicle) {
     fs::write(folder.join("vehicle.json"), vehicle.to_value().to_string()).unwrap();
 }
 
-/// The GUID of an FMU with this car: that of its interface, and what tells its start values.
+/// The GUID of an FMU with this car: the GUID of its interface, with a tail that identifies the start values.
 fn guid(model: &Registered, vehicle: &Vehicle) -> String {
     let mut values: Vec<f64> = model.description.variables.iter().map(|v| v.start).collect();
     put_vehicle(model.description, vehicle, &effects::null(), &mut values);
@@ -52,7 +52,7 @@ fn instantiate(guid: &str, location: Option<&[u8]>) -> *mut c_void {
     fmi2Instantiate(c"x".as_ptr(), CO_SIMULATION, guid.as_ptr(), location, &CallbackFunctions::NONE, 0, 0)
 }
 
-/// J_c that an instance starts with; none if it was refused.
+/// J_c with which an instance starts; `None` if it was refused.
 fn inertia(guid: &str, location: Option<&[u8]>) -> Option<f64> {
     let c = instantiate(guid, location);
     if c.is_null() {
@@ -82,7 +82,7 @@ fn an_fmu_starts_as_its_own_car_or_not_at_all() {
         // The resources of another FMU.
         assert_eq!(inertia(&of_other, Some(&uri(&paper_folder))), None);
         assert_eq!(inertia(&of_paper, Some(&uri(&folder))), None);
-        // None, a folder that is not there, Latin-1 where none is named so: the values of the source serve if they are the FMU's own.
+        // No resources, a folder that does not exist, a Latin-1 path that does not exist, and a URL: the built-in start values are used if they are the FMU's own.
         for absent in [None, Some(&b"file:///nowhere"[..]), Some(b"file:///m\xfcll"), Some(b"http://example.org/x")] {
             assert_eq!(inertia(&of_other, absent), None);
             assert_eq!(inertia(&of_paper, absent), Some(paper_j_c));
@@ -90,13 +90,13 @@ fn an_fmu_starts_as_its_own_car_or_not_at_all() {
     }
 }
 
-/// What was read for one instance serves the next ones only as long as the file stands as it was.
+/// A vehicle file that was read for one instance is reused for others only while the file is unchanged.
 #[test]
 fn a_vehicle_file_that_changes_between_instances_is_read_again() {
     let (folder, other) = other_car("changed");
     let of_other = guid(&MODELS[0], &other);
     let location = uri(&folder);
-    // What was read is kept as long as there are instances.
+    // The file's content is cached as long as there are instances.
     let held = instantiate(&of_other, Some(&location));
     assert!(!held.is_null());
     for _ in 0..2 {
@@ -145,7 +145,7 @@ fn every_bit_of_every_start_value_tells_in_the_guid() {
     let starts = [0.189, 0.0, 25.0, -7.06e-6, 3.1];
     let mut tails = std::collections::HashSet::from([tail(starts.into_iter())]);
     for place in 0..starts.len() {
-        // The sign of a zero is none.
+        // The sign of a zero does not matter.
         for bit in (0..64).filter(|bit| starts[place] != 0.0 || *bit != 63) {
             let mut other = starts;
             other[place] = f64::from_bits(other[place].to_bits() ^ (1 << bit));

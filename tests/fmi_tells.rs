@@ -1,4 +1,4 @@
-//! What the FMUs tell beside the motion: events in the log, what launches have taught, where a plant was validated.
+//! What the FMUs report besides the motion: events in the log, parameters learned from launches, and where a plant was validated.
 
 use kisspoint::fmi2::{controller, exports::*, guid, plant, plant::vr, types::*};
 use kisspoint::validated::{Place as At, TABLE, UNKNOWN_NM, Validated};
@@ -12,9 +12,9 @@ thread_local! {
     static SAID: RefCell<Vec<(String, String)>> = const { RefCell::new(Vec::new()) };
 }
 
-/// An `fmi2CallbackLogger` may be written with fewer arguments than it is called with.
+/// A C implementation of `fmi2CallbackLogger` may declare fewer parameters than it is called with.
 unsafe extern "C" fn hear(_: *mut c_void, _: *const c_char, _: c_int, category: *const c_char, message: *const c_char) {
-    // SAFETY: both are texts that live through the call.
+    // SAFETY: both are C strings that live through the call.
     let [category, message] = [category, message].map(|text| unsafe { CStr::from_ptr(text) }.to_str().unwrap().to_owned());
     SAID.with(|said| said.borrow_mut().push((category, message)));
 }
@@ -69,7 +69,7 @@ fn contact_lock_up_and_opening_are_events_of_the_log() {
     fmi2FreeInstance(c);
 }
 
-/// Facings with 0.8 of the friction that the controller takes them for: a launch finds a part of that, which is kept, and let go when that is asked for.
+/// Facings with 0.8 of the friction that the controller assumes: a launch learns part of the difference, which is kept until it is reset on request.
 #[test]
 fn what_a_launch_has_taught_is_kept_until_it_is_to_be_forgotten() {
     use controller::vr as k;
@@ -97,7 +97,7 @@ fn what_a_launch_has_taught_is_kept_until_it_is_to_be_forgotten() {
     [p, c].into_iter().for_each(|c| fmi2FreeInstance(c));
 }
 
-/// Known at 25 °C with an open clutch alone, with a σ of 3 N·m everywhere.
+/// Validated only at 25 °C with an open clutch, with a σ of 3 N·m everywhere.
 #[test]
 fn a_plant_says_where_it_was_validated_until_a_number_is_another() {
     const OF_ITSELF: [u32; 2] = [vr::validity, vr::T_fc_sigma];
@@ -124,7 +124,7 @@ fn a_plant_says_where_it_was_validated_until_a_number_is_another() {
     [telling, plain].into_iter().for_each(|c| fmi2FreeInstance(c));
 }
 
-/// A short drop-out and a jump are warnings, heard whether or not events are; that all is well again is an event.
+/// A short drop-out and a jump are warnings, which are logged whether or not events are; the return to normal is an event.
 #[test]
 fn implausible_inputs_are_warnings_of_the_controller() {
     use controller::vr as k;

@@ -1,4 +1,4 @@
-//! What moves within a communication step of an FMU: inputs with a derivative, and timed faults; and values that a calibration tool writes between two.
+//! Changes within a communication step of an FMU: inputs with a derivative and timed faults, and values that a calibration tool writes between two steps.
 
 use kisspoint::effects::{self, param};
 use kisspoint::faults::Faults;
@@ -39,7 +39,7 @@ fn slope(c: *mut c_void, reference: u32, per_second: f64) {
     assert_eq!(fmi2SetRealInputDerivatives(c, &reference, 1, &1, &per_second), Status::Ok);
 }
 
-/// An open clutch, whose flywheel turns at 100 rad/s under 20 N·m.
+/// An open clutch whose flywheel turns at 100 rad/s under 20 N·m.
 fn free_flywheel() -> *mut c_void {
     let c = instance(plant::GUID, None);
     set(c, vr::omega_f_start, 100.0);
@@ -48,7 +48,7 @@ fn free_flywheel() -> *mut c_void {
     c
 }
 
-/// Speed of a flywheel after `t` s under a torque of `t_0` N·m that grows by `rate` N·m/s, from `omega` rad/s: J ω̇ = T − b ω, solved.
+/// Speed of a flywheel after `t` s under a torque of `t_0` N·m that grows by `rate` N·m/s, from `omega` rad/s: the solution of J ω̇ = T − b ω.
 fn flywheel(omega: f64, t_0: f64, rate: f64, t: f64) -> f64 {
     let d = Vehicle::paper().driveline;
     let steady = |t: f64| (t_0 + rate * t) / d.b_f - rate * d.J_f / (d.b_f * d.b_f);
@@ -69,7 +69,7 @@ fn an_input_with_a_derivative_moves_through_one_step_and_stands_again() {
     fmi2FreeInstance(c);
 }
 
-/// A master that interpolates by parabolas cannot know that inputs follow straight lines alone, and goes on with them.
+/// A master that interpolates by parabolas cannot know that inputs follow only straight lines; it must be able to continue with those.
 #[test]
 fn derivatives_of_a_higher_order_are_ignored_with_a_warning() {
     let (one, other) = (free_flywheel(), free_flywheel());
@@ -90,7 +90,7 @@ fn derivatives_of_a_higher_order_are_ignored_with_a_warning() {
 fn a_step_along_a_derivative_has_pieces_of_a_millisecond_and_keeps_the_input_s_bounds() {
     let c = free_flywheel();
     let mut from = 0.0;
-    // The last piece of each step holds the position of its middle: of 10 pieces, of 11, of one.
+    // The last piece of each step holds the position at its middle: steps of 10 pieces, of 11, and of one.
     for (x, rate, h, pieces) in [(1.0, 100.0, 0.01, 10.0), (1.0, -100.0, 0.0104, 11.0), (2.0, 50.0, 0.0004, 1.0)] {
         let last = x + rate * h * (pieces - 0.5) / pieces;
         set(c, vr::x_to, x);
@@ -117,7 +117,7 @@ fn a_step_along_a_derivative_has_pieces_of_a_millisecond_and_keeps_the_input_s_b
     fmi2FreeInstance(c);
 }
 
-/// GUID and resources of a plant of the paper's car that plays these faults.
+/// GUID and resources of a plant of the paper's car with these faults.
 fn faulty(list: &Value) -> (String, String) {
     let faults = Faults::from_value(list).unwrap();
     let tail = guid::tail(plant::DESCRIPTION.variables.iter().map(|v| v.start).chain(faults.numbers()));
@@ -127,7 +127,7 @@ fn faulty(list: &Value) -> (String, String) {
     (guid, format!("data:application/json,{document}"))
 }
 
-/// Friction falls to a half within 20 ms, and the engine gives 7 N·m more at once.
+/// Friction falls to one half within 20 ms, and the engine torque rises by 7 N·m at once.
 fn list() -> Value {
     json!([
         {"parameter": "effect.friction_level.factor", "time_s": 0.05, "ramp_s": 0.02, "value": 0.5},
@@ -138,7 +138,7 @@ fn list() -> Value {
 const START: Start = Start { omega_f: 150.0, omega_c: 20.0, theta_c: 60.0, theta_b: 40.0 };
 const INPUTS: Inputs = Inputs { x_to: 6.0, t_e_ref: 60.0, theta_h: 25.0, t_load: 0.0 };
 
-/// An instance with these faults that slips, its friction at the start times `factor`.
+/// An instance with these faults and a slipping clutch; its friction at the start is scaled by `factor`.
 fn slipping(faults: &Value, factor: f64) -> *mut c_void {
     let (guid, location) = faulty(faults);
     let c = instance(&guid, Some(&location));
@@ -161,7 +161,7 @@ fn slipping(faults: &Value, factor: f64) -> *mut c_void {
 #[test]
 fn faults_come_at_their_times_whatever_the_communication_step() {
     assert_eq!(faulty(&json!([])).0, plant::GUID, "without faults it is the plain plant");
-    // The plant, told of each change in its time.
+    // The plant, with each change applied at its time.
     let mut expected = Plant::new(&Vehicle::paper(), &effects::null(), &START, &INPUTS);
     let mut change = |until: f64, from: f64, set: &[(usize, f64)]| {
         expected.step(&INPUTS, until - from);
@@ -203,7 +203,7 @@ fn faults_come_at_their_times_whatever_the_communication_step() {
 fn a_fault_owns_its_parameter_from_its_onset_on() {
     let c = slipping(&list(), 0.9);
     let factor = vr::effect_friction_level_factor;
-    // Steps end between two points of the raster; a value holds since the last one.
+    // Steps end between two points of the raster on which faults are evaluated; a value holds from the last point on.
     let h = 0.0073;
     let ramp = |share: f64| 0.9 + (0.5 - 0.9) * share;
     for (k, expected) in [0.9, 0.9, 0.9, 0.9, 0.9, 0.9, ramp(0.05), ramp(0.4), ramp(0.75), 0.5, 0.5].into_iter().enumerate() {
@@ -228,7 +228,7 @@ fn a_state_holds_the_effects_from_which_its_faults_depart() {
     assert_eq!(fmi2FreeFMUstate(one, &mut state), Status::Ok);
     for c in [one, other] {
         step(c, 0.055, 0.0105);
-        // 15 of 20 points of the ramp.
+        // 15 of the 20 points of the ramp.
         assert!((get(c, vr::effect_friction_level_factor) - (0.8 - 0.3 * 0.75)).abs() < 1e-12);
     }
     assert_eq!(get(one, vr::omega_f), get(other, vr::omega_f));
@@ -244,7 +244,7 @@ fn what_is_written_before_the_start_is_checked_like_what_is_set() {
     // SAFETY: as below.
     let (write, read) = (|k: usize, value: f64| unsafe { *values.add(k) = value }, |k: usize| unsafe { *values.add(k) });
     let (disc, speed, inertia) = (place(vr::theta_c_start), place(vr::omega_f_start), place(vr::driveline_J_f));
-    // While it is instantiated, and again in initialization, where an output is asked for.
+    // Written before initialization, and again during it, when an output is read.
     write(disc, f64::NAN);
     write(speed, 80.0);
     assert_eq!((fmi2EnterInitializationMode(c), fmi2ExitInitializationMode(c)), (Status::Ok, Status::Error));
@@ -266,7 +266,7 @@ fn what_is_written_at_an_address_counts_from_the_next_step_if_it_may_be_set() {
     assert_eq!(kisspoint_values(c, &mut values, &mut count), Status::Ok);
     assert_eq!(count, plant::DESCRIPTION.variables.len());
     let place = |reference: u32| plant::DESCRIPTION.find(reference).unwrap();
-    // SAFETY: the address holds until the instance is freed, and the places are within the count.
+    // SAFETY: the address is valid until the instance is freed, and the indices are within the count.
     let (write, read) = (|k: usize, value: f64| unsafe { *values.add(k) = value }, |k: usize| unsafe { *values.add(k) });
     let (bias, inertia, position, speed) =
         (place(vr::effect_engine_torque_bias_torque), place(vr::driveline_J_f), place(vr::x_to), place(vr::omega_f));
@@ -275,7 +275,7 @@ fn what_is_written_at_an_address_counts_from_the_next_step_if_it_may_be_set() {
     step(c, 0.0, 0.05);
     let after = flywheel(100.0, 27.0, 0.0, 0.05);
     assert!((read(speed) - after).abs() < 1e-6, "{} against {after} rad/s", read(speed));
-    // Beyond its bounds, no number, fixed once it runs: refused and put back, while what is sound beside it is taken.
+    // A value beyond its bounds, a NaN, and a parameter that is fixed at run time are refused and restored, while a valid value beside them is taken.
     let fixed = read(inertia);
     for (k, bad, good) in [(position, 50.1, 0.0), (position, f64::NAN, 0.0), (inertia, 1.0, fixed)] {
         write(k, bad);
@@ -283,7 +283,7 @@ fn what_is_written_at_an_address_counts_from_the_next_step_if_it_may_be_set() {
         assert_eq!(fmi2DoStep(c, 0.05, 0.05, 1), Status::Error);
         assert_eq!((read(k), read(bias)), (good, 8.0));
     }
-    // A state holds nothing that was not checked.
+    // A saved state contains no unchecked value.
     let mut state = ptr::null_mut();
     write(position, f64::NAN);
     assert_eq!((fmi2GetFMUstate(c, &mut state), read(position), state.is_null()), (Status::Error, 0.0, true));

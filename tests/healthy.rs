@@ -1,4 +1,4 @@
-//! Healthy cars that the generator draws: neither the verdict nor the residual map finds anything in them, beyond the error rates that they state.
+//! Healthy cars drawn by the generator: neither the verdict nor the residual map raises more false alarms than its stated error rate.
 #![cfg(feature = "cli")]
 
 mod logger;
@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use realcar::{Kind, Place, draw_car_of};
 use std::ops::Range;
 
-/// Of these cars how many are flagged, and in how many the map frames a cell.
+/// Number of these cars that are flagged, and number of those whose map has a framed cell.
 fn alarms(cars: Range<usize>, logger: Option<&Logger>) -> [usize; 2] {
     let one = |k: usize| {
         let folder = tempfile::tempdir().unwrap();
@@ -30,21 +30,22 @@ fn alarms(cars: Range<usize>, logger: Option<&Logger>) -> [usize; 2] {
     found
 }
 
-/// At 1 % each, two of twelve come once in 160 draws.
+/// At 1 % each, two or more of twelve occur once in 160 draws.
 #[test]
 fn a_dozen_healthy_cars_raise_no_alarm() {
     let [flagged, framed] = alarms(0..12, None);
     assert!(flagged == 0 && framed <= 1, "{flagged} flagged, {framed} with a framed cell");
 }
 
-/// Speeds at 40 Hz in a logger's rows of 100 Hz, each showing the latest that came: no sensor is late, nor anything else wrong. At 1 %, one of twelve comes once in nine draws.
+/// Speeds at 40 Hz in the rows of a logger of 100 Hz, each row showing the latest value received: no sensor is late, and nothing else is wrong. At 1 %, one or more of twelve
+/// occur once in nine draws.
 #[test]
 fn a_dozen_healthy_cars_whose_logger_repeats_speeds_unevenly_raise_no_alarm() {
     let [flagged, framed] = alarms(0..12, Some(&LOGGERS[0]));
     assert!(flagged == 0 && framed <= 1, "{flagged} flagged, {framed} with a framed cell");
 }
 
-/// At 1 % each, three of thirty come among these eighteen counts once in 17 draws. Takes ten minutes.
+/// At 1 % each, three or more of thirty occur in any of these eighteen counts once in 17 draws. Takes ten minutes.
 #[test]
 #[ignore = "270 diagnoses take minutes: run by name when the reading of rasters changes"]
 fn thirty_healthy_cars_whose_logger_repeats_rows_unevenly_raise_few_alarms() {
@@ -52,7 +53,7 @@ fn thirty_healthy_cars_whose_logger_repeats_rows_unevenly_raise_few_alarms() {
     assert!(found.iter().flatten().all(|n| *n <= 2), "{found:?}");
 }
 
-/// The family-wise error of the map: at 1 % more than three of a hundred come once in 54 draws. Takes minutes.
+/// The family-wise error of the map: at 1 %, more than three of a hundred occur once in 54 draws. Takes minutes.
 #[test]
 #[ignore = "a hundred cars take minutes: run by name when the model of the data changes"]
 fn a_hundred_healthy_cars_raise_few_alarms() {

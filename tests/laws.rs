@@ -1,8 +1,8 @@
-//! The generator knows no law of the library: the library's best imitation of every drawn effect leaves a part of it.
+//! The generator uses no law of the library: the library's best imitation of every drawn effect leaves a part of it.
 //!
-//! Both simulators are driven alike, with the effect and without it. What the effect changes in the channels of a bench is fitted by the
-//! library's effect of the same id, all its parameters free, by least squares from all its starts. What that leaves, as a share of the change,
-//! would be zero if generator and library shared the law. Laws that are shared on purpose (the tolerances) show that it would be.
+//! Both simulators are driven in the same way, with the effect and without it. The change of the bench channels due to the effect is fitted by the library's effect of the same
+//! id, with all its parameters free, by least squares from all its start values. The unexplained share of the change would be zero if generator and library shared the law. For
+//! laws that are shared on purpose (the tolerances), the test shows that it is.
 
 use kisspoint::effects::{self, PARAMETERS, Parameters, REGISTRY};
 use kisspoint::plant::{Inputs, Plant, Start};
@@ -13,21 +13,21 @@ use realcar::catalogue::LIBRARY;
 use realcar::effects::{Deviation, Dice};
 use realcar::{Motion, car, vehicle};
 
-/// Least share of an effect that the library may not be able to imitate.
+/// Smallest share of an effect that the library must fail to imitate.
 const LEAST_LEFT: f64 = 0.015;
 
-/// What the two simulators and the fit may leave of a law that is shared.
+/// Largest share of a shared law that differences of the simulators and of the fit may leave.
 const MOST_LEFT_OF_SHARED: f64 = 0.002;
 
 const DT: f64 = 0.01;
 
-/// Memory with which both simulators are pulled to the speeds of the healthy car, s: an error stays where it arises, and lock-up does not run away.
+/// Time constant with which both simulators are pulled to the speeds of the healthy car, s, so that an error stays where it arises and lock-up does not drift away.
 const MEMORY_S: f64 = 0.1;
 
-/// Both speeds of the healthy car, after each sample of all runs.
+/// Both speeds of the healthy car after each sample, for all runs.
 type Path = Vec<[f64; 2]>;
 
-/// One run: speeds, temperatures, length in s; torque in N·m and position in shares of the travel against time.
+/// One run: initial speeds, initial temperatures, length in s; torque in N·m and position as a share of the travel, over time.
 struct Run {
     omega: [f64; 2],
     theta: [f64; 2],
@@ -41,7 +41,7 @@ fn ramp(t: f64, from: f64, to: f64) -> f64 {
 }
 
 const RUNS: [Run; 5] = [
-    // Cold and hot launches up to lock-up, the load going up and down.
+    // Cold and hot launches up to lock-up, with tip-in and tip-out.
     Run {
         omega: [140.0, 0.0],
         theta: [35.0, 32.0],
@@ -56,7 +56,7 @@ const RUNS: [Run; 5] = [
         torque: |t| 30.0 + 20.0 * ramp(t, 0.1, 0.4),
         xi: |t| 0.3 + 0.31 * ramp(t, 0.0, 1.2) - 0.03 * ramp(t, 1.3, 1.6),
     },
-    // Locked.
+    // Locked, with tip-in and tip-out.
     Run {
         omega: [110.0, 110.0],
         theta: [60.0, 50.0],
@@ -64,13 +64,13 @@ const RUNS: [Run; 5] = [
         torque: |t| 15.0 + 45.0 * ramp(t, 0.4, 0.45) - 65.0 * ramp(t, 1.3, 1.4) + 40.0 * ramp(t, 2.0, 2.05),
         xi: |_| 1.08,
     },
-    // Open.
+    // Open clutch.
     Run { omega: [120.0, 60.0], theta: [40.0, 38.0], length_s: 2.5, torque: |t| 25.0 - 33.0 * ramp(t, 1.2, 1.25), xi: |_| -0.2 },
-    // A chirp of the position under slip.
+    // A chirp of the position while the clutch slips.
     Run { omega: [170.0, 0.0], theta: [75.0, 55.0], length_s: 3.0, torque: |_| 40.0, xi: |t| 0.50 + 0.11 * (4.0 * t + 1.2 * t * t).sin() },
 ];
 
-/// Weight of both speeds, position, torque and temperature: one over a bench's noise.
+/// Weights of both speeds, position, torque and temperature: reciprocals of a bench's noise.
 const WEIGHTS: [f64; 5] = [10.0, 10.0, 100.0, 2.0, 1.6];
 
 /// The channels of all runs, weighted.
@@ -132,7 +132,7 @@ fn minus(a: &Response, b: &Response) -> DVector<f64> {
     DVector::from_iterator(a.len(), a.iter().zip(b).map(|(a, b)| a - b))
 }
 
-/// Share of what an effect changes that the library's effect of this id leaves at its best.
+/// Share of the change due to an effect that the library's effect of this id leaves at its best fit.
 fn left(change: &DVector<f64>, id: &str, file: &Vehicle, path: &Path) -> f64 {
     let entry = &REGISTRY[effects::find(id).unwrap()];
     let null = library(file, &effects::null(), path);
@@ -148,7 +148,7 @@ fn left(change: &DVector<f64>, id: &str, file: &Vehicle, path: &Path) -> f64 {
             starts.push(p);
         }
     }
-    // An order is found from nearby alone: the orders that are drawn, each from four sides.
+    // A fit finds an order only from nearby. The starts are the orders that are drawn, each with four phases.
     if let Some(order) = entry.parameters.clone().find(|&k| PARAMETERS[k].name == "order") {
         let turned: Vec<Parameters> = [0.5, 1.0, 2.0]
             .into_iter()
@@ -168,7 +168,7 @@ fn left(change: &DVector<f64>, id: &str, file: &Vehicle, path: &Path) -> f64 {
     (best / change.norm_squared()).sqrt()
 }
 
-/// Levenberg and Marquardt's descent from a start; returns the sum of squares that is left.
+/// Levenberg–Marquardt fit from one start; returns the remaining sum of squares.
 fn fit(change: &DVector<f64>, entry: &effects::Entry, mut p: Parameters, of: impl Fn(&Parameters) -> DVector<f64>) -> f64 {
     let free: Vec<usize> = entry.parameters.clone().collect();
     let bound = |k: usize, value: f64| value.clamp(PARAMETERS[k].min, PARAMETERS[k].max);
@@ -212,7 +212,7 @@ fn fit(change: &DVector<f64>, entry: &effects::Entry, mut p: Parameters, of: imp
     error.norm_squared()
 }
 
-/// The healthy car's path, and its response when it is pulled along it.
+/// The healthy car's path, and its response when it is pulled along that path.
 fn healthy(own: &vehicle::Vehicle) -> (Path, Response) {
     let free = generator(own, &Deviation::default(), &Path::new());
     let path: Path = free.chunks(5).map(|y| [y[0] / WEIGHTS[0], y[1] / WEIGHTS[1]]).collect();

@@ -1,7 +1,7 @@
-//! The FMUs under load: ten thousand instances on 64 threads, effects at drawn extremes while inputs step wildly. Every number is one, memory stays
-//! what it was, and no plant has more energy than was put in.
+//! The FMUs under load: ten thousand instances on 64 threads, with effects drawn at extremes and inputs that step wildly. Every output is finite, no memory is allocated, and
+//! no plant gains more energy than was put in.
 //!
-//! `packaging/soak.sh` runs the same for an hour: `KISSPOINT_SOAK_S` is how long, in s; without it each test does a set amount of work.
+//! `packaging/soak.sh` runs the same tests for an hour: `KISSPOINT_SOAK_S` is the duration in s; without it each test does a fixed amount of work.
 
 use kisspoint::effects::{self, PARAMETERS, Parameters, param};
 use kisspoint::fmi2::variables::{Causality, Description, Kind, Variability};
@@ -20,7 +20,7 @@ use random::Random;
 const THREADS: usize = 64;
 const INSTANCES: usize = 10_000;
 const STEPS: usize = 10_000_000;
-/// Plants whose energy is followed, and the threads that share them.
+/// Number of plants whose energy is followed, and number of threads that share them.
 const PLANTS: usize = 200;
 const WORKERS: usize = 4;
 
@@ -30,7 +30,7 @@ thread_local! {
     static COUNT: Cell<usize> = const { Cell::new(0) };
 }
 
-// SAFETY: everything is handed on to the system's allocator.
+// SAFETY: every call is forwarded to the system's allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         COUNT.with(|n| n.set(n.get() + 1));
@@ -44,13 +44,13 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// How long to go on, if it was said.
+/// Duration of the soak test, if one is given.
 fn soak() -> Option<Duration> {
     let seconds = std::env::var("KISSPOINT_SOAK_S").ok()?;
     Some(Duration::from_secs(seconds.parse().expect("KISSPOINT_SOAK_S is a number of seconds")))
 }
 
-/// A bound, or anywhere between the bounds.
+/// One of the bounds, or a value between them.
 fn extreme(random: &mut Random, min: f64, max: f64) -> f64 {
     match (random.next() * 3.0) as u32 {
         0 => min,
@@ -78,21 +78,21 @@ struct Instance {
 }
 
 impl Instance {
-    /// Sets what may be set while running: inputs always, a tunable parameter with a probability.
+    /// Sets what may be set while running: all inputs, and each tunable parameter with the probability `share`.
     fn unsettle(&self, random: &mut Random, share: f64) {
         for v in self.description.variables {
             let tunable = v.causality == Causality::Parameter && v.variability == Variability::Tunable;
             if v.kind != Kind::Real || !(v.causality == Causality::Input || tunable && random.next() < share) {
                 continue;
             }
-            // Shafts between rigid and soft are refused, and shafts too fast to be followed when the step comes.
+            // Shafts between rigid and soft are refused when they are set, and shafts that are too fast to be integrated at the next step.
             let least = if v.name == "effect.driveline_compliance.compliance" { 1e-4 } else { v.min };
             let value = extreme(random, least, v.max);
             assert_eq!(fmi2SetReal(self.component, &v.value_reference, 1, &value), Status::Ok, "{} = {value}", v.name);
         }
     }
 
-    /// One step; false if the parameters make a plant that cannot be followed, after which it begins anew.
+    /// Makes one step. Returns false if the parameters make a plant that cannot be integrated; the instance is then reset.
     fn step(&mut self, h: f64) -> bool {
         let done = fmi2DoStep(self.component, self.time, h, 1) == Status::Ok;
         for v in self.description.variables.iter().filter(|v| v.causality == Causality::Output && v.kind == Kind::Real) {
@@ -109,10 +109,10 @@ impl Instance {
     }
 }
 
-/// Works on a thread's instances; returns steps made and refused.
+/// Runs the instances of one thread. Returns the numbers of steps made and refused.
 fn work(thread: usize, until: Option<Instant>) -> [usize; 2] {
     let models = [(plant::GUID, &plant::DESCRIPTION), (controller::GUID, &controller::DESCRIPTION)];
-    // A step of a plant takes several times as long as one of a controller: of eight instances one is a plant.
+    // A plant's step takes several times as long as a controller's, so one of eight instances is a plant.
     let instance = |k: usize| {
         let (guid, description) = models[usize::from(k % 8 > 0)];
         Instance { component: make(guid), description, time: 0.0 }
@@ -149,8 +149,8 @@ fn ten_thousand_instances_on_64_threads_give_numbers_and_take_no_memory() {
     assert!(refused < made / 100, "{refused} of {made} steps were refused");
 }
 
-/// Effects, and every other time the tables of a learned law; every other time with five times the friction and a drag of 100 N·m, in whose steep
-/// friction a plant once chattered.
+/// Random effects, with a probability of one half also the tables of learned laws. Independently, with a probability of one half, they have five times the friction and a drag
+/// of 100 N·m, in whose steep friction a plant once chattered.
 fn effects_at_extremes(random: &mut Random) -> Parameters {
     let mut parameters = effects::null();
     let share = [0.1, 0.5, 1.0][(random.next() * 3.0) as usize];
@@ -163,25 +163,25 @@ fn effects_at_extremes(random: &mut Random) -> Parameters {
     if steep {
         (parameters[param::friction_level::factor], parameters[param::clutch_drag::torque]) = (5.0, 100.0);
     }
-    // Faster pulsations than some radians in a substep are no longer followed.
+    // Pulsations that advance by several radians per substep are not resolved.
     parameters[param::judder::order] = parameters[param::judder::order].min(3.0);
     let compliance = &mut parameters[param::driveline_compliance::compliance];
     *compliance = if *compliance < 1e-4 { 0.0 } else { *compliance };
     parameters
 }
 
-/// What was seen of the energy of a worker's plants.
+/// Statistics of the energy balance of a worker's plants.
 struct Balance {
     plants: usize,
     steps: usize,
-    /// Plants whose energy balances to a thousandth.
+    /// Number of plants whose energy balances to a thousandth.
     balanced: usize,
-    /// Most energy beyond what was put in, and most heat taken back, as shares of what passed.
+    /// Largest energy in excess of the input, and largest decrease of dissipated heat, as shares of the energy that passed through.
     most: f64,
     fell: f64,
 }
 
-/// Plants that are drawn one after the other, until a number of them or the time is reached.
+/// Draws plants one after the other, until their number or the time is reached.
 fn balance(worker: usize, until: Option<Instant>) -> Balance {
     let mut random = Random(0x2545_f491_4f6c_dd1d ^ (worker as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
     let mut all = Balance { plants: 0, steps: 0, balanced: 0, most: 0.0, fell: 0.0 };
@@ -202,7 +202,7 @@ fn balance(worker: usize, until: Option<Instant>) -> Balance {
         }
         all.plants += 1;
         let first = plant.energy();
-        // What went through: without it, a plant that only coasts would have to balance to nothing.
+        // Energy that passed through is the reference, because otherwise the balance of a coasting plant would be relative to nothing.
         let (mut last, mut moved, mut off) = (first, first.stored, 0.0_f64);
         for _ in 0..50 {
             let inputs = wild();
@@ -211,7 +211,8 @@ fn balance(worker: usize, until: Option<Instant>) -> Balance {
                 let now = plant.energy();
                 moved += (now.work_in - last.work_in).abs() + (now.losses - last.losses).abs() + (now.dissipated - last.dissipated).abs();
                 let beyond = now.stored - first.stored + now.losses - now.work_in;
-                // The stages of a Runge–Kutta step weigh the friction work of what settles within it less exactly than its motion: up to a tenth of what a balance may be off by.
+                // Within a step, a Runge–Kutta method integrates the friction work of a fast transient less accurately than its motion; a tenth of the tolerance of the balance
+                // is allowed.
                 all.fell = all.fell.max((last.dissipated - now.dissipated) / moved);
                 assert!(now.stored >= 0.0 && beyond.is_finite() && all.fell < 1e-4, "{}, {:?}", all.fell, effects::to_value(&parameters));
                 all.most = all.most.max(beyond / moved);
@@ -242,7 +243,7 @@ fn no_plant_has_more_energy_than_was_put_in() {
         most(|b| b.most),
         most(|b| b.fell)
     );
-    // Where friction is so steep that a substep is just stable, its heat is less exact than the motion.
+    // With friction so steep that a substep is only just stable, the heat is less accurate than the motion.
     assert!(plants >= PLANTS || until.is_some());
     assert!(100 * balanced > 95 * plants, "{balanced} of {plants} balance");
 }

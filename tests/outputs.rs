@@ -1,6 +1,5 @@
-//! Nothing lost: whatever interrupts a command, every file that it writes is the old one or the new one, and so is the answer, but for a kill amid the
-//! moves, which leaves a trace; folders that are links, long, foreign or inside a
-//! campaign are folders like any other.
+//! No output is lost. Whatever interrupts a command, every file that it writes is either the old one or the new one, and so is the whole answer, unless the process is killed
+//! during the renaming, which leaves a trace. Folders that are links, or have long or foreign names, or lie inside a campaign, are treated like any other folder.
 
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -56,7 +55,7 @@ fn copied_example(to: &Path) {
     }
 }
 
-/// Names and contents of the files in a folder, those that an interruption left half-written apart.
+/// Names and contents of the files in a folder, and the number of half-written files that an interruption left.
 fn contents(folder: &str) -> (BTreeMap<String, Vec<u8>>, usize) {
     let items = std::fs::read_dir(folder).unwrap().map(|item| item.unwrap().path());
     let all = items.map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), std::fs::read(&path).unwrap()));
@@ -74,7 +73,7 @@ fn with_old_answer(folder: &Folder, name: &str, new: &BTreeMap<String, Vec<u8>>)
 
 #[test]
 fn a_run_that_is_killed_or_interrupted_leaves_the_old_answer_or_the_new_one() {
-    // A kill amid the moves is rare, and seen: what was not moved lies beside.
+    // A kill during the renaming is rare and can be recognised, because the files that were not renamed yet remain.
     let amid = |found: &BTreeMap<String, Vec<u8>>, new: &BTreeMap<String, Vec<u8>>, partial: usize| {
         partial > 0 && found.keys().eq(new.keys()) && found.iter().all(|(name, text)| text == b"old" || text == &new[name])
     };
@@ -90,7 +89,7 @@ fn a_run_that_is_killed_or_interrupted_leaves_the_old_answer_or_the_new_one() {
         let path = with_old_answer(&folder, "killed", &new);
         let mut child = kisspoint(&["launch", "--plots", &path]).spawn().unwrap();
         std::thread::sleep(lasts.mul_f64(f64::from(k) / 10.0).min(Duration::from_secs(5)));
-        // What Ctrl-C sends is the latter; a command that is done by then is not there any more.
+        // Ctrl-C sends the latter of the two signals; a command that has finished by then no longer exists.
         let _ = Command::new("kill").args([signal, &child.id().to_string()]).stderr(Stdio::null()).status().unwrap();
         let ended = child.wait().unwrap();
         assert!(ended.success() || ended.code().is_none(), "{signal} ends it as a signal does: {ended}");
@@ -141,7 +140,7 @@ fn a_disk_that_is_full_leaves_the_old_answer_and_is_said() {
     let whole = folder.path("whole");
     succeeds(&["launch", "--plots", &whole]);
     let path = with_old_answer(&folder, "full", &contents(&whole).0);
-    // A file may not grow beyond one block: writing fails as on a full disk.
+    // No file may grow beyond this limit, so writing fails as on a full disk.
     let limited = r#"trap '' XFSZ; ulimit -f 8; exec "$0" launch --plots "$1""#;
     let output = Command::new("sh").args(["-c", limited, env!("CARGO_BIN_EXE_kisspoint"), &path]).output().unwrap();
     assert_eq!(output.status.code(), Some(1), "{}", said(&output));

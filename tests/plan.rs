@@ -1,4 +1,4 @@
-//! `kisspoint plan` as a command: what it prints, what it refuses, and that its manoeuvres can be edited.
+//! `kisspoint plan` as a command: its output, its refusals, and its list of manoeuvres, which can be edited.
 
 use serde_json::Value;
 use std::process::{Command, Output};
@@ -40,7 +40,7 @@ fn the_list_is_a_file_of_manoeuvres() {
     assert!(text(&output.stdout).contains("pedal"), "{}", text(&output.stdout));
     let picture = std::fs::read_to_string(folder.path().join("plan.svg")).unwrap();
     assert!(roxmltree::Document::parse(&picture).is_ok() && picture.contains("Judder"));
-    // A manoeuvre that nobody can drive.
+    // A manoeuvre that cannot be driven.
     std::fs::write(folder.path().join("wrong.toml"), listed.replacen("seconds = 4.0", "seconds = 0.0", 1)).unwrap();
     let output = plan(&["--vehicle", VEHICLE, "--manoeuvres", folder.path().join("wrong.toml").to_str().unwrap()]);
     assert_eq!(output.status.code(), Some(1));

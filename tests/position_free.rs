@@ -1,6 +1,6 @@
-//! Campaigns without a position: engine, driveline and sensors are diagnosed, what hides in the clutch torque is not, and inputs that no such car has are refused.
+//! Campaigns without a position: engine, driveline and sensors are diagnosed, effects hidden in the clutch torque are not, and inputs that fit no such car are refused.
 //!
-//! The campaigns are bundled ones whose position was taken away, and such with a fault of the report put in.
+//! The campaigns are bundled ones without their position, some with an artificial fault of the torque report.
 
 use kisspoint::campaign::{self, Campaign, ReadOptions};
 use kisspoint::effects::REGISTRY;
@@ -23,7 +23,7 @@ fn without_position() -> Campaign {
     campaign
 }
 
-/// A launch, a rev and locked drives of it whose torque is reported so many times too large.
+/// A launch, a rev and locked drives of that campaign, with a torque report that is too large by the factor `times`.
 fn reported(times: f64) -> Campaign {
     let mut campaign = without_position();
     campaign.recordings.retain(|r| ["r01", "r03", "r05", "r07", "r09"].contains(&r.name.as_str()));
@@ -43,7 +43,7 @@ fn problem(campaign: &Campaign) -> Problem {
     prepare::problem(tracks, &vehicle, &tolerances, &with)
 }
 
-/// A fault of the kiss point does not show without a position, and is not blamed on what does; the answer says what hides, and what to record.
+/// A fault of the kiss point is invisible without a position, and is not attributed to visible effects. The answer says what is hidden, and what to record.
 #[test]
 fn what_hides_is_not_assessable_and_nothing_else_is_blamed() {
     let answer = answer(&without_position());
@@ -55,9 +55,9 @@ fn what_hides_is_not_assessable_and_nothing_else_is_blamed() {
     let seen = |id: &str| answer.which.not_assessable.iter().all(|n| n.id != id);
     assert!(["engine_torque_gain", "engine_torque_lag", "vehicle_mass", "clutch_speed_delay"].into_iter().all(seen));
     assert!(answer.notes.iter().any(|n| n.contains("x_to_cmd_mm is not recorded in r01, r02")), "{:?}", answer.notes);
-    // The replay is told the clutch torque, and follows the car with the numbers that were fitted.
+    // The replay is given the clutch torque, and follows the car with the fitted numbers.
     assert!(answer.how_far.after.0 < 3.0 * answer.how_far.noise_floor.0, "{} {}", answer.how_far.after.0, answer.how_far.noise_floor.0);
-    // Nowhere was its clutch seen at work.
+    // The clutch was never observed in operation.
     assert!(answer.domain.places.is_empty());
 }
 
@@ -71,7 +71,7 @@ fn a_report_that_is_off_by_a_factor_is_found() {
     assert!(answer.how_far.closed_fraction.0 > 0.9);
 }
 
-/// The torque of another engine is no torque gain.
+/// The torque of a different engine is not a torque gain.
 #[test]
 fn inputs_of_another_car_do_not_fit() {
     let answer = answer(&reported(3.0));
@@ -80,7 +80,8 @@ fn inputs_of_another_car_do_not_fit() {
     assert!(answer.place.primary.is_none() && answer.place.subsystems.is_empty() && answer.which.effects.is_empty());
 }
 
-/// What a bearing, a facing or a temperature does changes nothing in such recordings, to the bit: derivatives say by themselves that nothing is known of it.
+/// Changes of the bearing, the facings or the temperatures do not change a residual of such recordings by a single bit, so derivatives alone show that nothing is known about
+/// them.
 #[test]
 fn nothing_that_hides_moves_a_replay() {
     let problem = problem(&without_position());
@@ -94,7 +95,7 @@ fn nothing_that_hides_moves_a_replay() {
     }
 }
 
-/// The torque that the filter finds is that of the flywheel's balance, and the disc's closes with it: innovations are white and of unit size.
+/// The torque that the filter estimates satisfies the flywheel's balance, and the disc's balance closes with it: the innovations are white with unit variance.
 #[test]
 fn both_balances_close_with_one_torque() {
     let problem = problem(&without_position());
@@ -115,7 +116,7 @@ fn both_balances_close_with_one_torque() {
     assert!(count > 1000.0 && (0.7..1.5).contains(&(squares / count)), "{} of {count}", squares / count);
 }
 
-/// A sensor that shows the disc 50 ms late: the lock is still found where it is, and nothing else is blamed.
+/// A sensor that shows the disc speed 50 ms late: lock-up is still found at the right time, and no other cause is named.
 #[test]
 fn a_late_disc_speed_is_found() {
     let mut campaign = without_position();
@@ -132,7 +133,7 @@ fn a_late_disc_speed_is_found() {
     assert!(effect.id == "clutch_speed_delay" && (delay + smoothing - 0.05).abs() < 0.006, "{} {delay} {smoothing}", effect.id);
 }
 
-/// Recordings with and without a position may stand in one campaign: those with one show what hides in the others.
+/// A campaign may contain recordings with and without a position; those with one show what is hidden in the others.
 #[test]
 fn recordings_with_and_without_a_position_go_together() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/campaigns/example");

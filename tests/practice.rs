@@ -1,6 +1,6 @@
-//! Campaigns with answers that lie beside the checkout, if they are there: they are replayed, diagnosed and scored, every third of them.
+//! Practice campaigns with known answers beside the checkout, if there are any: every third of them is replayed, diagnosed and scored.
 //!
-//! They are looked for in `../shared/practice`, or where `KISSPOINT_PRACTICE` says. `KISSPOINT_PRACTICE_ALL=1 cargo test --profile quick --test practice --
+//! They are looked for in `../shared/practice`, or in the folder that `KISSPOINT_PRACTICE` names. `KISSPOINT_PRACTICE_ALL=1 cargo test --profile quick --test practice --
 //! --nocapture` takes all of them, and prints the score.
 #![cfg(feature = "cli")]
 
@@ -21,7 +21,7 @@ fn practice_campaigns_are_replayed_and_diagnosed() {
     judge(None);
 }
 
-/// Speeds at 40 Hz in rows of 100 Hz. Takes as long.
+/// Speeds at 40 Hz in rows at 100 Hz. Takes as long.
 #[test]
 #[ignore = "a second round of diagnoses: run by name when the reading of rasters changes"]
 fn practice_campaigns_are_diagnosed_where_a_logger_repeats_speeds_unevenly() {
@@ -35,7 +35,7 @@ fn practice_campaigns_are_diagnosed_at_half_their_rate() {
     judge(LOGGERS.iter().find(|l| l.name == "all channels every second row"));
 }
 
-/// Of the campaigns as they are, or as this logger would have written them.
+/// Scores the campaigns as they are, or as this logger would have written them.
 fn judge(logger: Option<&Logger>) {
     let folder = std::env::var_os("KISSPOINT_PRACTICE").map_or_else(|| PathBuf::from("../shared/practice"), PathBuf::from);
     let Ok(answers) = std::fs::read_to_string(folder.join("answers.json")) else {
@@ -45,7 +45,7 @@ fn judge(logger: Option<&Logger>) {
     let answers: serde_json::Value = serde_json::from_str(&answers).expect("answers.json is JSON");
     let mut score = Score::default();
     let mut answers: Vec<_> = answers.as_object().expect("answers.json maps cases to effects").iter().collect();
-    // Healthy cars come first, so that one of them is among those that are taken.
+    // Healthy cars come first, so that at least one of them is selected.
     answers.sort_by_key(|(_, truth)| truth.as_array().map_or(0, Vec::len));
     let step = if std::env::var_os("KISSPOINT_PRACTICE_ALL").is_some() { 1 } else { 3 };
     let chosen: Vec<_> = answers.into_iter().step_by(step).collect();
@@ -68,7 +68,7 @@ fn judge(logger: Option<&Logger>) {
         }
         diagnose(&campaign, &|_, _| {}).expect("a practice campaign can be diagnosed").json
     };
-    // Side by side, which leaves no core idle.
+    // In parallel, so that no core is idle.
     let all: Vec<serde_json::Value> = chosen.par_iter().map(diagnosed).collect();
     for ((case, truth), json) in chosen.into_iter().zip(&all) {
         let truth: Vec<&str> = truth.as_array().into_iter().flatten().filter_map(serde_json::Value::as_str).collect();
@@ -78,7 +78,7 @@ fn judge(logger: Option<&Logger>) {
     score.judge();
 }
 
-/// Hits and tries.
+/// Number of hits and number of tries.
 #[derive(Default)]
 struct Share(f64, f64);
 
@@ -87,7 +87,7 @@ impl Share {
         (self.0, self.1) = (self.0 + hit, self.1 + 1.0);
     }
 
-    /// Prints the share, and fails below this one.
+    /// Prints the share, and fails if it is below `least`.
     fn at_least(&self, name: &str, least: f64) {
         println!("  {name:<50} {} of {}", self.0, self.1);
         assert!(self.0 >= least * self.1, "{name}: {} of {}, not {least}", self.0, self.1);
@@ -152,7 +152,7 @@ impl Score {
         let quantile = |q: f64| self.closed[((self.closed.len() - 1) as f64 * q).round() as usize];
         println!("  extra effects {} in {} cars", self.extra, self.cars);
         println!("  gap closed on held-out recordings: median {:.3}, tenth percentile {:.3}", quantile(0.5), quantile(0.1));
-        // Of all thirty one is known: the dragging brake, which is not in the library, is given a road load beside its missing law.
+        // One is tolerated: for the dragging brake, which is not in the library, an earlier build named a road load in addition to the missing law (docs/validation-log.md).
         assert!(self.extra <= 1, "{} effects too many", self.extra);
         assert!(quantile(0.5) >= 0.97 && quantile(0.1) >= 0.9);
     }

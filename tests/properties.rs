@@ -1,4 +1,4 @@
-//! Properties over drawn cases: however a recording is written down it is the same recording, and what is written is read back bit for bit.
+//! Properties over drawn cases: a recording reads the same however it is formatted, and what is written is read back bit for bit.
 
 use kisspoint::campaign::{self, ChannelMap, ReadOptions, Recording};
 use kisspoint::effects::PARAMETERS;
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::ptr;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Cases of each property; set PROPTEST_CASES for more.
+/// Number of cases of each property; set PROPTEST_CASES for more.
 fn some(cases: u32) -> ProptestConfig {
     let cases = std::env::var("PROPTEST_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(cases);
     ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
@@ -21,17 +21,17 @@ fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/campaign").join(name)
 }
 
-/// Units of one quantity: name, and factor and offset to ours.
+/// Units of one quantity: name, and factor and offset to the library's unit.
 type Units = &'static [(&'static str, f64, f64)];
 const SPEED: Units = &[("rad/s", 1.0, 0.0), ("rpm", std::f64::consts::PI / 30.0, 0.0), ("deg/s", std::f64::consts::PI / 180.0, 0.0)];
 const TORQUE: Units = &[("Nm", 1.0, 0.0), ("kNm", 1e3, 0.0), ("N·mm", 1e-3, 0.0), ("lbf·ft", 4.448_221_615_260_5 * 0.304_8, 0.0)];
 const LENGTH: Units = &[("mm", 1.0, 0.0), ("m", 1e3, 0.0), ("in", 25.4, 0.0)];
 const WARMTH: Units = &[("°C", 1.0, 0.0), ("K", 1.0, -273.15), ("°F", 5.0 / 9.0, -160.0 / 9.0)];
 const TIME: Units = &[("s", 1.0, 0.0), ("ms", 1e-3, 0.0), ("us", 1e-6, 0.0)];
-/// Of the seed's columns, in their order.
+/// Units of the seed's columns, in their order.
 const COLUMNS: [Units; 9] = [TIME, SPEED, SPEED, TORQUE, LENGTH, WARMTH, LENGTH, TORQUE, WARMTH];
 
-/// A way of writing the seed down.
+/// A format in which the seed is written.
 #[derive(Clone, Debug)]
 struct Style {
     units: Vec<usize>,
@@ -58,7 +58,7 @@ fn styles() -> impl Strategy<Value = Style> {
     )
 }
 
-/// The seed recording in a style, and the channel map that says so.
+/// The seed recording in a format, and the channel map that describes it.
 fn written(style: &Style) -> (String, String) {
     let seed = std::fs::read_to_string(data("seed/r01.csv")).unwrap();
     let names: Vec<&str> = seed.lines().next().unwrap().split(',').collect();
@@ -82,7 +82,7 @@ fn written(style: &Style) -> (String, String) {
     (text, map)
 }
 
-/// Reads one recording as a campaign of it alone.
+/// Reads one recording as a campaign that contains nothing else.
 fn read(text: &str, map: &str) -> Recording {
     static NEXT: AtomicU32 = AtomicU32::new(0);
     let number = NEXT.fetch_add(1, Ordering::Relaxed);
@@ -131,7 +131,7 @@ proptest! {
     fn a_vehicle_is_read_back_as_it_was_written(shares in proptest::collection::vec(0.0..=1.0_f64, NUMBERS.len())) {
         let mut vehicle = Vehicle::paper();
         for (number, share) in NUMBERS.iter().zip(shares) {
-            // Near the paper's, so that the numbers do not contradict each other.
+            // Near the paper's values, so that the numbers do not contradict each other.
             let drawn = number.default * (0.999 + 0.002 * share);
             *(number.get_mut)(&mut vehicle) = drawn.clamp(number.min, number.max);
         }

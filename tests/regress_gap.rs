@@ -1,8 +1,8 @@
-//! What the diagnosis makes of a few recordings stays what it was, number by number: tracks, filters, innovations of every effect and every missing law,
-//! screening, fits, evidence, plans, and whole answers.
+//! The numbers of the diagnosis of a few recordings stay what they were: tracks, filters, innovations for every effect and every missing law, screening, fits, evidence, plans,
+//! and whole answers.
 //!
-//! Other tests say what is right. This one says what has changed, where nothing should have. After a change that is meant to move numbers, look at those that
-//! moved, and write them anew: `KISSPOINT_FREEZE=1 cargo test --profile quick --test regress_gap`.
+//! Other tests say what is right. This one detects unintended changes. After a change that is meant to move numbers, check those that moved, and write them anew:
+//! `KISSPOINT_FREEZE=1 cargo test --profile quick --test regress_gap`.
 #![cfg(feature = "cli")]
 
 #[allow(dead_code)]
@@ -33,7 +33,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-/// Digits of what is worked out directly, and of what an iteration comes to.
+/// Relative accuracy of numbers that are computed directly, and of results of an iteration.
 const DIRECT: f64 = 1e-7;
 const FITTED: f64 = 1e-4;
 
@@ -41,7 +41,7 @@ fn file() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/gap_numbers.json")
 }
 
-/// Compares a chapter with what it was, or writes it.
+/// Compares a chapter with the frozen one, or writes it.
 fn frozen(chapter: &str, found: Vec<(String, Vec<f64>)>, within: f64) {
     static WRITING: Mutex<()> = Mutex::new(());
     let held = WRITING.lock().unwrap();
@@ -67,7 +67,8 @@ fn frozen(chapter: &str, found: Vec<(String, Vec<f64>)>, within: f64) {
     }
 }
 
-/// A series as three numbers in which every value counts with its place: its size, and two sums with weights of no pattern. What is no number counts as one.
+/// A series reduced to four numbers: its norm, two sums with irregular weights, so that every value contributes with its place, and its length or its norm, whichever is
+/// smaller. A value that is not finite is replaced by a constant.
 fn mark(v: impl IntoIterator<Item = f64>) -> Vec<f64> {
     let (mut square, mut sums, mut count) = (0.0, [0.0; 2], 0_u32);
     for (k, x) in v.into_iter().enumerate() {
@@ -89,7 +90,7 @@ fn problem_of(recordings: &[Recording]) -> Problem {
     prepare::problem(tracks, &vehicle, &tolerances, &with)
 }
 
-/// Two launches and a rev, as they are, without a position, at a third of the rate, with jitter and lost frames, held, at 1 kHz, with a brake and a bench.
+/// Two launches and a rev in several forms: as they are, without a position, at a third of the rate, with jitter and lost frames, held, at 1 kHz, with a brake, and on a bench.
 fn logged() -> Vec<(&'static str, Vec<Recording>)> {
     let (all, _) = example();
     let some: Vec<Recording> = [0, 2, 5].iter().map(|&k| all[k].clone()).collect();
@@ -235,9 +236,10 @@ fn effects_laws_and_forms() {
     frozen("laws", found, DIRECT);
 }
 
-/// What a course says of a small law is what a replay makes of a tenth of it: of a car with rigid shafts, one whose speeds are read late or by a factor, and one with elastic shafts, whose twist
-/// is softer near zero. Under brakes and with the clutch locked a replay of late speeds swings more and more, which is left out; so are elastic shafts without a position, logged fast or on the
-/// bench, where a course may be half off. What remains for sensors is the clutch torque of the first samples after a lock-up.
+/// The linearised response of a course to a small law agrees with a replay of a tenth of that law, for a car with rigid shafts, one whose disc speed is sensed late or scaled,
+/// and one with elastic shafts whose stiffness is lower near zero. Two cases are left out: late speeds under brakes with the clutch locked, where a replay oscillates more and
+/// more; and elastic shafts without a position, logged fast, or on the bench, where the response may be off by a half.
+/// What remains for sensors is the clutch torque of the first samples after a lock-up.
 #[test]
 fn answers_along_a_course_are_those_of_replays_in_every_log() {
     let hidden = kisspoint::gap::model::unknown_clutch::HIDDEN;
@@ -391,7 +393,7 @@ fn manoeuvres_as_they_are_rehearsed() {
     frozen("manoeuvres", found.collect(), DIRECT);
 }
 
-/// Every number of an answer with its place in it; what is text counts by its length.
+/// Every number of an answer with its path. Of a text, the part before its first digit is added to the path.
 fn numbers(at: &str, v: &Value, into: &mut Vec<(String, Vec<f64>)>) {
     match v {
         Value::Object(all) => all.iter().for_each(|(k, v)| numbers(&format!("{at}/{k}"), v, into)),
@@ -408,7 +410,7 @@ fn answer(name: &str, change: impl Fn(&mut Campaign)) {
     let mut campaign = read(&folder, &ReadOptions::default()).unwrap();
     change(&mut campaign);
     let mut d = diagnose(&campaign, &|_, _| {}).unwrap().json;
-    // A list of hundreds of places and matrices says no more than what it was made from.
+    // Lists of hundreds of places, and matrices, are omitted, because they follow from the other numbers.
     for (part, name) in [("joint", "precision_exact"), ("joint", "covariance"), ("joint", "prior_precision")] {
         d[part][name] = Value::Null;
     }

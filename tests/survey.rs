@@ -1,4 +1,4 @@
-//! The survey of a made-up log with known gears, engagements, latency and dead band; and of a real one, where it is beside the repository.
+//! The survey of a synthetic log with known gears, engagements, latency and dead band; and of a real log, if it is beside the repository.
 
 use kisspoint::campaign;
 use kisspoint::survey::{Known, Survey, survey};
@@ -9,18 +9,18 @@ use std::path::{Path, PathBuf};
 const RATIOS: [f64; 3] = [3.4, 2.0, 1.3];
 const FINAL_DRIVE: f64 = 3.9;
 const RADIUS: f64 = 0.31;
-/// Where engine and disc meet in each gear, s.
+/// Times at which engine and disc speed meet in each gear, s.
 const MEET: [f64; 3] = [3.0, 8.0, 13.0];
-/// Ringing after it, Hz.
+/// Frequency of the oscillation after that, Hz.
 const RINGING: f64 = 5.2;
 
-/// Gear and road speed in m/s.
+/// Index of the gear, and road speed in m/s.
 fn car(t: f64) -> (usize, f64) {
     let gear = MEET.iter().filter(|m| t > **m - 1.0).count().clamp(1, 3) - 1;
     (gear, (2.0 * (t - 2.0)).clamp(0.0, 30.0))
 }
 
-/// Engine speed in rad/s: what the gear asks for, with slip that is gone where the speeds meet, and ringing after it.
+/// Engine speed in rad/s: the speed that the gear imposes, with slip that vanishes when the speeds meet, followed by an oscillation.
 fn engine(t: f64) -> f64 {
     let (gear, v) = car(t);
     let locked = RATIOS[gear] * FINAL_DRIVE / RADIUS * v;
@@ -32,7 +32,7 @@ fn engine(t: f64) -> f64 {
     locked + 6.0 * (-late / 1.0).exp() * (TAU * RINGING * late).sin()
 }
 
-/// A long table: the road speed 12 ms late and 0 below 0.5 m/s, a torque with an offset, a pedal of two switches.
+/// A table in long form: the road speed 12 ms late and 0 below 0.5 m/s, a torque with an offset, a pedal made of two switches.
 fn log(folder: &Path) -> PathBuf {
     let mut text = String::from("time;channel;value;unit\n");
     for k in 0..1800 {
@@ -94,13 +94,13 @@ fn a_made_up_log_gives_back_what_was_put_in() {
     assert_eq!(kisspoint::survey::export::recordings(&s, "TqShaft", Some(1)).unwrap().len(), 1);
 }
 
-/// The same car from speeds of the road, of a wheel, of the output shaft and of the gearbox input: the inertia at the disc is the same, or what is missing is said.
+/// The inertia at the disc is the same whether the speed is that of a wheel or of the output shaft; where it cannot be known, the error says what is missing.
 #[test]
 fn inertia_follows_from_what_lies_between_the_speed_and_the_road() {
     let path = log(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("survey_inertia"));
     let given = Known { ratios: RATIOS.to_vec(), final_drive: Some(FINAL_DRIVE), tyre_radius: Some(RADIUS), ..Known::default() };
     let expected = 1400.0 * (RADIUS / (RATIOS[1] * FINAL_DRIVE)).powi(2);
-    // Engine speed per unit of the speed is the gear's ratio times a factor that its place in the driveline gives.
+    // The ratio of engine speed to the measured speed is that of the gear times the ratio between the measured shaft and the wheels.
     for (name, factor) in [("wheel_speed_fl", FINAL_DRIVE), ("output_shaft_speed", 1.0)] {
         for known in [&Known { tyre_radius: Some(RADIUS), ..Known::default() }, &given] {
             let mut s = of(&path, known);
@@ -118,7 +118,7 @@ fn inertia_follows_from_what_lies_between_the_speed_and_the_road() {
     }
 }
 
-/// A log of VCDS at 3 Hz, engine and road at stamps of their own: the gears are there, and what is too slow for launches and shifts is said.
+/// A log of VCDS at 3 Hz, with separate time stamps for engine and road speed: the gears are found, and the survey says that the log is too slow for launches and shifts.
 #[test]
 fn a_slow_log_in_blocks_side_by_side_has_its_gears() {
     let mut text = String::from(
@@ -156,11 +156,11 @@ fn the_campaign_of_a_survey_is_read_back() {
     let read = campaign::read(&folder, &campaign::ReadOptions::default()).unwrap();
     assert_eq!(read.recordings.len(), 3, "{:?}", read.left_out);
     assert!(read.recordings.iter().all(|r| r.x_to_cmd.is_empty() && r.theta_0_sigma == [40.0; 2]));
-    // Two clocks, so that most rows have one of the speeds alone.
+    // Two clocks, so that most rows have only one of the speeds.
     let r = &read.recordings[1];
     let count = |v: &[f64]| v.iter().filter(|v| !v.is_nan()).count() as f64;
     near(count(&r.omega_f) / count(&r.omega_c), 2.0, 0.1, "rates");
-    // The torque is written at its own stamps alone, and the rate is that of the faster speed.
+    // The torque is written at its own time stamps only, and the sample rate is that of the faster speed.
     let own = r.input_rows[0].as_ref().map(Vec::len);
     assert!(own.is_none_or(|n| n < r.time.len()));
     let steps: Vec<f64> = r.time.iter().zip(&r.omega_f).filter(|(_, v)| v.is_finite()).map(|(t, _)| *t).collect();
@@ -176,7 +176,7 @@ fn a_log_without_the_speeds_says_so() {
     assert!(s.to_text().contains("no channel is the engine's speed"), "{}", s.to_text());
 }
 
-/// What `../shared/real/README.md` says of this log.
+/// Checks against the description of this log in `../shared/real/README.md`.
 #[test]
 fn a_real_log_in_three_formats() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/real/gt350");

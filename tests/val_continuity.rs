@@ -1,4 +1,4 @@
-//! The communication step does not matter with effects either, and effects are continuous at their null values.
+//! With effects, too, the communication step does not influence the result, and effects are continuous at their null values.
 
 use kisspoint::effects::empirical::CURVES;
 use kisspoint::effects::{self, Parameters, param};
@@ -13,7 +13,7 @@ fn inputs(k: usize) -> Inputs {
     Inputs { x_to: 4.5 + 1.0 * t.min(1.0), t_e_ref: 30.0 + 10.0 * (k % 3) as f64, theta_h: 25.0, t_load: 0.0 }
 }
 
-/// Outputs after half a second in slip, in steps of `h` s.
+/// Outputs after half a second of slip, in steps of `h` s.
 fn run(p: &Parameters, h: f64) -> Outputs {
     let mut plant = Plant::new(&Vehicle::paper(), p, &START, &inputs(0));
     for k in 0..25 {
@@ -29,7 +29,7 @@ fn distance(a: &Outputs, b: &Outputs) -> (f64, f64) {
     (speed, (a.t_fc - b.t_fc).abs())
 }
 
-// Delayed speeds are kept every 0.2 ms: steps shorter than that leave out some of them.
+// Delayed speeds are stored every 0.2 ms, and shorter steps would skip some of them.
 #[test]
 fn the_step_does_not_matter_with_any_effect() {
     for entry in effects::all() {
@@ -43,7 +43,7 @@ fn the_step_does_not_matter_with_any_effect() {
     }
 }
 
-/// A table has kinks, where a step of fourth order is one of second: what that costs stays far below any sensor's noise.
+/// A table has kinks, at which a method of fourth order drops to second order. The resulting error stays far below the noise of any sensor.
 #[test]
 fn the_step_hardly_matters_with_a_learned_law() {
     for curve in &CURVES {
@@ -92,7 +92,7 @@ fn effects_are_continuous_at_null() {
             assert!(speed < 1e-4, "{}: {speed:.1e} rad/s at 1e-6 of its size", entry.id);
         }
     }
-    // The sensors' filters, from which no search starts.
+    // Filters of the sensors, from which no search starts.
     let mut p = effects::null();
     (p[param::engine_speed_delay::smoothing], p[param::clutch_speed_delay::smoothing]) = (2e-8, 2e-8);
     let (speed, _) = distance(&run(&p, 1e-3), &nominal);

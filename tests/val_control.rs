@@ -1,4 +1,4 @@
-//! The controller on the plant: launches, dropped engagements, negative slip, stall, energy.
+//! The controller with the plant: launches, aborted engagements, negative slip, stall, energy.
 
 #[allow(dead_code)]
 mod coupled;
@@ -10,7 +10,7 @@ use kisspoint::launch::cars::Random;
 use kisspoint::launch::drive::REVERSAL;
 use kisspoint::plant::{Phase, Start};
 
-/// Bearing 30 ms behind its command and 15 ms late, friction by a factor.
+/// A bearing with a lag of 30 ms and a delay of 15 ms, and a friction factor.
 fn real_actuator(friction: f64) -> Parameters {
     let mut p = effects::null();
     p[param::actuator_lag::time_constant] = 0.03;
@@ -19,7 +19,7 @@ fn real_actuator(friction: f64) -> Parameters {
     p
 }
 
-/// Reversals of the clutch torque by more than 5 N·m before the hand-over: one is the launch itself, more are oscillation.
+/// Number of reversals of the clutch torque by more than 5 N·m before lock-up: one is the launch itself, more are an oscillation.
 fn reversals(rows: &[Row]) -> usize {
     let (mut extreme, mut rising, mut count) = (0.0_f64, true, 0);
     for (_, plant, _) in rows.iter().take_while(|r| r.2.phase != Phase::Locked) {
@@ -56,7 +56,7 @@ fn the_default_set_launches_smoothly_behind_a_real_actuator() {
 
 #[test]
 fn the_set_of_the_paper_needs_an_ideal_actuator() {
-    // The counterpart of the test above: it would not tell a robust set from another if this one passed it.
+    // The counterpart of the test above, which could not distinguish a robust set of gains if this set passed it as well.
     let mut run = Coupled::new(&real_actuator(1.0), &Settings::paper(), STANDSTILL);
     assert!(reversals(&run.run(3.0, |_, _| ()).rows) > 3);
 }
@@ -91,7 +91,7 @@ fn energy_balances_with_the_controller() {
 
 #[test]
 fn the_energy_estimate_stands_noise() {
-    // What is left of one launch is the noise of its first sample: J_f · 1 rad/s · 105 rad/s = 20 J, 0.5 %. It does not add up.
+    // The remaining error of one launch is due to the noise of the first sample: J_f · 1 rad/s · 105 rad/s = 20 J, 0.5 %. It does not accumulate.
     let mut deviations = Vec::new();
     for seed in 1..=24 {
         let mut random = Random(seed);

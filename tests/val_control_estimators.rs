@@ -1,4 +1,4 @@
-//! Estimators against the plant: the balances (8a), (8b), the observer (9) at every communication step, and the inverse map.
+//! Estimators compared with the plant: the balances (8a), (8b), the observer (9) at every communication step, and the inverse map.
 
 #[allow(dead_code)]
 mod coupled;
@@ -20,7 +20,7 @@ fn balances_give_the_clutch_torque_back() {
     for w in run.rows.windows(3).filter(|w| w[0].0 > 0.3 && w[2].2.phase == Phase::Slipping) {
         let (a, b, c) = (&w[0].1, &w[1].1, &w[2].1);
         let slope = |f: fn(&kisspoint::plant::Outputs) -> f64| (f(c) - f(a)) / (2.0 * run.step);
-        // Engine torque is held over a step: the mean of both sides belongs to the point between them.
+        // The engine torque is held over a step, so the torque at the point between two steps is the mean of both.
         let t_e = 0.5 * (b.t_e + c.t_e);
         let by_engine = from_engine_balance(&d, b.omega_f, slope(|p| p.omega_f), t_e);
         let by_driveline = from_driveline_balance(&d, b.omega_c, slope(|p| p.omega_c), 0.0);
@@ -31,13 +31,13 @@ fn balances_give_the_clutch_torque_back() {
     assert!(checked > 500);
 }
 
-/// Largest error in the last tenth of `time` s, of a constant torque on an engine whose speed is sampled every `step` s.
+/// Largest error during the last tenth of `time` s, for a constant torque on an engine whose speed is sampled every `step` s.
 fn observer_error(step: f64, time: f64) -> f64 {
     let d = Vehicle::paper().driveline;
     let s = Settings::robust();
     let mut observer = Observer::new(&d, s.l_1, s.l_2);
     let (t_fc, t_e) = (60.0, 52.0);
-    // (7a) with both torques constant has a closed solution.
+    // (7a) with both torques constant has a closed-form solution.
     let speed = |t: f64| {
         let end = (t_e - t_fc) / d.b_f;
         end + (104.0 - end) * (-d.b_f / d.J_f * t).exp()
@@ -59,7 +59,7 @@ fn observer_error(step: f64, time: f64) -> f64 {
 fn the_observer_is_stable_and_true_at_every_communication_step() {
     for step in [1e-5, 1e-4, 3e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2] {
         let error = observer_error(step, 1.5);
-        // The held speed makes a ripple of ℓ_2/ℓ_1 · J_f · ω̇ · h at most.
+        // The held speed causes a ripple of ℓ_2/ℓ_1 · J_f · ω̇ · h at most.
         let ripple = 4252.0 / 300.0 * 40.0 * step * 0.189 + 1e-3;
         assert!(error < ripple + 0.1, "step {step} s: {error} N·m, ripple {ripple} N·m");
     }

@@ -1,4 +1,4 @@
-//! Inputs that freeze, drop out, jump or turn NaN: outputs stay finite and safe, the fault is reported, the controller recovers.
+//! Inputs that freeze, drop out, jump or become NaN: outputs stay finite and safe, the fault is reported, and the controller recovers.
 
 #[allow(dead_code)]
 mod coupled;
@@ -116,7 +116,7 @@ fn bad_air_temperature_changes_nothing() {
     assert_eq!(clean.last(), spoiled.last());
 }
 
-/// An inclination sensor that fails on a hill must not let the car go.
+/// If an inclination sensor fails on a hill, the car must not roll away.
 #[test]
 fn a_grade_that_is_no_number_keeps_the_brakes_on_and_is_reported() {
     let mut controller = Controller::new(&Vehicle::paper(), &Settings::robust());
@@ -131,11 +131,11 @@ fn a_grade_that_is_no_number_keeps_the_brakes_on_and_is_reported() {
     };
     assert_eq!(after(40.0, 100), (80.0, Fault::None));
     for bad in [f64::NAN, f64::INFINITY, -1e300, 1.1e4] {
-        // Longer than any fault is bridged for.
+        // For longer than any fault is bridged.
         assert_eq!(after(bad, 3000), (80.0, Fault::Invalid), "{bad}");
     }
     assert_eq!(after(30.0, 1), (60.0, Fault::None));
-    // A launch goes on without it, and one that never came holds nothing.
+    // A launch continues without the grade, and a grade that never arrived applies no brake.
     let mut run = launch();
     run.run(2.5, |t, told| told.wish.t_grade = if within(t, 0.3, 2.0) { f64::NAN } else { 0.0 });
     assert_sane(&run, "no grade");
@@ -185,7 +185,7 @@ fn a_state_taken_up_goes_on_bit_for_bit() {
 
 #[test]
 fn values_that_arrive_late_only_delay() {
-    // By a fixed time, and with a jitter that repeats old values and then catches up.
+    // Late by a fixed time, and by a jitter that repeats old values and then catches up.
     for (what, late) in [("20 ms", [20, 20, 20]), ("50 ms", [50, 50, 50]), ("0 to 20 ms", [0, 7, 20])] {
         let mut sent: Vec<Inputs> = Vec::new();
         let mut run = launch();

@@ -1,4 +1,4 @@
-//! The governed law against what a calibration engineer meets: shafts, map errors, load, weak and slow engines, slow actuators, noise.
+//! The governed law under conditions that a calibration engineer meets: elastic shafts, errors of the map, load, weak and slow engines, slow actuators, noise.
 
 #[allow(dead_code)]
 mod coupled;
@@ -13,7 +13,7 @@ use kisspoint::launch::monte_carlo;
 use kisspoint::plant::Phase;
 use kisspoint::vehicle::Vehicle;
 
-/// A launch behind a bearing of 30 ms lag and 15 ms delay, sampled every 10 ms.
+/// A launch with a bearing of 30 ms lag and 15 ms delay, sampled every 10 ms.
 fn launch(change: impl FnOnce(&mut Parameters), settings: &Settings, noise: f64) -> Figures {
     let mut p = effects::null();
     p[param::actuator_lag::time_constant] = 0.03;
@@ -67,7 +67,7 @@ fn grades_are_climbed() {
     }
 }
 
-/// A bearing of 2.5 mm/s takes two seconds to the touch point: the car stands until the clutch carries it, and lands as if the bearing were quick.
+/// A bearing of 2.5 mm/s takes two seconds to the touch point: the car stands until the clutch carries it, and the speeds meet as smoothly as with a fast bearing.
 #[test]
 fn a_slow_bearing_holds_the_car_on_a_grade() {
     for inverse_speed in [0.1, 0.2, 0.4] {
@@ -103,7 +103,7 @@ fn the_engine_keeps_its_speed_within_its_limits() {
     let f = launch(|_| (), &weak, 0.0);
     assert_good("engine of 60 N·m", &f);
     assert!(f.least_engine_speed > 90.0 && f.peak_torque < 60.0, "{f:?}");
-    // The limit may come from the car, too.
+    // The limit may also be given by the car.
     let mut run = Coupled::new(&effects::null(), &Settings::robust(), STANDSTILL);
     run.run(6.0, |_, told| told.wish.t_e_max = 60.0);
     assert_eq!(run.last().1.phase, Phase::Locked);
@@ -155,11 +155,12 @@ fn drawn_cars_launch_well() {
     println!("{:?}\n{:?}\n{:?}", governed.shares(), learned.shares(), figure_3.shares());
     let [locks, no_stall, one_reversal, peak, soft] = governed.shares();
     assert!(locks >= 0.99 && no_stall >= 0.99 && one_reversal >= 0.97 && peak >= 0.95 && soft >= 0.95, "{:?}", governed.shares());
-    // It would not tell a good law from another if the paper's passed, too.
+    // The test could not distinguish a good law if the paper's law passed as well.
     assert!(figure_3.shares()[4] < 0.5, "{:?}", figure_3.shares());
 }
 
-/// Drawn cars whose engine is late behind a slow bearing: its dip was taken for a bite, and a landing began on a torque that the clutch did not carry.
+/// Drawn cars with a slow engine and a slow bearing. The dip of the engine speed was once mistaken for the clutch taking up torque, and the landing began with a torque that
+/// the clutch did not carry.
 #[test]
 fn a_late_engine_behind_a_slow_bearing_locks() {
     let nominal = Vehicle::paper();
@@ -183,7 +184,7 @@ fn soak_cools_the_estimate_while_the_car_stands() {
         controller.outputs().theta_c
     };
     assert!((temperature(0.0) - 200.0).abs() < 0.1);
-    // (5a): an open disc follows the air with C_1/γ_2 = 2.8 s.
+    // (5a): the temperature of an open disc approaches that of the air with C_1/γ_2 = 2.8 s.
     let expected = 25.0 + 175.0 * (-2.0_f64 / 2.8).exp();
     assert!((temperature(2.0) - expected).abs() < 0.1, "{} against {expected}", temperature(2.0));
     assert!((temperature(1e6) - 25.0).abs() < 0.1);

@@ -1,7 +1,7 @@
-//! Phase margin of the loops, of the paper's law and of the governed one, from the transfer functions of the linearised loop with an actuator of 30 ms lag and 15 ms delay.
+//! Phase margins of the paper's law and of the governed one, from the transfer functions of the linearised loop with an actuator of 30 ms lag and 15 ms delay.
 //!
-//! The loop is cut at the position command: both paths that act on it, the speed loop through the inverse map and the torque
-//! feedback through the observer, count at once. With K = dT_fc/dx of the plant and K̂ that of the controller's map,
+//! The loop is cut at the position command, so that both paths that act on it, the speed loop through the inverse map and the torque feedback through the observer, are
+//! included. With K = dT_fc/dx of the plant and K̂ that of the controller's map,
 //!
 //! L(s) = K A(s) [(1/K̂ + PI_T) PI_c / (J_c s + b_c) + PI_T O(s)], A = e^(−(15 ms + 1.5 h) s) / (1 + 30 ms s),
 //! O(s) = (−ℓ_2/J_f) / (s² + (b_f + ℓ_1)/J_f s − ℓ_2/J_f), h = 1 ms the sampling step (hold and one step of transport).
@@ -27,7 +27,7 @@ fn position_loop(g: &Settings, gain: f64, believed: f64, w: f64) -> C {
     actuator * gain * ((C::from(1.0 / believed) + torque) * speed + torque * observer)
 }
 
-/// Least phase margin in degrees and gain margin (factor) of a loop that is integrating at low frequency.
+/// Smallest phase margin in degrees, and gain margin as a factor, of a loop that is integrating at low frequency.
 fn margins(open_loop: impl Fn(f64) -> C) -> (f64, f64) {
     let at = |k: usize| 10.0_f64.powf(-1.0 + 4.0 * k as f64 / 20_000.0);
     let (mut phase_margin, mut gain_margin) = (f64::INFINITY, f64::INFINITY);
@@ -50,8 +50,8 @@ fn margins(open_loop: impl Fn(f64) -> C) -> (f64, f64) {
     (phase_margin, gain_margin)
 }
 
-/// Least distance of a loop from −1, and by how many radians 1 + L has turned from low to high frequencies: a loop without unstable poles that does not turn around −1 is stable,
-/// also where shafts make it swing above 1.
+/// Smallest distance of the Nyquist curve from −1, and the angle in rad by which 1 + L turns from low to high frequencies. A loop without unstable poles that does not encircle
+/// −1 is stable, even if shafts make its gain resonate above 1.
 fn distance(open_loop: impl Fn(f64) -> C) -> (f64, f64) {
     let at = |k: usize| C::from(1.0) + open_loop(10.0_f64.powf(-2.0 + 5.0 * k as f64 / 20_000.0));
     let (mut nearest, mut turned, mut last) = (f64::INFINITY, 0.0, at(0));
@@ -63,7 +63,7 @@ fn distance(open_loop: impl Fn(f64) -> C) -> (f64, f64) {
     (nearest, turned)
 }
 
-/// dT/dx of the nominal map in N·m/mm where it carries `torque`.
+/// dT/dx of the nominal map in N·m/mm at the position where it transmits `torque`.
 fn slope(torque: f64, theta: f64) -> f64 {
     let v = Vehicle::paper();
     let forward = |x: f64| {
@@ -117,7 +117,7 @@ fn the_engine_loop_stands_a_lag_of_its_own() {
 
 #[test]
 fn margins_of_a_loop_that_is_known() {
-    // 1/s with 0.1 s of delay crosses 1 rad/s with 90° − 5.73°; its phase passes −180° at 5 π rad/s.
+    // 1/s with a delay of 0.1 s crosses unit gain at 1 rad/s with a phase margin of 90° − 5.73°; its phase passes −180° at 5 π rad/s.
     let (phase, gain) = margins(|w| (-C::new(0.0, w) * 0.1).exp() / C::new(0.0, w));
     assert!((phase - (90.0 - 5.7296)).abs() < 0.05, "{phase}");
     assert!((gain / (5.0 * std::f64::consts::PI) - 1.0).abs() < 1e-3, "{gain}");
@@ -125,17 +125,17 @@ fn margins_of_a_loop_that_is_known() {
 
 #[test]
 fn a_loop_that_turns_around_minus_one_is_found() {
-    // Three lags of 1 s stand a gain of 8.
+    // Three lags of 1 s are stable up to a gain of 8.
     let lags = |gain: f64| move |w: f64| C::from(gain) / (C::new(1.0, w) * C::new(1.0, w) * C::new(1.0, w));
     let ((near, stable), (_, unstable)) = (distance(lags(6.0)), distance(lags(10.0)));
     assert!(stable.abs() < 0.1 && (unstable.abs() - 2.0 * std::f64::consts::PI).abs() < 0.1, "{stable}, {unstable}");
     assert!(near < 0.25, "{near}");
 }
 
-/// The governed loop, cut at the torque asked for: speed feedback k_P, load observer with Q = p²/(s + p)², filter F of the speed, actuator as
-/// it is (30 ms lag, 15 ms delay, 1.5 samples) and as the controller has it (A),
+/// The governed loop, cut at the torque demand: speed feedback k_P, load observer with Q = p²/(s + p)², speed filter F, actual actuator A_true (30 ms lag, 15 ms delay, 1.5
+/// samples) and its model in the controller (A),
 ///
-/// L = (k_P + Q J_c s) F P A_true / (1 − Q A F), P from clutch torque to disc speed.
+/// L = (k_P + Q J_c s) F P A_true / (1 − Q A F), with P from clutch torque to disc speed.
 fn governed_loop(g: &Settings, p: impl Fn(C) -> C, sampling: f64, w: f64) -> C {
     let s = C::new(0.0, w);
     let one = C::from(1.0);
@@ -147,7 +147,7 @@ fn governed_loop(g: &Settings, p: impl Fn(C) -> C, sampling: f64, w: f64) -> C {
     (C::from(g.kp_clutch) + q * s * Vehicle::paper().driveline.J_c) * f * p(s) * truly / (one - q * a * f)
 }
 
-/// From clutch torque to disc speed with shafts of this compliance, disc share and damping; 0 is rigid.
+/// Transfer function from clutch torque to disc speed, with shafts of this compliance, disc share and damping; compliance 0 means rigid.
 fn driveline(compliance: f64, share: f64, damping: f64) -> impl Fn(C) -> C {
     let d = Vehicle::paper().driveline;
     move |s: C| {
@@ -161,15 +161,15 @@ fn driveline(compliance: f64, share: f64, damping: f64) -> impl Fn(C) -> C {
     }
 }
 
-/// A point of the landing: slope of the torque over the slip (N·m·s/rad), and share of it that is still to go, u (2 − u).
+/// A point of the landing: slope of the torque over the slip (N·m·s/rad), and the share of the landing that is still ahead, u (2 − u).
 #[derive(Clone, Copy)]
 struct Landing {
     gain: f64,
     share: f64,
 }
 
-/// The loop of the landing, cut at the torque asked for, T = k (F_s s + a (ω̇_f,ref − (T − T_l)/J_c)) + (1 − g) T_l + …, with the load T_l = Q (A F T + T̂ − O A T − J_c ω̇_c F) that
-/// the observer finds, and an engine whose controller is told T + 0.3 (T̂ − O A T):
+/// The loop of the landing, cut at the torque demand, T = k (F_s s + a (ω̇_f,ref − (T − T_l)/J_c)) + (1 − g) T_l + …, with the load T_l = Q (A F T + T̂ − O A T − J_c ω̇_c F)
+/// that the observer estimates, and an engine whose controller receives T + 0.3 (T̂ − O A T):
 ///
 /// L = k a z⁻¹/J_c − k F_s s/T − (1 − g + k a/J_c) T_l/T.
 fn landing_loop(g: &Settings, at: Landing, p: impl Fn(C) -> C, sampling: f64, steep: f64, w: f64) -> C {
@@ -186,7 +186,7 @@ fn landing_loop(g: &Settings, at: Landing, p: impl Fn(C) -> C, sampling: f64, st
     let q = C::from(g.load_bandwidth * g.load_bandwidth) / ((s + g.load_bandwidth) * (s + g.load_bandwidth));
     let departs = o * truly - lag((d.b_f + g.l_1) / -g.l_2) * a;
     let disc = p(s) * truly;
-    // The engine's controller is sampled, too; its torque is there at once.
+    // The engine controller is sampled as well; the engine torque follows without lag.
     let engine = (hold * (one + departs * 0.3) - truly) / (s * d.J_f + d.b_f + hold * pi(g.kp_engine, g.ki_engine, s));
     let load = q * (a * f + departs - s * d.J_c * f * disc);
     let ahead = (g.actuator_time + 1.2 * g.filter_time) / d.J_c;
@@ -201,7 +201,7 @@ fn the_landing_keeps_its_margins_on_rigid_and_elastic_drivelines() {
     {
         for sampling in [1e-3, 1e-2, 2e-2] {
             for steep in [0.7, 1.0, 1.5] {
-                // A launch of 40 N·m above what the landing needs, from half of the slip down to none.
+                // A launch with 40 N·m more than the landing needs, from three quarters of the slip down to none.
                 for u in [0.75, 0.5, 0.25, 0.0_f64] {
                     let at = Landing { gain: 2.0 * (1.0 - u) * 40.0 / 55.0, share: u * (2.0 - u) };
                     let p = driveline(compliance, share, damping);
@@ -209,7 +209,8 @@ fn the_landing_keeps_its_margins_on_rigid_and_elastic_drivelines() {
                     let what =
                         format!("{compliance} rad/(N·m), damping {damping}, samples of {sampling} s, {steep} × map, {u} of the slip");
                     println!("{what}: {nearest:.2} from -1");
-                    // 0.5 leaves at least 29° and a factor of 2. The softest shafts under the steepest clutch have less in the last moment of slip.
+                    // A distance of 0.5 guarantees a phase margin of 29° and a gain margin of 2. The softest shafts with the steepest clutch have less in the last moment of
+                    // slip.
                     let least = if compliance > 0.012 && steep > 1.2 { 0.2 } else { 0.5 };
                     assert!(nearest > least && turned.abs() < 1.0, "{what}: {nearest:.2} from -1, turned by {turned:.1}");
                 }

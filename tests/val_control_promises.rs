@@ -1,5 +1,5 @@
-//! What docs/controller.md promises, one scenario each: measurements are scripted, or come from the plant. A promise about every law is held
-//! by the default set and by the paper's; one about the law of Figure 3 by the paper's.
+//! The promises of docs/controller.md, one scenario each, with scripted measurements or with the plant. A promise about every law is tested with the default set and with the
+//! paper's; a promise about the law of Figure 3 with the paper's set.
 
 #[allow(dead_code)]
 mod coupled;
@@ -14,7 +14,7 @@ use kisspoint::vehicle::Vehicle;
 
 const H: f64 = 1e-3;
 
-/// The paper's set with an actuator that takes its time.
+/// The paper's set with the limited actuator rates of the default set.
 fn figure_3() -> Settings {
     let robust = Settings::robust();
     Settings { rate_open: robust.rate_open, rate_close: robust.rate_close, ..Settings::paper() }
@@ -24,7 +24,7 @@ fn sets() -> [(&'static str, Settings); 2] {
     [("default", Settings::robust()), ("paper", figure_3())]
 }
 
-/// Measurements of these speeds and this engine torque, with the clutch to be engaged.
+/// Measurements with these speeds and this engine torque, with the request to engage.
 fn told(omega_f: f64, omega_c: f64, t_e: f64) -> Inputs {
     controller_inputs(&Outputs { omega_f, omega_c, t_e, ..Outputs::default() }, true)
 }
@@ -33,14 +33,14 @@ fn controller(settings: &Settings) -> Controller {
     Controller::new(&Vehicle::paper(), settings)
 }
 
-/// Steps for `seconds` with measurements of the time since.
+/// Steps for `seconds`; `measured` returns the measurements at the time since the start.
 fn run(controller: &mut Controller, seconds: f64, mut measured: impl FnMut(f64) -> Inputs) {
     for k in 1..=(seconds / H).round() as usize {
         controller.step(&measured(k as f64 * H), H);
     }
 }
 
-/// A last bit that moves, so that a measurement which stands still is not a frozen sensor.
+/// A small variation, so that a constant measurement is not taken for a frozen sensor.
 fn alive(t: f64) -> f64 {
     1e-3 * (1000.0 * t).sin()
 }
@@ -62,7 +62,7 @@ fn the_command_never_moves_faster_than_its_rates() {
         assert!(moves().all(|v| v <= s.rate_close * (1.0 + 1e-9) && v >= -s.rate_open * (1.0 + 1e-9)), "{name}");
         assert!(moves().any(|v| v < -0.9 * s.rate_open), "{name}: opening uses its rate");
     }
-    // Even where the law asks for more: with the speeds met the clutch closes at once.
+    // Also if the law demands more: with equal speeds the clutch closes at once.
     for (name, s) in sets() {
         let slow = Settings { rate_close: 20.0, ..s };
         let mut closing = controller(&slow);
@@ -94,7 +94,7 @@ fn an_engine_that_stalls_opens_the_clutch_locked_or_not_and_engages_anew() {
         assert!(slipping.outputs().x_to > 3.0, "{name}: engaging");
         run(&mut slipping, 1.5, |t| dying(t, 0.0));
         assert_eq!((slipping.outputs().x_to, slipping.outputs().fault), (s.x_open, Fault::Stall), "{name}: open");
-        // A slow engine is no reason to engage; one that has recovered is.
+        // While the engine is slow the clutch does not engage; once the engine has recovered it does.
         run(&mut slipping, 0.2, |t| told(s.stall_speed + 0.9 * s.stall_margin + alive(t), 0.0, 20.0));
         assert_eq!((slipping.outputs().x_to, slipping.outputs().fault), (s.x_open, Fault::Stall), "{name}: waits");
         run(&mut slipping, 0.5, |t| told(s.stall_speed + 1.1 * s.stall_margin + 50.0 * t.min(0.3) + alive(t), 0.0, 20.0));
@@ -119,7 +119,7 @@ fn nothing_begins_on_measurements_that_are_not_believed() {
         assert_eq!(blind.outputs().x_to, s.x_open, "{name}: without one measurement");
         run(&mut blind, 0.5, |t| told(100.0 + alive(t), 0.0, 5.0));
         assert!(blind.outputs().x_to > s.x_open, "{name}: then it engages");
-        // Asked to engage while a drop-out is being bridged: the last good values are not enough to begin on.
+        // A request to engage while a drop-out is being bridged: the last good values do not suffice to start an engagement.
         let mut bridging = controller(&s);
         run(&mut bridging, 0.5, |t| Inputs { engage: false, ..told(100.0 + alive(t), 0.0, 5.0) });
         run(&mut bridging, 0.8 * s.fault_hold, |_| nothing);
@@ -153,7 +153,7 @@ fn the_engine_torque_does_not_jump_at_lock_up() {
         println!("{name}: {jump} N·m at lock-up");
         let most = if s.is_figure_3() { 0.25 * before.t_c_ref } else { 1.0 };
         assert!(jump.abs() < most, "{name}: the engine torque jumps by {jump} N·m");
-        // Nor does it go astray afterwards.
+        // Nor does it drift afterwards.
         let speeds = || run.rows[at..].iter().map(|row| row.1.omega_f);
         assert!(speeds().all(|w| (w - s.reference_speed).abs() < 0.15 * s.reference_speed), "{name}: the engine leaves its reference");
         assert!((run.last().1.omega_f - s.reference_speed).abs() < 3.0, "{name}: {} rad/s at the end", run.last().1.omega_f);
@@ -162,9 +162,9 @@ fn the_engine_torque_does_not_jump_at_lock_up() {
 
 #[test]
 fn opening_relieves_the_engine_as_the_clutch_lets_go() {
-    // While it still slips with the clutch's torque, and from a locked drive uphill.
+    // While the clutch still slips and transmits torque, and from a locked drive uphill.
     for (name, s) in sets() {
-        // At idle speed the engine controller has nothing else to do.
+        // With the reference at idle speed, the engine controller has no other task.
         let s = Settings { reference_speed: s.idle_speed, ..s };
         for (drop, t_load) in [(0.7, 0.0), (2.5, 30.0)] {
             let mut run = Coupled::new(&effects::null(), &s, STANDSTILL);
@@ -200,7 +200,7 @@ fn a_re_engagement_takes_less_time_than_a_launch() {
         };
         let (launch, at_50, at_80) = (locks_at(0.0), locks_at(50.0), locks_at(80.0));
         assert!(at_80 < at_50 && at_50 < launch, "{name}: {launch}, {at_50}, {at_80} s from 0, 50, 80 rad/s");
-        // The governed law locks later than its plan.
+        // The governed law locks later than its plan, so the ratios are checked for the law of Figure 3 only.
         if s.is_figure_3() {
             assert!(at_50 < 0.8 * launch, "{name}: {at_50} s at 50 rad/s, {launch} s from standstill");
             assert!(at_80 < 0.65 * launch, "{name}: {at_80} s at 80 rad/s, {launch} s from standstill");
@@ -261,7 +261,7 @@ fn the_thermal_estimate_follows_the_plant() {
 
 #[test]
 fn in_overrun_a_torque_that_is_too_small_closes_further() {
-    // The disc outruns the engine and its reference, so torque is asked for; the engine's balance shows none.
+    // The disc is faster than the engine and its reference, so torque is demanded; the engine's balance shows none.
     let s = figure_3();
     let mut overrun = controller(&s);
     run(&mut overrun, 0.8, |t| told(80.0 + alive(t), 100.0 + 20.0 * t, 0.03 * 80.0));
@@ -272,7 +272,7 @@ fn in_overrun_a_torque_that_is_too_small_closes_further() {
 
 #[test]
 fn in_overrun_a_torque_that_is_too_large_opens_further() {
-    // The disc drags the engine with 60 N·m; the paper's law asks for less, the governed one waits at the contact and asks for none.
+    // The disc drags the engine with 60 N·m; the paper's law demands less, the governed one waits at the contact point and demands none.
     for (name, s) in sets() {
         let mut overrun = controller(&s);
         run(&mut overrun, 0.8, |t| told(80.0 + alive(t), 100.0, 0.03 * 80.0 - 60.0));
@@ -302,7 +302,7 @@ fn closed_the_integral_gain_allows_for_the_inertia_on_top() {
     let s = Settings { engine_torque_max: 1e4, ..figure_3() };
     let mut closed = controller(&s);
     run(&mut closed, s.reference_time + 1.0, |t| told(s.reference_speed + alive(t), s.reference_speed + alive(t), 5.0));
-    // 10 rad/s too slow, first for a moment, then for 0.1 s longer.
+    // 10 rad/s too slow, first for a short time, then for 0.1 s longer.
     let speed = s.reference_speed - 10.0;
     run(&mut closed, 0.1, |t| told(speed + alive(t), speed + alive(t), 5.0));
     let first = closed.outputs().t_e_ref;

@@ -1,4 +1,4 @@
-//! Work in equals kinetic energy, heat and losses; the result does not depend on the communication step.
+//! The energy balance closes: work in equals kinetic energy, heat and losses; the result does not depend on the communication step.
 
 use kisspoint::effects;
 use kisspoint::plant::{Inputs, Phase, Plant, Start};
@@ -6,7 +6,7 @@ use kisspoint::vehicle::Vehicle;
 
 const START: Start = Start { omega_f: 104.719_755_119_659_78, omega_c: 0.0, theta_c: 25.0, theta_b: 25.0 };
 
-/// A launch driven from outside: the position closes in ramps that are held for 10 ms, torque steps later.
+/// A launch with prescribed inputs: the position closes in ramps that are held for 10 ms, and a torque step follows later.
 fn inputs(t: f64) -> Inputs {
     let held = (t * 100.0 + 1e-6).floor() / 100.0;
     let x_to = if held < 1.6 { 4.5 + 1.2 * held.min(1.0) } else { 8.2 };

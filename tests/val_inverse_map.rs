@@ -1,9 +1,9 @@
-//! Property: for every sound vehicle the torque map's inverse is monotone and inverts it.
+//! Property: for every sound vehicle, the inverse of the torque map is monotone and inverts the map.
 
 use kisspoint::physics::{cushion, map};
 use kisspoint::vehicle::Vehicle;
 
-/// A number in 0..1 that depends on its place alone (splitmix64).
+/// A pseudo-random number in 0..1 that depends on `seed` alone (splitmix64).
 fn share(seed: u64) -> f64 {
     let mut z = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -11,7 +11,7 @@ fn share(seed: u64) -> f64 {
     ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// A car with another spring, friction and kiss point: F = s ξ (ξ − ξ_0)(ξ + r) has its largest root in ξ_0 and grows above it.
+/// A car with a different spring, friction and kiss point: F = s ξ (ξ − ξ_0)(ξ + r) has its largest root at ξ_0 and increases above it.
 fn vehicle(seed: u64) -> Vehicle {
     let draw = |k: u64, low: f64, high: f64| low + (high - low) * share(16 * seed + k);
     let (xi_0, r, s) = (draw(0, 0.0, 0.6), draw(1, 0.0, 2.0), draw(2, 500.0, 12_000.0));

@@ -1,5 +1,5 @@
-//! The plant against independent solutions, nominal (`tests/oracle/plant_oracle.py`) and with effects (`effects_oracle.py`): states to 1e-6
-//! relative through lock-up, break-away, reversal and re-engagement, hot and cold, open and at standstill; times of the events to 1e-6 s.
+//! The plant compared with independent solutions, nominal (`tests/oracle/plant_oracle.py`) and with effects (`effects_oracle.py`): states agree to a relative 1e-6 through
+//! lock-up, break-away, reversal and re-engagement, hot and cold, open and at standstill; times of the events to 1e-6 s.
 
 use kisspoint::effects::{self, PARAMETERS};
 use kisspoint::plant::{Inputs, Phase, Plant, Start};
@@ -44,7 +44,7 @@ fn plant(case: &Value) -> Plant {
     Plant::new(&vehicle, &parameters, &start, &inputs(case, 0.0))
 }
 
-/// Every time at which an input changes or the oracle looks.
+/// All times at which an input changes or the oracle has a row.
 fn stops(case: &Value) -> Vec<f64> {
     let looks = case["rows"].as_array().unwrap().iter().map(|r| r["time"].as_f64().unwrap());
     let corners = case["inputs"].as_array().unwrap().iter().map(|u| u[0].as_f64().unwrap());
@@ -54,7 +54,7 @@ fn stops(case: &Value) -> Vec<f64> {
     all
 }
 
-/// Runs a scenario in steps of at most `step`, with substeps of at most `substep` s; returns the worst relative deviation of a state.
+/// Runs a scenario in steps of at most `step`, with substeps of at most `substep` s; returns the largest relative deviation of a state.
 fn worst_deviation(name: &str, case: &Value, step: f64, substep: f64, allowed: f64) -> f64 {
     let mut plant = plant(case);
     plant.set_max_substep(substep);
@@ -68,7 +68,7 @@ fn worst_deviation(name: &str, case: &Value, step: f64, substep: f64, allowed: f
         let Some(row) = case["rows"].as_array().unwrap().iter().find(|r| r["time"].as_f64() == Some(t)) else { continue };
         let found = plant.outputs();
         let omega_v = plant.state().y[kisspoint::plant::motion::index::OMEGA_V];
-        // A scale of 1 keeps a slip of nearly nothing from counting as a relative error of its own.
+        // The scale is at least 1, so that a slip near zero does not give a large relative error.
         for (what, value) in [
             ("omega_f", found.omega_f),
             ("omega_c", found.omega_c),

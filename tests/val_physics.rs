@@ -1,4 +1,4 @@
-//! Single equations against numbers worked out by hand, where no scenario of the plant singles them out.
+//! Single equations compared with numbers computed by hand, where no scenario of the plant isolates them.
 
 use kisspoint::effects::{self, PARAMETERS, REGISTRY, SIMULATED, Subsystem, Tyre, param};
 use kisspoint::physics::cushion::{self, CushionSpring};
@@ -20,7 +20,7 @@ fn contact_begins_at_the_largest_root_below_one() {
     close("a parabola", root(-100.0, 400.0, 0.0), 0.25);
     close("a parabola that begins at once", root(100.0, 400.0, 0.0), 0.0);
     close("a line", root(100.0, 0.0, 0.0), 0.0);
-    // ξ (ξ − 0.1)(ξ − 0.3), and with either root elsewhere.
+    // ξ (ξ − 0.1)(ξ − 0.3), and variants with either root outside of 0 to 1.
     close("two roots inside", root(30.0, -400.0, 1000.0), 0.3);
     close("one root beyond the closed point", root(200.0, -2100.0, 1000.0), 0.1);
     close("one root at the open end", root(0.0, -300.0, 1000.0), 0.3);
@@ -67,7 +67,7 @@ fn friction_is_that_of_equation_4() {
     let falling = (0.15 - mu_d + 0.02 * 4.0) * (-1.2_f64).exp();
     close("in slip", friction::friction_coefficient(&p, 4.0, 100.0), mu_d + falling);
     close("far outside", friction::friction_coefficient(&p, 100.0, 1e4), friction::MU_MIN);
-    // At rest μ is one number, and its mean over the facing is that times the mean radius.
+    // At rest μ is constant over the facing, so its mean times the radius is μ times the mean radius.
     close("radius at rest", friction::equivalent_radius(&p, 0.0, 100.0), 0.15 * 0.09);
     close("mean radius", friction::mean_radius(&p), 0.09);
     close("torque of both faces", map::torque_of(&p, 500.0, 0.4), 2.0 * 0.09 * 0.4 * 500.0);
@@ -84,7 +84,7 @@ fn the_radius_in_slip_is_the_mean_of_equation_3() {
             (0..PARTS).map(|k| rho(k) * friction::friction_coefficient(&p, omega * rho(k) / 0.09, 100.0)).sum::<f64>() / PARTS as f64;
         let found = friction::equivalent_radius(&p, omega, 100.0);
         assert!((found - mean).abs() < 1e-4 * mean, "{omega} rad/s: {found} against {mean}");
-        // The four nodes of Gauss and Legendre, each asked for by itself.
+        // The four nodes of Gauss–Legendre quadrature, each evaluated separately.
         let nodes = [(0.861_136_311_594_052_6, 0.347_854_845_137_453_85), (0.339_981_043_584_856_26, 0.652_145_154_862_546_1)];
         let both = nodes.iter().flat_map(|(x, w)| [(0.09 - 0.03 * x, w), (0.09 + 0.03 * x, w)]);
         let sum: f64 = both.map(|(rho, w)| 0.5 * w * rho * friction::friction_coefficient(&p, omega * rho / 0.09, 100.0)).sum();
@@ -175,7 +175,7 @@ fn the_registry_finds_its_effects_and_says_how_large_they_are() {
     for (place, entry) in REGISTRY.iter().enumerate() {
         assert_eq!(effects::find(entry.id), Some(place));
     }
-    // What is simulated only is not found where a diagnosis looks.
+    // Effects that can only be simulated are not found by the diagnosis.
     assert!(SIMULATED.iter().all(|entry| effects::find(entry.id).is_none()));
     for entry in effects::all() {
         assert!(entry.is_null(&effects::null()), "{}", entry.id);
@@ -217,7 +217,7 @@ fn a_delay_line_is_what_it_holds() {
     line.clear(signal);
     assert!(line.line(signal).is_empty() && line == History::new());
     close("of an empty line", line.line(signal).interpolate(0.0, 2.0, 9.0), 9.0);
-    // The newest value gives way to one that comes soon after; the oldest goes when the line is full.
+    // The newest value is replaced by one that follows shortly after; the oldest value is dropped when the line is full.
     line.push(signal, 0.0, 1.0);
     for k in 1..=3 {
         line.push(signal, f64::from(k) * 5e-5, f64::from(k));
@@ -260,12 +260,12 @@ fn a_substep_is_what_was_asked_for() {
         plant.step(&inputs, 1e-2);
         assert_eq!((plant.max_substep(), plant.iterations()), (substep, pieces));
     }
-    // 64 pieces of one integration and one search for contact each, 8 searches for switches and one for where both sides meet for the last time, and the rest
-    // before and after that.
+    // 64 pieces with one integration and one search for contact each, 8 searches for switches and one for the last time at which both sides meet, and the pieces before and
+    // after that.
     assert_eq!(plant.most_iterations(1e-2), 64 * 61 + 9 * 60 + 2);
 }
 
-/// A quarter of a pulsation's period further on its cosine counts for nothing; half a period on, it counts the other way.
+/// A quarter of the pulsation's period later its cosine is zero; half a period later it has the opposite sign.
 #[test]
 fn a_plant_goes_on_from_the_slip_angle_to_which_it_is_turned() {
     let mut p = effects::null();

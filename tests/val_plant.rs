@@ -1,5 +1,4 @@
-//! What the plant does between its equations: events inside a substep, corrections from outside.
-//! The bench is that of the effects' laws, so each number is known in closed form.
+//! Behaviour of the plant beyond its equations: events inside a substep, corrections from outside. The bench of the effects' laws gives each number in closed form.
 
 #[allow(dead_code)]
 #[path = "val_effects/bench.rs"]
@@ -11,7 +10,7 @@ use kisspoint::plant::motion::index;
 use kisspoint::plant::{Inputs, Phase, Plant, Start};
 use kisspoint::vehicle::Vehicle;
 
-/// A kiss point beyond the closed point leaves a clutch that is open up to it and closed above, and never one that is closed because it is open.
+/// With a kiss point beyond the closed point, the clutch is open below the kiss point and closed above it. It is never closed because of being open.
 #[test]
 fn a_kiss_point_beyond_the_closed_point_leaves_an_open_clutch_open() {
     let vehicle = Vehicle::paper();
@@ -27,7 +26,7 @@ fn a_kiss_point_beyond_the_closed_point_leaves_an_open_clutch_open() {
         assert_eq!((o.t_fc != 0.0, o.phase == Phase::Slipping), (carries, carries), "{mm} mm at {x_to} mm: {} N·m", o.t_fc);
         assert!(o.t_fc >= 0.0 && o.t_fc < 1.02 * most, "{} N·m of {most}", o.t_fc);
     }
-    // Worn by heat or an effect while it runs, it opens where it was closed.
+    // If heat or an effect moves the kiss point at run time, a closed clutch opens.
     let inputs = Inputs { x_to: 7.9, ..Inputs::default() };
     let mut plant = Plant::new(&vehicle, &effects::null(), &start, &inputs);
     plant.step(&inputs, 0.01);
@@ -39,7 +38,7 @@ fn a_kiss_point_beyond_the_closed_point_leaves_an_open_clutch_open() {
 
 #[test]
 fn contact_is_found_inside_a_substep() {
-    // The bearing travels at 100 mm/s and passes contact within the first substep of 10 ms; only then heat flows between disc and body.
+    // The bearing travels at 100 mm/s and passes the contact point within the first substep of 10 ms. Only while in contact does heat flow between disc and body.
     for (from, to) in [(X_CNT - 0.37, X_CNT + 1.0), (X_CNT + 0.37, X_CNT - 1.0)] {
         let mut bench = Bench::held(100.0, 100.0, 20.0, from).moved(0.0, to);
         let t = &mut bench.vehicle.thermal;
@@ -48,7 +47,7 @@ fn contact_is_found_inside_a_substep() {
         let mut plant = Plant::new(&bench.vehicle, &with(&[(param::actuator_rate_limit::inverse_speed, 0.01)]), &bench.start, &bench.rest);
         plant.set_max_substep(1e-2);
         plant.step(&bench.then[0].1, 1e-2);
-        // Body and air are both at 20 °C, so that the disc's excess decays by e^(−γ t/C_1) of whichever it touches.
+        // Body and air are both at 20 °C, so the excess temperature of the disc decays with e^(−γ t/C_1), with γ of the body while engaged and of the air while open.
         let (first, second) = if from < to { (5.0, 2000.0) } else { (2000.0, 5.0) };
         let expected = 20.0 + 160.0 * (-(first * 3.7e-3 + second * 6.3e-3) / 70.0_f64).exp();
         close("disc", plant.outputs().theta_c, expected, 1e-4);
@@ -75,7 +74,7 @@ fn what_a_step_found_is_forgotten_where_it_no_longer_holds() {
     assert_eq!(plant.outputs(), as_new(&vehicle, &plant).outputs());
     plant.set_effects(&weak, &effects::null()).unwrap();
     assert_eq!(plant.outputs(), as_new(&weak, &plant).outputs());
-    // And the next step begins with what holds now.
+    // The next step begins with the current values.
     let mut new = as_new(&weak, &plant);
     plant.step(&inputs, 1e-3);
     new.step(&inputs, 1e-3);
@@ -107,7 +106,7 @@ fn lags_too_short_for_any_step_are_none() {
     }
 }
 
-/// Lags of 1 ms, which 30 N·m and 1 mm have to within 10⁻⁹ after ln(3·10¹⁰) and ln(10⁹) of their time: 24.1 and 20.7 ms.
+/// Lags of 1 ms: 30 N·m and 1 mm have decayed to 10⁻⁹ after ln(3·10¹⁰) and ln(10⁹) time constants, that is 24.1 and 20.7 ms.
 #[test]
 fn a_lag_is_followed_in_pieces_until_it_has_arrived() {
     for (lag, from, to) in [(param::engine_torque_lag::time_constant, 20, 26), (param::actuator_lag::time_constant, 18, 22)] {
@@ -122,7 +121,7 @@ fn a_lag_is_followed_in_pieces_until_it_has_arrived() {
                 plant.iterations()
             );
         }
-        // A fit, which asks for longer substeps, does with one piece.
+        // A fit, which asks for longer substeps, needs only one piece.
         let mut fitted = Plant::new(&bench.vehicle, &with(&[(lag, 1e-3)]), &bench.start, &bench.rest);
         fitted.set_max_substep(5e-3);
         fitted.step(&moved, 5e-3);
@@ -138,7 +137,7 @@ fn the_approach_of_a_limited_bearing_is_exact_in_long_substeps() {
         let mut plant = Plant::new(&bench.vehicle, &limited, &bench.start, &bench.rest);
         plant.set_max_substep(1.0);
         for k in 1..=6 {
-            // At full speed for 0.06 s, from 0.4 mm away it decays within 0.04 s.
+            // At full speed for 0.06 s; the last 0.4 mm decay with a time constant of 0.04 s.
             plant.step(&bench.then[0].1, 0.025);
             let t = 0.025 * f64::from(k);
             let left = if t < 0.06 { 1.0 - 10.0 * t } else { 0.4 * (-(t - 0.06) / 0.04).exp() };
@@ -189,7 +188,7 @@ fn a_plant_that_takes_up_state_and_delay_lines_goes_on_bit_for_bit() {
     }
 }
 
-/// At rest, in the soft range of the shafts and beyond it, with tyres and without.
+/// Steady state within the soft range of the shafts and beyond it, with and without tyres.
 #[test]
 fn the_twist_under_a_torque_carries_that_torque() {
     use kisspoint::plant::config::Config;
@@ -208,7 +207,7 @@ fn the_twist_under_a_torque_carries_that_torque() {
     }
 }
 
-/// Between shafts with lash and tyres nothing is carried until the lash is used up: the car that is pushed runs ahead of its disc alone.
+/// With lash in the shafts before a tyre, no torque is transmitted until the lash is used up: the car that is pushed moves ahead of its disc.
 #[test]
 fn lash_before_a_tyre_carries_nothing() {
     use param::{driveline_compliance as shafts, tyre_slip as tyre};
@@ -229,7 +228,8 @@ fn lash_before_a_tyre_carries_nothing() {
     }
 }
 
-/// A law that is the same at all breakpoints: N·m beside the engine's torque and against the car's motion, a share of the torque of the faces and of the spring's force.
+/// Learned laws that are constant over all breakpoints: additional torques (N·m) of the engine and against the car's motion, and relative changes of the faces' torque and of
+/// the spring's force.
 #[test]
 fn learned_laws_act_beside_the_known_ones() {
     use effects::empirical::CURVES;
@@ -254,7 +254,7 @@ fn learned_laws_act_beside_the_known_ones() {
     }
 }
 
-/// Those of an engine's time, of actuator and sensors, where they are the same everywhere, do what the effect of that size does; and an offset moves the bearing.
+/// Learned laws of the engine's time constants, of the actuator and of the sensors, if they are constant, act as the effect of that size; an offset moves the bearing.
 #[test]
 fn learned_laws_of_times_and_sensors_are_effects_where_they_are_flat() {
     use effects::empirical::CURVES;
@@ -301,10 +301,10 @@ fn corrections_move_both_sides_apart_or_together() {
     let mut slipping = bench.run(&effects::null(), 0.0);
     slipping.correct_speeds([2.0, -3.0], [0.0; 2], 0);
     assert_eq!((slipping.outputs().omega_f, slipping.outputs().omega_c, slipping.state().y[index::OMEGA_V]), (102.0, 47.0, 47.0));
-    // Once the disc is the faster one, the clutch pulls the other way.
+    // Once the disc is faster, the clutch torque has the opposite sign.
     slipping.correct_speeds([-60.0, 0.0], [0.0; 2], 0);
     close("torque", slipping.outputs().t_fc, -torque(5.0, MU), 1e-9);
-    // Just where both are as fast it still does.
+    // At equal speeds the torque keeps its sign.
     slipping.correct_speeds([5.0, 0.0], [0.0; 2], 0);
     assert_eq!(slipping.slip(), 0.0);
     close("torque", slipping.outputs().t_fc, -torque(5.0, MU), 1e-9);
@@ -312,13 +312,13 @@ fn corrections_move_both_sides_apart_or_together() {
     let mut stuck = bench.run(&effects::null(), 0.0);
     assert_eq!(stuck.outputs().phase, Phase::Locked);
     stuck.correct_speeds([4.0, 1.0], [0.0; 2], 0);
-    // The momentum that both corrections carry: 0.2 · 4 + 0.6 · 1 = 0.8 · 1.75.
+    // The momentum of both corrections: 0.2 · 4 + 0.6 · 1 = 0.8 · 1.75.
     for speed in [stuck.outputs().omega_f, stuck.outputs().omega_c, stuck.state().y[index::OMEGA_V]] {
         close("common speed", speed, 101.75, 1e-12);
     }
 }
 
-/// Shafts that are told of a torque on the car are twisted as they are once the whole car accelerates by it: nothing is left to swing.
+/// A correction of the shafts for a torque on the car sets the twist at which the whole car accelerates, so that no oscillation is left.
 #[test]
 fn shafts_that_are_told_of_a_torque_on_the_car_do_not_swing() {
     for (x_to, together) in [(0.0, 0.5), (8.0, 0.7)] {
@@ -332,7 +332,7 @@ fn shafts_that_are_told_of_a_torque_on_the_car_do_not_swing() {
             close("disc", plant.state().y[index::OMEGA_C], expected, 1e-6);
             close("car", plant.state().y[index::OMEGA_V], expected, 1e-6);
         }
-        // Rigid shafts have no twist to be corrected.
+        // Rigid shafts have no twist to correct.
         let mut rigid = bench.run(&effects::null(), 0.0);
         rigid.correct_shafts(30.0);
         assert_eq!(rigid.state().y[index::TWIST], 0.0);
@@ -346,14 +346,14 @@ fn a_car_that_is_held_stands_and_its_shafts_carry_what_the_clutch_does() {
     plant.hold_car();
     assert_eq!(plant.state().y[index::OMEGA_V], 0.0);
     close("twist", plant.state().y[index::TWIST], 2e-3 * torque(5.0, MU), 1e-12);
-    // A rigid car turns with its disc: there is nothing to hold it by.
+    // A rigid car turns with its disc, so it cannot be held separately.
     let mut rigid = bench.run(&effects::null(), 0.0);
     rigid.hold_car();
     assert_eq!((rigid.state().y[index::OMEGA_V], rigid.state().y[index::TWIST]), (4.0, 0.0));
 }
 
-/// An observer that sees a late speed finds how far it was off then, and that it has been getting worse: a sensor with a filter shows the error of then at once, and grows by
-/// the rate from then on, as a prompt one would. Where its memory was cut off at the mean age an observer of a braked car swung itself up.
+/// An observer with a delayed speed measurement estimates the error at the time of measurement and its growth. After the correction, a delayed or filtered sensor shows that
+/// error at once and its growth as an ideal sensor would. With the stored past cut off at the filter's mean age, the observer of a braked car became unstable.
 #[test]
 fn a_correction_of_a_moment_ago_shows_as_it_would_without_delay() {
     let (by, rate, h, inertia) = (0.4, 30.0, 0.01, 0.5);
@@ -376,7 +376,7 @@ fn a_correction_of_a_moment_ago_shows_as_it_would_without_delay() {
             let mut pushed = bench.rest;
             pushed.t_e_ref += of(rate)[0] * inertia;
             pushed.t_load -= of(rate)[1] * inertia;
-            // Until what happens now shows.
+            // Until the changes made now become visible.
             for k in 1..=20 {
                 seen.step(&pushed, h);
                 before.step(&bench.rest, h);
@@ -401,8 +401,8 @@ fn damping_and_load_follow_their_laws_in_both_directions() {
     }
 }
 
-/// A torque in the place of the clutch takes the flywheel where it is told, whatever the engine's lag does within the step, and no momentum is lost; coupled
-/// rigidly both sides take the speed that keeps it.
+/// With a prescribed torque in place of the clutch torque, the flywheel follows its target speed despite the engine's lag within the step, and momentum is conserved. Coupled
+/// rigidly, both sides take the common speed that conserves momentum.
 #[test]
 fn a_torque_in_the_place_of_the_clutch_loses_no_momentum() {
     let bench = Bench::held(150.0, 40.0, 20.0, X_CNT + 1.0);
@@ -434,7 +434,7 @@ fn a_torque_in_the_place_of_the_clutch_loses_no_momentum() {
     assert_eq!(plant.slip(), 0.0);
 }
 
-/// Told to be coupled by a torque, and told again, both sides keep the one that the clutch had; damping has a say in what takes the flywheel somewhere.
+/// When coupled by a torque, even repeatedly, both sides keep the clutch's torque. Damping is taken into account when the flywheel is steered to a target speed.
 #[test]
 fn a_coupled_clutch_keeps_its_torque_wherever_the_bearing_goes() {
     let mut bench = Bench::held(150.0, 40.0, 20.0, 6.0);
@@ -447,7 +447,7 @@ fn a_coupled_clutch_keeps_its_torque_wherever_the_bearing_goes() {
         close("torque", plant.outputs().t_fc, torque(6.0, MU), 1e-9);
     }
     close("flywheel", plant.outputs().omega_f, 150.0 - torque(6.0, MU) / 0.2 * 0.01, 1e-9);
-    // It heats the faces as the clutch would have.
+    // The coupling torque heats the faces as the clutch torque would.
     bench.vehicle.thermal.C_1 = 70.0;
     let mut coupled = bench.run(&effects::null(), 0.0);
     coupled.couple(false);
@@ -463,7 +463,7 @@ fn a_coupled_clutch_keeps_its_torque_wherever_the_bearing_goes() {
     close("damped flywheel", damped.outputs().omega_f, 145.0, 1e-4);
 }
 
-/// Speeds that swing with τω = 2: a filter of first order leaves 1/√5 of them, 63° late.
+/// Speeds that oscillate with τω = 2: a first-order filter leaves 1/√5 of the amplitude, with a lag of 63°.
 #[test]
 fn a_filtered_speed_has_the_gain_and_the_phase_of_a_first_order_filter() {
     use kisspoint::effects::param::{clutch_speed_delay, engine_speed_delay};
@@ -473,7 +473,7 @@ fn a_filtered_speed_has_the_gain_and_the_phase_of_a_first_order_filter() {
     (p[engine_speed_delay::smoothing], p[clutch_speed_delay::smoothing]) = (TAU, TAU);
     let start = Start { omega_f: 150.0, omega_c: 60.0, theta_c: 25.0, theta_b: 25.0 };
     let mut plant = Plant::new(&Vehicle::paper(), &p, &start, &Inputs::default());
-    // Cosine and sine parts of both speeds and of what is sensed of them, over whole turns after the filter has settled.
+    // Cosine and sine parts of both speeds and of the sensed speeds, over whole periods after the filter has settled.
     let h = TAU_OF_A_TURN / TURN / 400.0;
     let mut parts = [[0.0; 2]; 4];
     for k in 0..400 * 30 {

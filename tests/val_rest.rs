@@ -1,4 +1,4 @@
-//! Brakes and a stalled engine against closed forms.
+//! Brakes and a stalled engine compared with closed forms.
 
 use kisspoint::effects::{self, Parameters, param};
 use kisspoint::plant::{Inputs, Plant, Start, motion::index};
@@ -49,7 +49,7 @@ fn a_car_whose_brakes_let_go_rolls() {
     assert!((found / expected - 1.0).abs() < 0.02, "{found} against {expected}");
 }
 
-/// Through a closed clutch the engine helps a braked car up its grade, and moves it once that is more than brakes and grade.
+/// Through a closed clutch the engine pushes a braked car up a grade; the car moves once the engine torque exceeds brakes and grade.
 #[test]
 fn a_closed_clutch_pushes_a_car_against_its_brakes() {
     let grade = grade_torque(0.1);
@@ -61,7 +61,7 @@ fn a_closed_clutch_pushes_a_car_against_its_brakes() {
                 p[param::driveline_compliance::damping] = 2.0;
             });
             plant.set_brake(brake);
-            // Slowly, so that nothing swings.
+            // Slowly, so that no oscillation is excited.
             for k in 1..=2000 {
                 plant.step(&Inputs { t_e_ref: torque * 5e-4 * f64::from(k), ..inputs }, 1e-3);
             }
@@ -85,7 +85,7 @@ fn a_slipping_clutch_pushes_a_car_against_its_brakes() {
     assert!(held(left.abs() + 2.0).0 && !held(left.abs() - 2.0).0, "{left} N·m are left to the brakes");
 }
 
-/// A rolling car turns a stalled engine through its clutch if that takes more than the engine resists.
+/// A rolling car turns a stalled engine through its clutch if the clutch torque exceeds the engine's resistance.
 #[test]
 fn a_stalled_engine_is_pushed_on_by_a_clutch_that_takes_hold() {
     let turns = |drag: f64, x_to: f64| {
@@ -100,7 +100,7 @@ fn a_stalled_engine_is_pushed_on_by_a_clutch_that_takes_hold() {
     assert!(!turns(10.0 - torque, 6.0).0, "it resists more than that");
 }
 
-/// J_c ω̇ = −T_B − b_c ω − T_L(ω): the time to the stand by quadrature, forwards and backwards.
+/// J_c ω̇ = −T_B − b_c ω − T_L(ω): the time to standstill by quadrature, forwards and backwards.
 #[test]
 fn brakes_stop_a_rolling_car_and_keep_it() {
     let (brake, from) = (80.0, 20.0);
@@ -127,7 +127,7 @@ fn brakes_stop_a_rolling_car_and_keep_it() {
     }
 }
 
-/// A locked car that a grade pulls back stalls its engine, which then stands in the clutch and does not run backwards.
+/// A locked car that rolls back on a grade stalls its engine, which then blocks the clutch side and does not run backwards.
 #[test]
 fn an_engine_stalls_and_does_not_run_backwards() {
     for compliance in [0.0, 0.006] {
@@ -142,7 +142,7 @@ fn an_engine_stalls_and_does_not_run_backwards() {
         }
         assert_eq!((least, plant.state().y[index::OMEGA_F]), (0.0, 0.0), "compliance {compliance}");
         assert!((plant.outputs().t_fc - grade_torque(0.1)).abs() < 1e-3, "{} N·m", plant.outputs().t_fc);
-        // With half the torque of the grade it stands, with more than that it runs again.
+        // With half the torque of the grade the engine stands still; with more than the torque of the grade it runs again.
         inputs.t_e_ref = 0.5 * grade_torque(0.1);
         (0..500).for_each(|_| plant.step(&inputs, 1e-3));
         assert!(plant.state().rest.engine && plant.state().y[index::OMEGA_F] == 0.0, "compliance {compliance}");

@@ -1,5 +1,5 @@
-//! Effects that are switched on, off or set anew while the plant runs: what there is goes on.
-//! The bench is that of the effects' laws, so each number is known in closed form.
+//! Effects that are switched on, switched off or changed while the plant runs: the current state continues without a jump. The bench is that of the effects' laws, so each
+//! number is known in closed form.
 
 #[allow(dead_code)]
 #[path = "val_effects/bench.rs"]
@@ -21,7 +21,7 @@ fn hysteresis_that_is_switched_on_begins_between_its_branches() {
     plant.step(&kisspoint::plant::Inputs { x_to: 6.5, ..closing }, 1e-3);
     let z = 1.0 - (-2.0 * 0.5 / 0.8_f64).exp();
     close("after 0.5 mm", plant.outputs().t_fc, (1.0 + 0.2 * z) * torque(6.5, MU), 1e-9);
-    // Set anew while it acts, it keeps its memory.
+    // If it is set again while active, it keeps its memory.
     plant.set_effects(&bench.vehicle, &on).unwrap();
     close("set anew", plant.outputs().t_fc, (1.0 + 0.2 * z) * torque(6.5, MU), 1e-9);
 }
@@ -74,7 +74,7 @@ fn a_filter_that_is_switched_on_begins_with_the_speed_and_set_anew_goes_on() {
     plant.set_effects(&bench.vehicle, &with(&filtered)).unwrap();
     assert_eq!(speeds(&plant), before, "switched on");
     (0..10).for_each(|_| plant.step(&bench.rest, 1e-3));
-    // A ramp that begins now trails by its time constant less what has decayed of it.
+    // A ramp that begins now lags by its time constant, minus the decayed part of the transient.
     let trails = |tau: f64| tau * -(-0.01_f64 / tau).exp_m1();
     let late = speeds(&plant);
     close("flywheel", late[0], before[0] - 100.0 * (0.01 - trails(0.05)), 1e-6);
@@ -84,7 +84,7 @@ fn a_filter_that_is_switched_on_begins_with_the_speed_and_set_anew_goes_on() {
     assert_eq!(speeds(&plant), late, "set anew");
 }
 
-/// Shafts that twist, or stand within their lash, do so after other effects were set.
+/// The twist of the shafts, also within their lash, is kept when other effects are set.
 #[test]
 fn shafts_stay_as_they_are_when_another_effect_is_set() {
     use param::driveline_compliance::{soft_angle, soft_share};
@@ -103,7 +103,7 @@ fn shafts_stay_as_they_are_when_another_effect_is_set() {
     }
 }
 
-/// Only what is late is kept: a sensor that becomes late after another one knows nothing of before either.
+/// Only delayed signals are stored: a sensor that is delayed later than another has no history of the time before either.
 #[test]
 fn a_second_delay_begins_with_what_is_there_as_well() {
     let mut bench = Bench::held(200.0, 100.0, 25.0, 0.0);
@@ -118,7 +118,7 @@ fn a_second_delay_begins_with_what_is_there_as_well() {
     close("49 ms later", plant.outputs().omega_c, 80.0, 1e-6);
 }
 
-/// Tyres, or shafts before them, that become soft while the car coasts under a load carry what the rigid driveline carried.
+/// Tyres, or shafts before them, that become soft while the car coasts under a load carry the torque of the rigid driveline.
 #[test]
 fn tyres_that_are_switched_on_carry_what_there_is() {
     use param::{driveline_compliance as shafts, tyre_slip as tyre};
@@ -137,7 +137,7 @@ fn tyres_that_are_switched_on_carry_what_there_is() {
         if set.len() > tyres.len() {
             continue;
         }
-        // Shafts that become soft as well.
+        // Shafts that become soft in addition.
         plant.set_effects(&bench.vehicle, &with(&both)).unwrap();
         plant.set_effects(&bench.vehicle, &with(&both[5..])).unwrap();
         let before = plant.outputs().omega_c;
@@ -146,7 +146,7 @@ fn tyres_that_are_switched_on_carry_what_there_is() {
     }
 }
 
-/// Whether they are shafts or tyres, what turns at their two ends keeps its momentum and gains no energy.
+/// When shafts or tyres become rigid, their two ends keep their momentum and gain no energy.
 #[test]
 fn shafts_that_become_rigid_make_one_speed_of_two() {
     let tyre = with(&[(param::tyre_slip::slip_per_torque, 1e-3), (param::tyre_slip::wheel_share, 0.2)]);
@@ -174,7 +174,7 @@ fn shafts_that_become_rigid_make_one_speed_of_two() {
             close("disc", plant.state().y[index::OMEGA_C], after.y[index::OMEGA_C], 1e-2);
         }
     }
-    // A disc that falls below the flywheel by it is driven from then on; an engine that stood at its side turns.
+    // If this makes the disc slower than the flywheel, the clutch drives it from then on; an engine that stood still beside it turns.
     let (mut bench, effects) = elastic(99.0, 100.0, 5.0);
     bench.start.omega_c = 100.0;
     let mut plant = Plant::new(&bench.vehicle, &effects, &bench.start, &bench.rest);

@@ -1,5 +1,5 @@
-//! Eq. (5) in full: two discs and a body in every combination of open and engaged, against the matrix exponential of the linear system that
-//! is written down here anew, and against the balance of heat.
+//! Eq. (5) in full: two discs and a body in every combination of open and engaged, compared with the matrix exponential of the linear system, which is written independently
+//! here, and with the heat balance.
 
 use kisspoint::physics::thermal::{DualThermal, dual_rates, single_rates};
 use kisspoint::vehicle::Vehicle;
@@ -13,7 +13,7 @@ fn dual() -> DualThermal {
     DualThermal { first: Vehicle::paper().thermal, C_2: 55.0, body_loss: 7.0 }
 }
 
-/// Temperatures (disc 1, disc 2, body) after `t` s with everything held: e^(A t) of the system with its constant as a fourth state.
+/// Temperatures (disc 1, disc 2, body) after `t` s with constant inputs: e^(A t) of the system, with the constant term as a fourth state.
 fn exact(p: &DualThermal, engaged: [bool; 2], t: f64) -> [f64; 3] {
     let (g1, g2, g3) = (p.first.gamma_1, p.first.gamma_2, p.first.gamma_3);
     let [d1, d2] = engaged.map(f64::from);
@@ -30,7 +30,7 @@ fn exact(p: &DualThermal, engaged: [bool; 2], t: f64) -> [f64; 3] {
     [x[0], x[1], x[2]]
 }
 
-/// The same by Runge–Kutta steps of the model's rates.
+/// The same by Runge–Kutta steps with the model's rates.
 fn integrated(p: &DualThermal, engaged: [bool; 2], t: f64) -> [f64; 3] {
     let rates = |x: [f64; 3]| {
         let (disc, body) = dual_rates(p, [x[0], x[1]], x[2], AIR, engaged, POWER);

@@ -1,5 +1,5 @@
-//! The work of a step is bounded: whatever inputs and effects do, the plant's inner iterations stay below the bound that it names, and that
-//! bound is finite for every step and every plant that it accepts.
+//! The work of a step is bounded: whatever inputs and effects do, the number of the plant's inner iterations stays below the bound that the plant states, and that bound is
+//! finite for every step and every plant that it accepts.
 
 use kisspoint::effects::{self, PARAMETERS, Parameters};
 use kisspoint::plant::events::ITERATIONS_PER_SUBSTEP;
@@ -28,7 +28,7 @@ fn some_effects(random: &mut Random) -> Parameters {
     chosen
 }
 
-/// Inputs that seek trouble: around contact, around zero slip, reversing, stepping.
+/// Inputs for difficult cases: around contact, around zero slip, reversals, steps.
 fn some_inputs(random: &mut Random) -> Inputs {
     let t_e_ref = [0.0, 60.0, -60.0, 400.0, -400.0][(random.next() * 5.0) as usize] * random.next();
     Inputs { x_to: random.between(3.8, 8.0), t_e_ref, theta_h: random.between(-40.0, 120.0), t_load: random.between(-300.0, 300.0) }
@@ -46,7 +46,7 @@ fn inner_iterations_stay_below_their_bound() {
         let mut plant = Plant::new(&vehicle, &some_effects(&mut random), &start, &some_inputs(&mut random));
         for k in 0..200 {
             if k % 50 == 49 {
-                // A plant that is too fast is refused, and the effects before stay.
+                // A plant that is too fast to be integrated is refused, and the previous effects stay in force.
                 let _ = plant.set_effects(&vehicle, &some_effects(&mut random));
             }
             let h = 10_f64.powf(random.between(-6.0, -2.0));
@@ -60,6 +60,6 @@ fn inner_iterations_stay_below_their_bound() {
         }
     }
     println!("{steps} steps: at most {most} inner iterations in one, {:.1} % of its bound", 100.0 * share);
-    // The search must have been hard: a test that never looks for a switch proves nothing.
+    // The test must contain difficult searches: without any search for a switch it would prove nothing.
     assert!(most > 50);
 }

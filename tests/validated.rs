@@ -1,4 +1,4 @@
-//! What a retuned plant says of itself: where it was validated, and how well its clutch torque is known.
+//! Self-assessment of a retuned plant: where it was validated, and how well its clutch torque is known.
 #![cfg(feature = "cli")]
 
 use kisspoint::campaign::{self, ReadOptions};
@@ -13,7 +13,7 @@ use realcar::{Car, Kind, Place, draw_car_of};
 use serde_json::Value;
 use std::ffi::{CString, c_void};
 
-/// What the diagnosis says of this car, and what its predictions are worth on each recording that it never saw.
+/// The diagnosis of this car, and the errors of its predictions for each recording that it never saw.
 fn diagnosed(car: &Car) -> (Value, Vec<Predicted>) {
     let folder = tempfile::tempdir().unwrap();
     car.write(folder.path()).unwrap();
@@ -23,15 +23,15 @@ fn diagnosed(car: &Car) -> (Value, Vec<Predicted>) {
     (found.json.clone(), predicted::on(&car.unseen, &car.campaign.vehicle_json, &found.json, &car.real))
 }
 
-/// Five cars without and with effects: where a plant says that it is valid the errors of its torque on recordings that came later are as large as it says, within the
-/// spread that five cars have, for samples of one car are off together.
+/// Five cars without and with effects: where the plant is valid, the errors of its torque on later recordings are as large as predicted, within the scatter expected of five
+/// cars, because errors within one car are correlated.
 #[test]
 fn the_predicted_deviation_is_that_of_recordings_that_came_later() {
     let kinds =
         [Kind::Healthy, Kind::Healthy, Kind::Single("friction_level"), Kind::Single("kiss_point_offset"), Kind::Single("friction_fade")];
     let mut all = Vec::new();
     for (k, kind) in kinds.into_iter().enumerate() {
-        // A car that is logged at 100 Hz: a fast one to diagnose.
+        // A car that is logged at 100 Hz, which is fast to diagnose.
         let car = (k..).step_by(kinds.len()).map(|i| draw_car_of(Place::Bench, 11, i, kind));
         let car = car.into_iter().find(|c| c.campaign.recordings[0].sample_rate_hz == 100.0).unwrap();
         let (json, found) = diagnosed(&car);
@@ -46,7 +46,7 @@ fn the_predicted_deviation_is_that_of_recordings_that_came_later() {
     assert!((0.2..2.0).contains(&inside.ratio()), "errors are {:.2} of what was predicted", inside.ratio());
 }
 
-/// An answer that follows no car validates nothing; joint covariance and precision are inverse to each other.
+/// An answer contains its validated domain, and a joint covariance and precision that are inverse to each other.
 #[test]
 fn an_answer_carries_its_covariance_and_its_domain() {
     let car = draw_car_of(Place::Bench, 11, 5, Kind::Healthy);
@@ -70,17 +70,17 @@ fn an_answer_carries_its_covariance_and_its_domain() {
     let sigma = &domain["torque_sigma"];
     let sizes = [&sigma["closing"], &sigma["theta_c_degC"], &sigma["slip_rad_s"]].map(|v| v.as_array().unwrap().len());
     assert_eq!(sizes, [CLOSING.len(), THETA.len(), SLIPS.len()]);
-    // More torque, more σ; and hardly any before the contact.
+    // σ grows with the torque, and is nearly zero before contact.
     let at = |i: usize| sigma["sigma_Nm"][i][1][4].as_f64().unwrap();
     assert!(at(0) < 0.05 && at(5) > at(3) && at(9) > at(6), "{} {} {} {} {}", at(0), at(3), at(5), at(6), at(9));
 }
 
-/// Known at 25 °C with an open clutch alone, with a σ of 3 N·m everywhere.
+/// Validated only at 25 °C with an open clutch, with a σ of 3 N·m everywhere.
 fn known() -> Validated {
     Validated::new([At { slip: 0.0, theta: 25.0, closing: -0.1, torque: 0.0 }].into_iter(), [3.0; TABLE].into_iter())
 }
 
-/// An instance of the plant of these numbers, that says of itself what was found; in initialization.
+/// An instance of the plant with these effects and validation data, in initialization mode.
 fn instance(effects: &Parameters, validated: Option<&Validated>) -> *mut c_void {
     let (model, vehicle) = (&MODELS[1], Vehicle::paper());
     let beside = Beside { validated, ..Beside::default() };
@@ -120,7 +120,7 @@ fn an_fmu_says_where_it_was_validated() {
     let step = |k: usize| assert_eq!(fmi2DoStep(c, k as f64 * 0.01, 0.01, 1), Status::Ok);
     step(0);
     assert_eq!(get(c, OF_ITSELF), [1.0, 3.0]);
-    // Closing with engine torque leads away from what was covered.
+    // Closing the clutch under engine torque leaves the validated domain.
     set(c, vr::x_to, 6.0);
     set(c, vr::T_e_ref, 45.0);
     step(1);
@@ -130,7 +130,7 @@ fn an_fmu_says_where_it_was_validated() {
     step(2);
     let opened = get(c, OF_ITSELF);
     assert!(opened[0] > validity);
-    // An effect that is injected makes another plant, until it is taken back.
+    // An injected effect invalidates the plant until it is removed.
     set(c, vr::effect_friction_fade_depth, 0.3);
     step(3);
     assert_eq!(get(c, OF_ITSELF), [0.0, UNKNOWN_NM]);
@@ -144,7 +144,7 @@ fn an_fmu_says_where_it_was_validated() {
     fmi2FreeInstance(c);
 }
 
-/// A plant that no campaign has retuned was validated nowhere, and moves as one that says more of itself, to the last bit.
+/// A plant that no campaign has retuned was validated nowhere, and its motion equals that of a validated one to the last bit.
 #[test]
 fn what_a_plant_says_of_itself_moves_nothing() {
     let [plain, telling] = [None, Some(&known())].map(|v| instance(&effects::null(), v));
@@ -164,7 +164,7 @@ fn what_a_plant_says_of_itself_moves_nothing() {
     [plain, telling].into_iter().for_each(|c| fmi2FreeInstance(c));
 }
 
-/// Resources with other places or deviations than those of the GUID are another FMU's.
+/// Resources with other validated places or deviations than those of the GUID belong to another FMU.
 #[test]
 fn the_guid_names_what_a_campaign_has_found() {
     let other = Validated::new(std::iter::empty(), [2.0; TABLE].into_iter());

@@ -1,4 +1,4 @@
-//! Choices out of the fuzzer's bytes; when they run out, all are 0.
+//! Choices derived from the fuzzer's bytes; when they run out, all further choices are 0.
 
 use kisspoint::fmi2::types::CallbackFunctions;
 use kisspoint::fmi2::variables::Description;
@@ -19,7 +19,7 @@ pub fn instance(guid: &str) -> *mut c_void {
     made
 }
 
-/// The bytes that are left.
+/// The remaining bytes.
 pub struct Bytes<'a>(pub &'a [u8]);
 
 impl Bytes<'_> {
@@ -39,7 +39,7 @@ impl Bytes<'_> {
         u64::from_le_bytes(std::array::from_fn(|_| self.byte()))
     }
     #[allow(dead_code, reason = "of one target alone")]
-    /// A value that is often a bound, often within, and now and then anything at all.
+    /// A value that is often a bound, often between the bounds, and sometimes arbitrary.
     pub fn value(&mut self, start: f64, min: f64, max: f64) -> f64 {
         let share = f64::from(self.byte()) / 255.0;
         match self.byte() % 8 {

@@ -1,4 +1,4 @@
-//! Any sequence of FMI calls on two instances, with any values: never a crash, and after a step that was accepted every output is a number.
+//! Arbitrary sequences of FMI calls on two instances, with arbitrary values: never a crash, and after an accepted step every output is finite.
 #![no_main]
 
 mod bytes;
@@ -10,7 +10,7 @@ use libfuzzer_sys::fuzz_target;
 use std::ffi::{c_char, c_void};
 use std::ptr;
 
-/// Step sizes and times that an importer may come up with; long ones would only be slow.
+/// Step sizes and times that an importer may pass; long ones would only be slow.
 const TIMES: [f64; 10] = [1e-3, 1e-2, 1e-4, 1e-6, 0.0, -1e-3, 5e-2, f64::NAN, f64::INFINITY, 1e300];
 
 struct Used {
@@ -49,7 +49,7 @@ impl Used {
         }
     }
 
-    /// Serializes the saved state, and takes the bytes back, some of them changed if `spoil`.
+    /// Serializes the saved state and deserializes the bytes, some of them changed if `spoil` is set.
     fn serialize(&mut self, bytes: &mut Bytes, spoil: bool) {
         let mut size = 0;
         if fmi2SerializedFMUstateSize(self.component, self.state, &mut size) != Status::Ok {
@@ -122,7 +122,7 @@ fuzz_target!(|data: &[u8]| {
     let mut bytes = Bytes(data);
     let mut used = models().map(|(guid, description)| Used { component: instance(guid), description, state: ptr::null_mut(), time: 0.0 });
     if bytes.byte() & 1 == 1 {
-        // Straight to stepping, so that not every input must find the way itself.
+        // Initializes directly, so that not every input has to find the way to stepping by itself.
         for u in &used {
             assert_eq!(fmi2EnterInitializationMode(u.component), Status::Ok);
             assert_eq!(fmi2ExitInitializationMode(u.component), Status::Ok);

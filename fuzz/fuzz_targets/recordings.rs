@@ -1,11 +1,11 @@
-//! Recordings: CSV, MDF4 and Parquet files are refused with file and reason, or give channels of one length without anything but numbers.
+//! Recordings: CSV, MDF4 and Parquet files are refused with file and reason, or yield channels of equal length that contain only numbers.
 #![no_main]
 
 use kisspoint::campaign::{ChannelMap, Recording, inspect, read_one};
 use libfuzzer_sys::fuzz_target;
 use std::path::PathBuf;
 
-/// A file of this process; in memory where the system offers that.
+/// A file for this process, in memory where the system supports that.
 fn path() -> PathBuf {
     let memory = PathBuf::from("/dev/shm");
     let folder = if memory.is_dir() { memory } else { std::env::temp_dir() };
@@ -13,7 +13,7 @@ fn path() -> PathBuf {
 }
 
 fuzz_target!(init: {
-    // The reader of MDF4 catches the panics of the library beneath it. One that is not caught still ends the run.
+    // The MDF4 reader catches panics of the library beneath it, so the hook is silenced. A panic that is not caught still ends the run.
     std::panic::set_hook(Box::new(|_| {}));
 }, |data: &[u8]| {
     let path = path();

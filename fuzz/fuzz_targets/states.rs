@@ -1,5 +1,5 @@
-//! Serialized states: bytes as they come are refused; words that were changed and sealed anew are refused or lead to steps that give numbers or an
-//! error, and a reset leads on.
+//! Serialized states: arbitrary bytes are refused. If words are changed and the checksum renewed, the state is refused, or steps from it give numbers or an error, and a reset
+//! recovers.
 #![no_main]
 
 mod bytes;
@@ -21,7 +21,7 @@ fn serialized(c: *mut c_void) -> Vec<u8> {
     stored
 }
 
-/// Takes the bytes up; whether they were accepted.
+/// Deserializes the bytes and sets the state. Returns whether they were accepted.
 fn take_up(c: *mut c_void, stored: &[u8]) -> bool {
     let mut state = ptr::null_mut();
     if fmi2DeSerializeFMUstate(c, stored.as_ptr().cast::<c_char>(), stored.len(), &mut state) != Status::Ok {
@@ -40,7 +40,7 @@ fuzz_target!(|data: &[u8]| {
     assert_eq!(fmi2EnterInitializationMode(c), Status::Ok);
     assert_eq!(fmi2ExitInitializationMode(c), Status::Ok);
     for v in description.variables.iter().filter(|v| v.name.ends_with(".delay")) {
-        // With delay lines in it, a state is longer.
+        // A state with delay lines is longer.
         _ = fmi2SetReal(c, &v.value_reference, 1, &(f64::from(bytes.byte() % 4) * 0.01));
     }
     let steps = bytes.byte() % 64;
@@ -64,7 +64,7 @@ fuzz_target!(|data: &[u8]| {
     }
     let sealed: Vec<u8> = words::bytes(guid, &payload).collect();
     if take_up(c, &sealed) {
-        // A zero may lose its sign: no value is another for that.
+        // A zero may lose its sign, since that changes no value.
         let same = |a: &u64, b: &u64| a == b || (a | b) << 1 == 0;
         let again = words::payload(guid, &serialized(c)).expect("our own state");
         assert!(again.len() == payload.len() && again.iter().zip(&payload).all(|(a, b)| same(a, b)), "a state that was taken up is written as it was read");

@@ -1,4 +1,4 @@
-//! Vehicle files: refused with a reason, or a vehicle that is written and read back the same and that a plant steps with.
+//! Vehicle files: refused with a reason, or read as a vehicle that survives writing and reading unchanged and with which a plant can be stepped.
 #![no_main]
 
 use kisspoint::effects;

@@ -61,22 +61,22 @@ class Diagnosis(Mapping[str, Any]):
 
     @property
     def verdict(self) -> str:
-        """no_gap, explained, partly_explained, unexplained or inputs_do_not_fit."""
+        """One of no_gap, explained, partly_explained, unexplained, inputs_do_not_fit."""
         return str(self["verdict"])
 
     @property
     def sentence(self) -> str:
-        """The verdict in a sentence."""
+        """The verdict in one sentence."""
         return str(self["sentence"])
 
     @property
     def confidence(self) -> float:
-        """Probability of the verdict's content, 0 to 1: that nothing is wrong, that exactly these effects are there, or that the gap lies where it says."""
+        """Probability that the verdict holds, 0 to 1: that nothing is wrong, that exactly the named effects are there, or that the gap lies where the verdict says."""
         return float(self["confidence"])
 
     @property
     def effects(self) -> list[str]:
-        """The effects added, most important first."""
+        """Ids of the effects that were added to the model, most important first."""
         return [effect["id"] for effect in self["which"]["effects"]]
 
     @property
@@ -95,11 +95,11 @@ class Diagnosis(Mapping[str, Any]):
 
     @property
     def fmu(self) -> Path:
-        """The retuned plant."""
+        """Path of the retuned plant's FMU."""
         return self.out / "DrivelinePlant.fmu"
 
     def load_plant(self, **start: float) -> Plant:
-        """The retuned plant, to be stepped."""
+        """Loads the retuned plant for stepping."""
         return Plant(self.fmu, **start)
 
     @property
@@ -126,11 +126,11 @@ class Diagnosis(Mapping[str, Any]):
         return runs
 
     def figure(self, recording: str) -> "Figure":
-        """Both speeds of a recording: car, before and after. It may come from any file that the command reads."""
+        """A figure of both speeds of a recording: car, before and after. The recording may have any file format that the command reads."""
         from matplotlib.figure import Figure
 
         runs = self.replay(recording)
-        # The car's curve is wide, so that it stays visible behind one that fits.
+        # The car's curve is wide, so that it remains visible behind a model's curve that fits.
         styles: dict[str, dict[str, Any]] = {"real": {"color": "0.7", "lw": 4}, "before": {"color": "C1", "ls": "--"}, "after": {"color": "C0"}}
         figure = Figure(figsize=(8, 5), layout="constrained")
         for axes, channel in zip(figure.subplots(2, 1, sharex=True), ("omega_f_rad_s", "omega_c_rad_s"), strict=True):
@@ -181,7 +181,7 @@ def _source(
     vehicle: str | Path | Mapping[str, Any] | None,
     keep: "list[tempfile.TemporaryDirectory[str]]",
 ) -> Path:
-    """A campaign's folder; that of recordings in memory is made."""
+    """The folder of a campaign; for recordings in memory, a folder is written first."""
     if not isinstance(campaign, Mapping):
         return Path(campaign)
     if about is None or vehicle is None:
@@ -192,7 +192,7 @@ def _source(
 
 
 class Gaps(list[dict[str, Any]]):
-    """A list of dicts with recording, manoeuvre, channel, unit, rms and noise. ``notes`` and ``left_out`` say what was noticed and left out on reading."""
+    """A list of dicts with recording, manoeuvre, channel, unit, rms and noise. ``notes`` holds the reader's remarks, ``left_out`` the recordings that it left out."""
 
     notes: list[dict[str, str]]
     left_out: list[dict[str, str]]
@@ -205,7 +205,7 @@ def gap(
     vehicle: str | Path | Mapping[str, Any] | None = None,
     channel_map: str | Path | None = None,
 ) -> Gaps:
-    """How far the simulation of a campaign is off, before any diagnosis. Campaign, ``about`` and ``channel_map`` are as for `diagnose`.
+    """Gap between the simulation and the recordings of a campaign, before any diagnosis. Campaign, ``about`` and ``channel_map`` are as for `diagnose`.
 
     With a folder, ``vehicle`` (a file or its content) replaces the folder's own vehicle.json.
     """
@@ -227,7 +227,7 @@ def gap(
 
 
 def inspect(file: str | Path) -> dict[str, Any]:
-    """What a measurement file (CSV, MDF4, Parquet) holds: ``channels`` with unit, rate, range and a guess, and ``notes``."""
+    """Content of a measurement file (CSV, MDF4, Parquet): ``channels`` with unit, rate, range and a guess of the quantity, and ``notes``."""
     found: dict[str, Any] = json.loads(run("inspect", file, "--json"))
     return found
 
@@ -237,5 +237,5 @@ def _mapped(channel_map: str | Path | None) -> list[str]:
 
 
 def load_plant(fmu: str | Path, **start: float) -> Plant:
-    """Loads a plant, nominal or retuned, to be stepped. ``start`` are start values by their full names (``**{"friction.mu_0": 0.2}``)."""
+    """Loads a plant, nominal or retuned, for stepping. ``start`` holds start values by their full names (``**{"friction.mu_0": 0.2}``)."""
     return Plant(fmu, **start)

@@ -1,4 +1,4 @@
-"""The command `kisspoint`, as this package holds it."""
+"""The command `kisspoint` as this package runs it."""
 
 import os
 import shutil
@@ -8,11 +8,11 @@ from pathlib import Path
 
 
 class KisspointError(RuntimeError):
-    """The command's error message: which input is wrong, and what to do."""
+    """The command's error message, which says which input is wrong and what to do."""
 
 
 def path() -> Path:
-    """$KISSPOINT, the command in this package, or the one on the path."""
+    """Path of the command: $KISSPOINT, the command in this package, or the one on the path."""
     if "KISSPOINT" in os.environ:
         return Path(os.environ["KISSPOINT"])
     own = Path(__file__).with_name("kisspoint.exe" if sys.platform == "win32" else "kisspoint")
@@ -23,7 +23,7 @@ def path() -> Path:
 
 
 def run(*arguments: object) -> str:
-    """Runs the command and returns what it prints."""
+    """Runs the command and returns its output."""
     done = subprocess.run([str(path()), *map(str, arguments)], capture_output=True, encoding="utf-8")
     if done.returncode != 0:
         raise KisspointError(done.stderr.strip().removeprefix("kisspoint: "))
@@ -31,7 +31,7 @@ def run(*arguments: object) -> str:
 
 
 def main() -> int:
-    """Passes the command line on to the command; `kisspoint fleet` is run by this package itself."""
+    """Passes the command line on to the command, except for `kisspoint fleet`, which this package runs itself."""
     if sys.argv[1:2] == ["fleet"]:
         try:
             from .fleet.__main__ import main as fleet

@@ -8,7 +8,7 @@ from typing import Any
 
 
 class Plant:
-    """One instance of an FMU, from its start values on. Use it as a context manager: it keeps the unpacked FMU in a temporary folder."""
+    """An instance of an FMU, initialized with its start values. Use it as a context manager: it keeps the unpacked FMU in a temporary folder."""
 
     def __init__(self, fmu: str | Path, **start: float) -> None:
         from fmpy import extract, read_model_description
@@ -34,13 +34,13 @@ class Plant:
             self._fmu.setReal([self._reference(name) for name in values], [float(v) for v in values.values()])
 
     def get(self, name: str) -> float:
-        """Value of a variable now."""
+        """Current value of a variable."""
         reference = [self._reference(name)]
         values = self._fmu.getInteger(reference) if name in self._integers else self._fmu.getReal(reference)
         return float(values[0])
 
     def step(self, seconds: float, **inputs: float) -> None:
-        """Advances by this time, with the inputs held."""
+        """Advances by ``seconds``, with the inputs held."""
         self.set(inputs)
         self._fmu.doStep(currentCommunicationPoint=self.time, communicationStepSize=seconds)
         self.time += seconds

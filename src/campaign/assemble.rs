@@ -1,4 +1,4 @@
-//! From a file's channels to a recording: one span, every channel at its own stamps, and a note of everything that was done.
+//! Builds a recording from the channels of a file: one common span of time, every channel at its own stamps, and a note of everything that was done.
 
 use super::channel_map::ChannelMap;
 use super::channels::{Channel, Lasting};
@@ -15,24 +15,24 @@ use super::span::{Track, check_rate, rate_note, round, span, tracks};
 use super::table::Measurement;
 use super::{NO_BRAKE, NO_POSITION, Recording};
 
-/// Housing air where nothing says how warm it is, °C.
+/// Temperature of the housing air if nothing states it, °C.
 const MILD: f64 = 20.0;
 
-/// How well start temperatures are known that nobody gave, K: the car may have stood all night or just have climbed a hill.
+/// Standard deviation of start temperatures that are not given, K: the car may have stood all night or may just have climbed a hill.
 const UNKNOWN_K: f64 = 40.0;
 
-/// What a file holds.
+/// A recording, and what was found while reading it.
 pub(super) struct Assembled {
     pub(super) recording: Recording,
-    /// What was done to it.
+    /// What was done to the recording, for its user.
     pub(super) notes: Vec<String>,
-    /// What its speeds say of rows that repeat their source.
+    /// Counts of rows in which its speeds repeat the sample before.
     pub(super) repeats: Repeats,
-    /// Why it shows nothing if the torque stands still in all other recordings, too.
+    /// Defect of a recording whose engine torque never changes. It applies only if the torque does not change in any other recording either.
     pub(super) still_torque: Option<RecordingError>,
 }
 
-/// Builds the recording. `all` is what the speeds of all recordings of a campaign say of repeats, if they have been read.
+/// Builds the recording. `all` holds the repeated rows counted in the speeds of all recordings of a campaign, once these have been read.
 pub(super) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry, all: Option<&Repeats>) -> Result<Assembled, RecordingError> {
     let mut notes = std::mem::take(&mut m.notes);
     let picked = pick(&mut m, map)?;
@@ -44,13 +44,13 @@ pub(super) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry, all:
     let mut tracks = tracks(&m, signals, &mut notes)?;
     let clock_hz = check_rate(&m, &tracks, entry)?;
     let (start, end) = span(&m, &tracks, &mut notes)?;
-    // After the clock: three samples are too short to be called a wrong unit.
+    // Units are checked after the clock: a recording of three samples is refused because it is too short, not because of a wrong unit.
     for track in &tracks {
         checks::plausible(&m, &track.signal, map, entry)?;
     }
     let (repeats, left_out) = samples_alone(&mut tracks, all);
     notes.extend(left_out);
-    // A sensor's dead band bounds nothing: the speed is not known there, and the recording goes on.
+    // A sensor's dead band does not bound the recording: the speed is unknown there, but the recording goes on.
     notes.extend(tracks.iter_mut().filter_map(|t| below_threshold(&mut t.signal)));
     let mut time = rows(tracks.iter().map(|t| &t.signal).filter(|s| s.channel != Channel::ThetaH), start, end);
     note_gaps(&m, &tracks, end, &mut notes);
@@ -77,13 +77,13 @@ pub(super) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry, all:
     }
     let label = |channel| labels.iter().find(|(c, _)| *c == channel).map_or_else(String::new, |(_, l)| l.clone());
     checks::says_something(&m.file, label, &mut recording, &mut notes)?;
-    // What the map gives as a constant is meant.
+    // A torque that the channel map gives as a constant is meant to be constant.
     let still = checks::constant(&recording.t_e).filter(|_| map.get(Channel::TE).is_none_or(|mapped| mapped.value.is_none()));
     let still_torque = still.map(|value| Defect::StillTorque { value }.at(&m.file, label(Channel::TE), None));
     Ok(Assembled { recording, notes, repeats, still_torque })
 }
 
-/// Nominal rate of the faster of two speeds with these rows, Hz; 0 if neither has two samples.
+/// Nominal rate of the faster of two speeds with these rows, Hz: the inverse of the median step between its samples; 0 if neither has two samples.
 fn rate(time: &[f64], speeds: [&[f64]; 2]) -> f64 {
     let step = |speed: &[f64]| {
         let own: Vec<f64> = time.iter().zip(speed).filter(|(_, v)| v.is_finite()).map(|(t, _)| *t).collect();
@@ -94,7 +94,7 @@ fn rate(time: &[f64], speeds: [&[f64]; 2]) -> f64 {
     if step.is_finite() { round(1.0 / step) } else { 0.0 }
 }
 
-/// Takes out the samples outside the recording's window.
+/// Sets the samples outside the recording's window to NaN, except those of slow channels.
 fn within_window(m: &Measurement, signals: &mut [Signal], entry: &Entry) -> Result<(), RecordingError> {
     let Some([from, to]) = entry.window else { return Ok(()) };
     let ends = signals.iter().filter_map(|s| Some((*s.time.first()?, *s.time.last()?)));
@@ -109,7 +109,7 @@ fn within_window(m: &Measurement, signals: &mut [Signal], entry: &Entry) -> Resu
     Ok(())
 }
 
-/// Takes out the samples that the channel `valid` marks as not to be believed, and that channel itself.
+/// Sets the samples that the channel `valid` marks as invalid to NaN, and removes that channel.
 fn set_aside(signals: &mut Vec<Signal>, notes: &mut Vec<String>) {
     let Some(at) = signals.iter().position(|s| s.channel == Channel::Valid) else { return };
     let mark = signals.remove(at);
@@ -124,7 +124,7 @@ fn set_aside(signals: &mut Vec<Signal>, notes: &mut Vec<String>) {
     }
 }
 
-/// Takes out the zeros of a speed sensor that reads nothing below its threshold.
+/// Sets the zeros of a speed sensor that reads nothing below its threshold to NaN. Returns a note if there are any.
 fn below_threshold(signal: &mut Signal) -> Option<String> {
     let speed = matches!(signal.channel, Channel::OmegaF | Channel::OmegaC);
     let (threshold, zeros) = doubt::dead_band(&signal.time, &signal.values, doubt::SURE).filter(|_| speed)?;
@@ -133,7 +133,7 @@ fn below_threshold(signal: &mut Signal) -> Option<String> {
     Some(format!("{label}: the sensor reads 0 below {threshold:.3} rad/s; what it does there is not known ({count} left out)"))
 }
 
-/// Reports the gaps in which sensors say nothing and inputs hold their value; channels with the same gaps in one note.
+/// Notes the gaps, in which sensors have no value and inputs hold their last one. Channels with the same gaps share one note.
 fn note_gaps(m: &Measurement, tracks: &[Track], end: f64, notes: &mut Vec<String>) {
     let mut said: Vec<(String, Vec<&str>)> = Vec::new();
     for track in tracks.iter().filter(|t| t.lasting() != Lasting::Slow) {
@@ -162,7 +162,7 @@ fn plural(count: usize, word: &str) -> String {
     format!("{count} {word}{}", if count == 1 { "" } else { "s" })
 }
 
-/// Start temperatures as given, else around the housing air; and the housing air where it was not recorded.
+/// Sets the start temperatures, to that of the housing air if none are given, and a constant housing air temperature where it was not recorded.
 fn temperatures(recording: &mut Recording, entry: &Entry, notes: &mut Vec<String>) {
     if recording.theta_h.is_empty() {
         let (air, from) = match entry.theta_0 {

@@ -1,4 +1,4 @@
-//! The channel map: which of a user's channels is which of ours.
+//! The channel map: it assigns the channels of a user's file to ours.
 //!
 //! ```toml
 //! [omega_f_rad_s]
@@ -23,7 +23,8 @@
 //! kind = "brake"          # at the flywheel; or "indicated", of combustion
 //! ```
 //!
-//! `theta_h_degC = { value = 35.0 }` is a constant for a channel that there is none of. `dbc = "car.dbc"`, beside the map, names the database of a CAN bus whose frames a file holds. `T_e_Nm = "TqEng"` is short for a name alone. JSON of the same shape is read too.
+//! `theta_h_degC = { value = 35.0 }` gives a constant in place of a channel that was not recorded. `dbc = "car.dbc"`, beside the entries, names the database
+//! of a CAN bus whose frames a file holds. `T_e_Nm = "TqEng"` is short for an entry with a name only. JSON of the same structure is read, too.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -34,7 +35,7 @@ use super::channels::{CHANNELS, Channel};
 use super::error::CampaignError;
 use super::units::{self, Quantity};
 
-/// Where each of our channels comes from; channels that are not named come from the contract's columns.
+/// Source of each of our channels. A channel without an entry is looked for under the contract's column name.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ChannelMap {
     entries: BTreeMap<Channel, Mapped>,
@@ -51,35 +52,35 @@ pub struct Mapped {
     pub name: Option<String>,
     /// Unit of the value after scale and offset.
     pub unit: Option<String>,
-    /// Factor on the stored value.
+    /// Factor applied to the stored value.
     pub scale: Option<f64>,
-    /// Added after the factor.
+    /// Offset added after the factor.
     pub offset: Option<f64>,
-    /// Group by name or number, if the name occurs in several.
+    /// Group by name or number, if the name occurs in several groups.
     pub group: Option<String>,
-    /// A constant instead of a channel, in our unit.
+    /// Constant value in place of a channel, in our unit.
     pub value: Option<f64>,
-    /// Speeds: from the speed that is measured to that of the clutch, gear times final drive.
+    /// Speeds: factor from the measured speed to the disc's, i.e. gear ratio times final drive.
     pub ratio: Option<f64>,
-    /// Speeds: rolling radius of the tyre, where a road speed is measured, m.
+    /// Speeds: rolling radius of the tyre, m, if the channel is a road speed.
     pub tyre_radius: Option<f64>,
-    /// Torques: what 100 % are, N·m.
+    /// Torques: torque that 100 % stands for, N·m.
     pub reference: Option<f64>,
-    /// Engine torque: what the channel is.
+    /// Engine torque: which torque the channel reports.
     pub kind: Option<TorqueKind>,
 }
 
-/// What a channel of engine torque is.
+/// Which engine torque a channel reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TorqueKind {
-    /// At the flywheel: friction and accessories are off it already.
+    /// Torque at the flywheel: friction and accessories are already subtracted.
     Brake,
-    /// Of combustion: friction is still in it.
+    /// Indicated torque, that of combustion: friction is still included.
     Indicated,
 }
 
 impl ChannelMap {
-    /// Reads a map; the ending tells JSON from TOML.
+    /// Reads a map, as JSON if the file's extension is `json`, otherwise as TOML.
     pub fn from_file(path: &Path) -> Result<ChannelMap, CampaignError> {
         let io = |source| CampaignError::Io { file: path.to_path_buf(), source };
         let text = std::fs::read_to_string(path).map_err(io)?;
@@ -87,7 +88,7 @@ impl ChannelMap {
         if json { Self::from_json(&path.display().to_string(), &text) } else { Self::from_toml(&path.display().to_string(), &text) }
     }
 
-    /// Reads TOML; `file` is what messages call it.
+    /// Reads TOML; `file` is its name in messages.
     pub fn from_toml(file: &str, text: &str) -> Result<ChannelMap, CampaignError> {
         let value: Value = toml::from_str(text).map_err(|e: toml::de::Error| {
             let (line, column) = line_column(text, e.span().map_or(0, |s| s.start));
@@ -96,7 +97,7 @@ impl ChannelMap {
         Self::from_value(file, &value, text)
     }
 
-    /// Reads JSON; `file` is what messages call it.
+    /// Reads JSON; `file` is its name in messages.
     pub fn from_json(file: &str, text: &str) -> Result<ChannelMap, CampaignError> {
         let value = crate::json::parse(text).map_err(|e| syntax(file, "JSON", e.line, e.column, &e.what))?;
         Self::from_value(file, &value, text)
@@ -112,7 +113,7 @@ impl ChannelMap {
         self.dbc.as_deref()
     }
 
-    /// This map with the entries of another one in place of its own.
+    /// This map, with the entries of `over` replacing its own for the same channels.
     pub fn overlaid(&self, over: &ChannelMap) -> ChannelMap {
         let mut map = self.clone();
         map.entries.extend(over.entries.iter().map(|(channel, mapped)| (*channel, mapped.clone())));
@@ -120,7 +121,7 @@ impl ChannelMap {
         map
     }
 
-    /// This map with another ratio for the disc's speed.
+    /// This map with another ratio for the disc speed.
     pub fn with_ratio(&self, ratio: f64) -> ChannelMap {
         let mut map = self.clone();
         map.entries.entry(Channel::OmegaC).or_default().ratio = Some(ratio);
@@ -133,7 +134,7 @@ impl ChannelMap {
         self.entries.insert(channel, mapped);
     }
 
-    /// Takes a map from JSON that is read already; `file` is what messages call it.
+    /// Builds a map from JSON that has already been parsed; `file` is its name in messages.
     pub(crate) fn from_value(file: &str, value: &Value, text: &str) -> Result<ChannelMap, CampaignError> {
         let fail = |what: String, remedy: String| CampaignError::ChannelMap { file: file.to_string(), what, remedy };
         let Some(object) = value.as_object() else {
@@ -144,7 +145,7 @@ impl ChannelMap {
         for (column, entry) in object {
             if column == "dbc" {
                 let name = entry.as_str().ok_or_else(|| fail("`dbc` is not a text".into(), "Give the name of a DBC file".into()))?;
-                // Beside the map, unless it says otherwise.
+                // A relative path starts at the folder of the map.
                 dbc = Some(Path::new(file).parent().unwrap_or(Path::new("")).join(name));
                 continue;
             }
@@ -251,7 +252,7 @@ fn syntax(file: &str, format: &'static str, line: usize, column: usize, what: &s
     CampaignError::Syntax { file: file.into(), format, line, column, what: what.trim().replace('\n', " ") }
 }
 
-/// Line and column, from 1, of a byte.
+/// Line and column of a byte offset, both counted from 1.
 fn line_column(text: &str, at: usize) -> (usize, usize) {
     let before = text.get(..at).unwrap_or(text);
     let line = before.matches('\n').count() + 1;

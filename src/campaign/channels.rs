@@ -1,10 +1,10 @@
-//! The channels that a recording holds, as one table: name, unit, whether it has to be there, how a value lasts.
+//! The channels of a recording as one table: name, unit, whether the channel is required, and how long a value holds.
 //!
-//! | held how | meaning | in a row without a sample |
+//! | [`Lasting`] | meaning | in a row without a sample |
 //! |---|---|---|
 //! | `Held` | an input, constant from its sample to the next | the previous value, for at most 100 ms of missing samples |
-//! | `Sensed` | a signal at the sample's instant | not a number |
-//! | `Slow` | housing air, brake, validity: they change seldom | the previous value |
+//! | `Sensed` | a signal at the sample's instant | NaN |
+//! | `Slow` | a signal that changes seldom: housing air, brake, validity | the previous value |
 
 use super::units::Quantity;
 
@@ -31,16 +31,16 @@ pub enum Channel {
     ThetaC,
     /// Whether the driver brakes.
     Brake,
-    /// Whether the row's samples are to be believed.
+    /// Whether the row's samples can be trusted.
     Valid,
 }
 
-/// How a channel's value lasts between its samples.
+/// How long a channel's value holds between its samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lasting {
     /// Zero-order hold.
     Held,
-    /// Valid at its instant.
+    /// Valid at the sample's instant only.
     Sensed,
     /// Holds until the next sample, however long that takes; the first value also holds before it.
     Slow,
@@ -49,21 +49,21 @@ pub enum Lasting {
 /// Which recordings have a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Presence {
-    /// A recording can't be used without it.
+    /// A recording cannot be used without it.
     Always,
-    /// Most recordings have it; without it less can be assessed.
+    /// Most recordings have it; less can be assessed without it.
     Usual,
-    /// On the test bench alone.
+    /// On the test bench only.
     Bench,
-    /// In drives alone.
+    /// In drives only.
     Road,
 }
 
-/// What the contract says about one channel.
+/// The contract's entry for one channel.
 pub struct Spec {
-    /// Which channel.
+    /// The channel.
     pub channel: Channel,
-    /// Column name, its unit last.
+    /// Column name, which ends with the unit.
     pub column: &'static str,
     /// The name without the unit.
     pub stem: &'static str,
@@ -71,7 +71,7 @@ pub struct Spec {
     pub unit: &'static str,
     /// Physical quantity that the unit measures.
     pub quantity: Quantity,
-    /// How a value lasts.
+    /// How long a value holds.
     pub lasting: Lasting,
     /// Which recordings have it.
     pub presence: Presence,

@@ -1,17 +1,17 @@
-//! Values that can't be in the unit that they claim, and channels that say nothing.
+//! Refuses values that cannot be in the unit that they claim, and channels that carry no information.
 //!
-//! Bounds are far from what a dry clutch of a road vehicle does, so that only a wrong unit or a wrong channel crosses them.
+//! The bounds are far outside what a road vehicle with a dry clutch reaches, so that only a wrong unit or a wrong channel exceeds them.
 //!
 //! | channel | refused | taken for |
 //! |---|---|---|
-//! | speeds | above 1500 rad/s, or half of the time above 600 rad/s (5700 rpm) | rpm |
+//! | speeds | magnitude above 1500 rad/s, or more than half of the samples above 600 rad/s (5700 rpm) | rpm |
 //! | flywheel speed | never above 40 rad/s (380 rpm), below any idle | revolutions per second |
-//! | flywheel speed | half of the time negative | a sign |
-//! | engine torque | above 3000 N·m | N·mm |
-//! | engine torque | changing, never above 0.5 N·m | kN·m |
-//! | positions | never above 0.05 mm | m |
-//! | positions | above 60 mm | percent of the travel up to 150, µm from 1000 on, else a wrong channel |
-//! | temperatures | above 200 °C in the housing; 253 to 293 K off the disc's temperature at the start | K |
+//! | flywheel speed | more than half of the samples at or below -1 rad/s | a wrong sign |
+//! | torques | magnitude above 3000 N·m | N·mm |
+//! | engine torque | changes, but its magnitude never reaches 0.5 N·m | kN·m |
+//! | positions | positive somewhere, but the magnitude never reaches 0.05 mm | m |
+//! | positions | magnitude above 60 mm | percent of the travel up to 150, µm from 1000 on, otherwise a wrong channel |
+//! | temperatures | above 200 °C in the housing; a disc that starts 253 to 293 K above its stated start temperature | K |
 //! | temperatures | below -60 °C | a wrong channel |
 //! | flags | below 0 or above 1 | a wrong channel |
 
@@ -58,10 +58,10 @@ pub(crate) fn plausible(m: &Measurement, signal: &Signal, map: &ChannelMap, entr
     }
 }
 
-/// What a position from 0 to 100 looks like; no unit of length, so that a map needs a scale.
+/// Apparent unit of a position that runs from 0 to 100. It is no unit of length, so that the channel map needs a scale.
 const PERCENT: &str = "%";
 
-/// Sample, what is wrong, and the unit that the values look like.
+/// Index of the sample, what is wrong, and the unit that the values seem to be in.
 type Suspicion = Option<(usize, String, Option<&'static str>)>;
 
 struct Range {
@@ -123,7 +123,7 @@ fn torque(channel: Channel, range: &Range) -> Suspicion {
     if peak.abs() > 3000.0 {
         return Some((at, format!("{} N·m is more than a dry clutch carries", short(peak)), Some("N·mm")));
     }
-    // The clutch may be open throughout, with no torque at all; the engine has to turn itself.
+    // Clutch torque is not checked here: the clutch may be open throughout and transmit nothing, whereas the engine needs torque to keep itself turning.
     let idle = channel == Channel::TE && peak.abs() < 0.5 && range.max.1 > range.min.1;
     idle.then(|| (at, format!("the engine torque never exceeds {} N·m", short(peak)), Some("kN·m")))
 }
@@ -165,12 +165,12 @@ fn flag(range: &Range) -> Suspicion {
     (!(0.0..=1.0).contains(&off.1)).then(|| (off.0, format!("{} is neither 0 nor 1", off.1), None))
 }
 
-/// A value without digits that are rounding.
+/// Formats a value with up to four decimals, without trailing zeros.
 fn short(value: f64) -> String {
     format!("{value:.4}").trim_end_matches('0').trim_end_matches('.').to_string()
 }
 
-/// Refuses a recording that shows nothing; drops a bench channel that says nothing.
+/// Refuses a recording whose speeds or inputs never change; drops a bench position or torque that never changes while the command is not constant.
 pub(crate) fn says_something(
     file: &str,
     label: impl Fn(Channel) -> String,
@@ -181,7 +181,7 @@ pub(crate) fn says_something(
     if let Some(value) = constant(&recording.omega_f) {
         return at(Defect::Frozen { value }, Channel::OmegaF);
     }
-    // With the clutch open and the car at rest a noise-free sensor reads nothing but 0.
+    // With the clutch open and the car at rest, a noise-free sensor reads 0 throughout.
     if let Some(value) = constant(&recording.omega_c).filter(|v| *v != 0.0 || recording.manoeuvre != "open_rev") {
         return at(Defect::Frozen { value }, Channel::OmegaC);
     }
@@ -207,7 +207,7 @@ pub(crate) fn says_something(
     Ok(())
 }
 
-/// The value of a series whose samples are all the same.
+/// The value of a series whose valid samples are all equal.
 pub(super) fn constant(values: &[f64]) -> Option<f64> {
     let mut there = values.iter().copied().filter(|v| !v.is_nan());
     let first = there.next()?;
@@ -226,7 +226,7 @@ mod tests {
         plausible(&Measurement::default(), &signal, &map, &Entry { theta_0, ..Entry::default() }).err().map(|e| e.to_string())
     }
 
-    /// Each bound of the table from both sides: sample, what is wrong, and the unit that the values look like.
+    /// Tests each bound of the table from both sides: sample, what is wrong, and the unit that the values seem to be in.
     #[test]
     fn bounds_lie_where_the_table_has_them() {
         use Channel::{Brake, OmegaC, OmegaF, TE, TFc, ThetaC, ThetaH, Time, XTo, XToCmd};
@@ -322,11 +322,11 @@ mod tests {
         let refused = |manoeuvre: &str, change: &dyn Fn(&mut Recording)| shown(manoeuvre, change).0.err().unwrap_or_default();
         assert!(refused("drive", &|r| r.omega_f = frozen()).contains("omega_f_rad_s: the value is 2 "));
         assert!(refused("drive", &|r| r.omega_c = frozen()).contains("omega_c_rad_s: the value is 2 "));
-        // A disc at rest stands still with the clutch open, and never else.
+        // A disc speed of 0 throughout is accepted in an `open_rev` only.
         assert!(refused("drive", &|r| r.omega_c.fill(0.0)).contains("omega_c_rad_s"));
         assert!(refused("open_rev", &|r| r.omega_c = frozen()).contains("omega_c_rad_s"));
         assert_eq!(refused("open_rev", &|r| r.omega_c.fill(0.0)), "");
-        // One input may stand still, not both; and no launch without a motion.
+        // One input may be constant, but not both, and no launch, creep or modulation has a constant command.
         assert_eq!(refused("drive", &|r| r.t_e = frozen()), "");
         assert!(shown("drive", |r| r.t_e = frozen()).2[0].starts_with("T_e_Nm: the value is 2 in every sample"));
         assert_eq!(refused("drive", &|r| r.x_to_cmd = frozen()), "");
@@ -334,7 +334,7 @@ mod tests {
         for manoeuvre in ["launch", "creep", "modulate"] {
             assert!(refused(manoeuvre, &|r| r.x_to_cmd = frozen()).contains(&format!("2 mm throughout, which is no {manoeuvre}")));
         }
-        // A bench channel that stands still while the bearing moves is dropped; one that has nothing to show is not.
+        // A bench channel that is constant while the command changes is dropped; it is kept if the command is constant as well.
         let (said, r, notes) = shown("drive", |r| (r.x_to, r.t_fc) = (Some(frozen()), Some(vec![1.0, 2.0, 3.0, 4.0])));
         assert!(
             said.is_ok() && r.x_to.is_none() && r.t_fc.is_some() && notes.len() == 1 && notes[0].starts_with("x_to_mm: the value is 2")

@@ -1,26 +1,26 @@
-//! Clocks: that time runs forward, how far samples lie apart, and where some are missing.
+//! Clocks: checks that time increases, and determines how far samples lie apart and where some are missing.
 //!
-//! A channel's *step* is the median distance between its valid samples, refined by the mean of those that are no gap. A *gap* is a
-//! distance above 1.5 steps and beyond the jitter of the stamps; what is missing in it is the distance less one step. Judging each
-//! channel by its own valid samples treats alike a slow channel with empty cells in between, rows that were lost, and invalid samples.
+//! A channel's *step* is the mean distance between its valid samples, without the distances that are so far above the median that they are gaps. A *gap* is a
+//! distance above 1.5 steps plus 3 standard deviations of the stamps' jitter; the time that is missing in it is the distance less one step. Each channel is
+//! judged by its own valid samples, so that a slow channel with empty cells in between, lost rows and invalid samples are all treated alike.
 
 use super::error::Defect;
 
-/// A distance of more steps than this is a gap, if the clock does not jitter.
+/// A distance of more than this many steps is a gap, if the stamps do not jitter.
 const GAP: f64 = 1.5;
 
-/// Standard deviations of jitter that a distance may be longer than that.
+/// Allowance for jitter by which a distance may exceed that, in standard deviations of the jitter.
 const JITTER: f64 = 3.0;
 
-/// Distances that are looked at to find their median.
+/// Largest number of distances from which the median is taken; a longer series is thinned out evenly.
 const MOST: usize = 200_000;
 
-/// The unit of stamps that have none, if the first is too large for seconds since 1970: those of the year 5138.
+/// Unit of stamps for which none is stated, if the first one is too large for seconds since 1970: 10¹¹ s is the year 5138. `None` if it is not.
 pub(crate) fn since_1970(first: f64) -> Option<&'static str> {
     [("ns", 1e17), ("us", 1e14), ("ms", 1e11)].into_iter().find(|(_, least)| first > *least).map(|(unit, _)| unit)
 }
 
-/// That every time is a number and greater than the one before; else the defect and its sample.
+/// Checks that every time is finite and greater than the one before; otherwise returns the defect and the index of its sample.
 pub(crate) fn check(time: &[f64]) -> Result<(), (Defect, usize)> {
     if let Some(i) = time.iter().position(|t| !t.is_finite()) {
         return Err((Defect::ClockInvalid, i));
@@ -32,12 +32,12 @@ pub(crate) fn check(time: &[f64]) -> Result<(), (Defect, usize)> {
     }
 }
 
-/// How the valid samples of a channel lie in time.
+/// Spacing of a channel's valid samples in time.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Spacing {
-    /// Distance between samples where none is missing, s; 0 for a single sample.
+    /// Mean distance between samples where none is missing, s; 0 for a single sample.
     pub step: f64,
-    /// Standard deviation of that distance, s.
+    /// Standard deviation of that distance, from its median absolute deviation, s.
     pub jitter: f64,
     /// Time of the first valid sample, s.
     pub first: f64,
@@ -56,12 +56,12 @@ pub(crate) struct Gap {
     pub from: f64,
     /// Time of the valid sample after it, s.
     pub to: f64,
-    /// Index of the sample after `from`, which is missing or, if its row is missing too, the sample at `to`.
+    /// Index of the sample after `from`: a missing sample or, if its row is missing too, the sample at `to`.
     pub sample: usize,
 }
 
 impl Gap {
-    /// How long nothing was measured, s.
+    /// Time for which nothing was measured, s.
     pub fn missing_s(&self, step: f64) -> f64 {
         self.to - self.from - step
     }
@@ -72,7 +72,7 @@ pub(crate) fn valid<'a>(time: &'a [f64], values: &'a [f64]) -> impl Iterator<Ite
     time.iter().zip(values).enumerate().filter(|(_, (_, v))| !v.is_nan()).map(|(i, (&t, &v))| (i, t, v))
 }
 
-/// The spacing of a channel; `None` without a valid sample.
+/// Spacing of a channel; `None` if it has no valid sample.
 pub(crate) fn spacing(time: &[f64], values: &[f64]) -> Option<Spacing> {
     let (_, first, _) = valid(time, values).next()?;
     let (mut last, mut count) = (first, 0_usize);
@@ -85,7 +85,7 @@ pub(crate) fn spacing(time: &[f64], values: &[f64]) -> Option<Spacing> {
     let mut some: Vec<f64> = distances(time, values).step_by(count.div_ceil(MOST)).map(|(_, from, to)| to - from).collect();
     let median = middle(&mut some);
     some.iter_mut().for_each(|d| *d = (*d - median).abs());
-    // 0.6745 is the median of a half-normal distribution of unit width.
+    // 0.6745 is the median magnitude of a normal distribution with a standard deviation of 1.
     let jitter = middle(&mut some) / 0.6745;
     let longest = GAP * median + JITTER * jitter;
     let near = distances(time, values).map(|(_, from, to)| to - from).filter(|d| *d <= longest);
@@ -97,13 +97,13 @@ pub(crate) fn spacing(time: &[f64], values: &[f64]) -> Option<Spacing> {
     Some(Spacing { step, jitter, first, last, count, gaps })
 }
 
-/// Neighbouring valid samples: index after the earlier one, and both times.
+/// Consecutive valid samples: index after the earlier one, and both times.
 fn distances<'a>(time: &'a [f64], values: &'a [f64]) -> impl Iterator<Item = (usize, f64, f64)> + 'a {
     let mut before: Option<(usize, f64)> = None;
     valid(time, values).filter_map(move |(i, t, _)| before.replace((i, t)).map(|(at, from)| (at + 1, from, t)))
 }
 
-/// The median, the greater one of two; changes the order.
+/// Median; of an even number of values, the greater of the middle two. Reorders the values.
 pub(crate) fn middle(values: &mut [f64]) -> f64 {
     let at = values.len() / 2;
     *values.select_nth_unstable_by(at, f64::total_cmp).1
@@ -153,7 +153,7 @@ mod tests {
 
     #[test]
     fn jitter_is_no_gap_and_a_lost_frame_is_one() {
-        // Stamps up to 4.5 ms off a schedule of 10 ms, in an order without a pattern.
+        // Stamps that deviate pseudo-randomly by up to 4.5 ms from a raster of 10 ms.
         let offset = |i: u32| (f64::from(i.wrapping_mul(i).wrapping_mul(2_654_435_761) >> 16) / 65536.0 - 0.5) * 9e-3;
         let time: Vec<f64> = (0..500).filter(|i| !(300..305).contains(i)).map(|i| f64::from(i) * 0.01 + offset(i)).collect();
         let s = spacing(&time, &vec![1.0; time.len()]).unwrap();

@@ -1,9 +1,9 @@
 //! Text files: a header, optionally a row of units, then one row per sample; or a long table of time, channel and value.
 //!
-//! UTF-8, UTF-16 with its mark, or Latin-1. Lines that start with `#` are comments; [`super::text_shape`] says how the rest is laid out. A
-//! cell that is empty or says NaN, SNA and the like is a missing sample. A column of dates or times of day counts from its first one.
-//! Several columns of one clock's name part the table into blocks, each with stamps of its own. A last
-//! row that was cut off while writing is dropped and reported; a ragged row before it is an error. The file is read in a stream.
+//! The encoding is UTF-8, UTF-16 with a byte order mark, or Latin-1. Lines that start with `#` are comments; [`super::text_shape`] determines the rest
+//! of the layout. A cell that is empty or says NaN, SNA and the like is a missing sample. A column of dates or times of day is converted to seconds
+//! since its first cell. Several columns with the same clock name divide the table into blocks, each with its own stamps. A last row that was cut off
+//! while writing is dropped and reported; a row with a wrong number of cells before it is an error. The file is read as a stream.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -18,17 +18,17 @@ use super::text_cells::{Cells, DAY_NS, decimals, is_comment, is_time_of_day, num
 use super::text_long;
 use super::text_shape::{Shape, is_data, shape};
 
-/// How much of a file is looked at to lay it out, bytes.
+/// Number of bytes at the start of a file from which its layout is determined.
 const HEAD: u64 = 256 << 10;
 
-/// Reads a text file; `file` is what messages call it.
+/// Reads a text file; `file` is its name in messages.
 pub(crate) fn read(file: &str, path: &Path, wanted: Wanted<'_>, tell: Tell<'_>) -> Result<Measurement, RecordingError> {
     let input = File::open(path).map_err(|e| Defect::Unreadable(e.to_string()).in_file(file))?;
     let size = input.metadata().map_or(0, |m| m.len());
     read_from(file, Counted { input, size, read: 0, tell }, wanted)
 }
 
-/// A file that tells how much of it has been read.
+/// A file that reports the share of it that has been read.
 struct Counted<'a> {
     input: File,
     size: u64,
@@ -41,7 +41,7 @@ impl Read for Counted<'_> {
         let n = self.input.read(into)?;
         let before = self.read;
         self.read += n as u64;
-        // Every few megabytes is often enough.
+        // A report every 4 MB is often enough.
         if self.read >> 22 != before >> 22 {
             (self.tell)(self.read as f64 / self.size.max(1) as f64);
         }
@@ -57,7 +57,7 @@ fn read_from(file: &str, input: impl Read, wanted: Wanted<'_>) -> Result<Measure
     if head.contains(&0) {
         return Err(Defect::NotText.in_file(file));
     }
-    // A line that goes on behind a carriage return: one that ends the file may stand alone.
+    // Lines that are separated by carriage returns alone. A single one may stand at the end of the file.
     if !head.contains(&b'\n') && head.iter().filter(|b| **b == b'\r').count() > 1 {
         return Err(Defect::CarriageReturns.in_file(file));
     }
@@ -91,16 +91,16 @@ fn read_from(file: &str, input: impl Read, wanted: Wanted<'_>) -> Result<Measure
 pub(crate) struct Lines<R> {
     input: BufReader<R>,
     line: Vec<u8>,
-    /// Number of the last line, from 1.
+    /// Number of the last line read, from 1.
     pub number: u64,
-    /// Whether the last line ended with a line feed.
+    /// Whether the last line read ended with a line feed.
     pub ended: bool,
 }
 
 impl<R: Read> Lines<R> {
     /// The next line, or `None` at the end.
     ///
-    /// # Errors
+    /// The file cannot be read further, a line is too long, or there are too many lines.
     /// A file that cannot be read on, a line that is too long, or too many of them.
     pub fn next(&mut self) -> Result<Option<&[u8]>, Defect> {
         self.line.clear();
@@ -125,7 +125,7 @@ impl<R: Read> Lines<R> {
 fn read_wide<R: Read>(file: &str, shape: &Shape, lines: &mut Lines<R>, wanted: Wanted<'_>) -> Result<Measurement, RecordingError> {
     let mut cells = Cells::new(shape.separator);
     let mut table = Table::new(file, shape, wanted);
-    // A short row is judged when the next one has been seen: only the last may be short.
+    // A short row can be judged only when the next one has been seen, because the last row alone may be short.
     let mut short: Option<(u64, usize)> = None;
     while let Some(line) = lines.next().map_err(|d| d.in_file(file))? {
         if is_comment(line) {
@@ -148,39 +148,39 @@ fn read_wide<R: Read>(file: &str, shape: &Shape, lines: &mut Lines<R>, wanted: W
     table.finish(short, lines.ended)
 }
 
-/// Columns under construction.
+/// A table under construction.
 struct Table<'a> {
     file: &'a str,
     header: usize,
     columns: Vec<Column>,
-    /// Where blocks side by side begin, if there are several.
+    /// Indices of the columns that begin a block, if several blocks stand side by side.
     clocks: Vec<usize>,
     names: Vec<String>,
     lines: Vec<u32>,
     decimal_comma: bool,
-    /// Decimals of the last cell in the row before the last: a shorter one at the end of the file was cut off.
+    /// Numbers of decimals in the last cells of the last two rows: fewer in the final row of a file mean that it was cut off.
     decimals: [usize; 2],
 }
 
-/// Longest step over midnight, ns: an hour.
+/// Longest step between two times of day across midnight, ns: one hour.
 const MIDNIGHT_NS: i128 = 3_600_000_000_000;
 
-/// A column that is wanted.
+/// A column that is being read.
 pub(crate) struct Column {
-    /// What was read.
+    /// The values read so far.
     pub series: Series,
-    /// Its place in the file.
+    /// Index of the column in the file.
     at: usize,
-    /// The first time stamp, ns, where the cells are such.
+    /// First time stamp, ns, if the cells are dates or times of day.
     first: Option<i128>,
-    /// The last one, with the days that have passed.
+    /// Last time stamp, ns, including the days that have passed.
     last: i128,
-    /// Midnights that times of day have passed.
+    /// Number of midnights that the times of day have passed.
     midnights: i128,
 }
 
 impl Column {
-    /// An empty one.
+    /// An empty column.
     pub fn new(name: &str, unit: Option<&str>, at: usize) -> Column {
         let series = Series { name: name.to_string(), unit: unit.map(str::to_string), ..Series::default() };
         Column { series, at, first: None, last: 0, midnights: 0 }
@@ -199,14 +199,14 @@ impl Column {
         self.series.values.push(value);
     }
 
-    /// Forgets the last cell, and that it was text.
+    /// Removes the last cell; if it was the first text of the column, the column is numeric again.
     pub fn pop(&mut self) {
         self.series.values.pop();
         let left = self.series.values.len();
         self.series.text = self.series.text.take().filter(|(sample, _)| *sample < left);
     }
 
-    /// Seconds from the first time stamp of the column.
+    /// Seconds from the column's first time stamp to this one; `None` if the cell is not a time stamp or the column began with numbers.
     fn stamped(&mut self, cell: &[u8]) -> Option<f64> {
         if self.first.is_none() && !self.series.values.is_empty() {
             return None;
@@ -214,20 +214,20 @@ impl Column {
         let at = stamp(std::str::from_utf8(cell).ok()?)?;
         let first = *self.first.get_or_insert(at);
         self.series.unit = Some("s".to_string());
-        // Times of day that go back by nearly a day have passed midnight; rows in the wrong order go back by less.
+        // Times of day that jump back by nearly a day have passed midnight; rows in the wrong order jump back by less.
         let today = at + self.midnights * DAY_NS;
         self.midnights += i128::from(is_time_of_day(first) && is_time_of_day(at) && self.last - today > DAY_NS - MIDNIGHT_NS);
         self.last = at + self.midnights * DAY_NS;
         Some((self.last - first) as f64 * 1e-9)
     }
 
-    /// A note on midnights that were passed.
+    /// A note on the midnights that were passed, if any.
     pub fn midnight(&self) -> Option<String> {
         let how_often = if self.midnights == 1 { "midnight".to_string() } else { format!("{} midnights", self.midnights) };
         (self.midnights > 0).then(|| format!("{}: the times of day pass {how_often}; time counts on", self.series.name))
     }
 
-    /// A number with its unit behind it, as some loggers write each cell: `1009RPM`. It has to be that of the column.
+    /// Reads a number that is followed by its unit, as some loggers write each cell: `1009RPM`. The unit has to be the column's, which the first number sets if none is stated.
     fn measured(&mut self, cell: &[u8], decimal_comma: bool) -> Option<f64> {
         let cell = text(cell);
         let (value, unit) = quantity(cell.trim(), decimal_comma)?;
@@ -281,8 +281,8 @@ impl<'a> Table<'a> {
     }
 }
 
-/// The columns as one group per block; what stands in front of the first clock belongs to its block. A block that ends before the others ends with
-/// its last row that is not empty.
+/// Splits the columns into one group per block; columns in front of the first clock belong to its block. A block that ends before the others is cut
+/// after its last row that is not empty.
 fn blocks(columns: Vec<Column>, clocks: &[usize]) -> Vec<Group> {
     let mut groups: Vec<Group> = (0..clocks.len().max(1)).map(|index| Group { index, ..Group::default() }).collect();
     for column in columns {
@@ -342,7 +342,7 @@ mod tests {
         let m = all(b"time,a\n23:59:59.980,1\n23:59:59.990,2\n00:00:00.000,3\n00:00:00.010,4\n").unwrap();
         assert!(m.groups[0].series[0].values.iter().zip([0.0, 0.01, 0.02, 0.03]).all(|(t, expected)| (t - expected).abs() < 1e-9));
         assert_eq!(m.notes, ["time: the times of day pass midnight; time counts on"]);
-        // Rows in the wrong order are none, nor are dates.
+        // Neither rows in the wrong order nor dates count as passing midnight.
         for back in ["time,a\n12:00:01,1\n12:00:00,2\n", "time,a\n2026-11-22 23:59:59,1\n2026-11-22 00:00:00,2\n"] {
             let m = all(back.as_bytes()).unwrap();
             assert!(m.groups[0].series[0].values[1] < 0.0 && m.notes.is_empty(), "{back}");
@@ -358,7 +358,7 @@ mod tests {
         assert_eq!((s[2].unit.as_deref(), s[2].values.as_slice()), (Some("km/h"), &[0.0, 12.5, 13.0][..]));
         assert_eq!((s[3].unit.as_deref(), s[3].values.as_slice()), (Some("Nm"), &[20.0, -3.5, 4.0][..]));
         assert!(s[1..4].iter().all(|s| s.text.is_none()) && s[4].text.is_some());
-        // Another unit in the same column is none of its numbers.
+        // A number with a unit other than the column's is text.
         assert_eq!(s[5].text, Some((1, "2 km/h".to_string())));
     }
 
@@ -393,7 +393,7 @@ mod tests {
         assert!(all(b"t;a\n0,00;1000,25\n0,01;1000,50\n0,02;1000,75").unwrap().notes.is_empty());
     }
 
-    /// In a long table a number is as long as those of its own channel, and the time may stand last.
+    /// In a long table a number has as many decimals as the others of its own channel, and the time may be the last column.
     #[test]
     fn a_last_number_cut_off_is_seen_in_a_long_table() {
         for (head, rows, cut) in [
@@ -413,13 +413,13 @@ mod tests {
             assert_eq!((n[1].values.as_slice(), n[0].values.len()), (expected, expected.len()), "{text}");
             let note = "line 6 (the last) ends inside a number: cut off while writing, dropped";
             assert_eq!(m.notes, if cut { vec![note] } else { vec![] }, "{text}");
-            // What ends with a line feed was written to its end.
+            // A file that ends with a line feed was written completely.
             let ended = all((text + "\n").as_bytes()).unwrap();
             assert!(ended.notes.is_empty() && ended.groups[0].series[1].values.len() == 3);
         }
     }
 
-    /// Where the unit stands in each row, anything may stand behind it.
+    /// If each row states the unit, any other columns may follow.
     #[test]
     fn a_long_table_may_say_more_of_each_row() {
         let head = "\"SECONDS\";\"PID\";\"VALUE\";\"UNITS\";\"LATITUDE\";\n";
@@ -447,7 +447,7 @@ mod tests {
 
     #[test]
     fn a_line_without_end_is_no_table() {
-        // A terabyte of digits: what is read of it is bounded.
+        // A terabyte of digits: only a bounded part of it is read.
         let endless = b"t,a\n0,1\n".chain(std::io::repeat(b'7').take(1 << 40));
         let e = read_from("r.csv", endless, &|_| true).unwrap_err();
         assert_eq!(*e.defect, Defect::LongLine { line: 3, most: TEXT_BYTES });
@@ -470,7 +470,7 @@ mod tests {
         assert_eq!(of(0)[1..], [("time", vec![0.0, 0.1, 0.2]), ("a", vec![1.0, 4.0, 7.0])]);
         assert_eq!(of(1), [("time", vec![0.05, 0.15]), ("c", vec![3.0, 6.0])]);
         assert_eq!([m.groups[0].master, m.groups[1].master, m.row(1).map(|(_, line)| line as usize)], [Some(1), Some(0), Some(3)]);
-        // A stamp that is missing before the last one is no end.
+        // A missing stamp does not end the block if others follow.
         let m = all(b"time,a,time,c\n0,1,,2\n1,2,1.5,3\n").unwrap();
         assert!(m.groups[1].series[0].values[0].is_nan() && m.groups[1].series[1].values == [2.0, 3.0]);
         assert_eq!(all(b"time,a,elapsed_time,c\n0,1,0,2\n1,2,1,3\n").unwrap().groups.len(), 1);

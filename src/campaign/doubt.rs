@@ -1,34 +1,34 @@
-//! Samples that are not to be believed: codes for "not available", spikes, and zeros below a speed sensor's threshold.
+//! Samples that cannot be trusted: codes for "not available", spikes, and zeros below a speed sensor's threshold.
 //!
 //! | kind | what it is | how it is found |
 //! |---|---|---|
-//! | beyond | a value that no car reaches | rare, and outside the bounds of its quantity; common ones are a wrong unit, see [`super::checks`] |
-//! | code | one value, again and again, that stands for "not available" (0xFF… in the frame) | the channel's greatest or least value, further from the next one than all others are from each other |
-//! | spike | a sample of a speed that both sides contradict | see [`spikes`] |
-//! | dead band | zeros of a speed that passes through the values next to zero | see [`dead_band`] |
+//! | beyond | a value that no car reaches | rare, and outside the bounds of its quantity; if it is frequent, the unit is wrong, see [`super::checks`] |
+//! | code | a fixed value for "not available" (0xFF… in the frame) | the channel's greatest or least value, further from the next one than all others are from each other |
+//! | spike | a sample of a speed that the samples before and after it contradict | see [`spikes`] |
+//! | dead band | zeros of a speed that never reads the values next to zero, though it passes through them | see [`dead_band`] |
 //!
-//! The first three are faults and reported as such. A dead band is how the sensor works: below it the speed is not known.
+//! The first three are faults and are reported as such. A dead band is a property of the sensor: below its threshold the speed is unknown.
 
 use super::channels::Channel;
 use super::pick::Signal;
 use super::table::Measurement;
 
-/// Faults may be at most this part of a channel's samples; more is no fault but another unit or channel.
+/// Largest share of a channel's samples that may be faults; more of them mean another unit or channel.
 const RARE: f64 = 0.05;
 
-/// Different values that a channel must have beside a code: two or three say nothing about how far values lie apart.
+/// Least number of different values beside a code: two or three values do not show how far apart the channel's values lie.
 const SEVERAL: usize = 8;
 
-/// A spike is this many times larger than what the samples around it do.
+/// Least ratio of a spike's height to the roughness of the samples around it.
 const FAR: f64 = 10.0;
 
 /// Longest spike, samples.
 const LONGEST_SPIKE: usize = 3;
 
-/// Samples on either side of a spike that say how rough the signal is there.
+/// Number of samples on either side of a spike from which the roughness of the signal is taken.
 const AROUND: usize = 6;
 
-/// Sets faults of a recording's channel to NaN; the note says how many, where the first is, and what it reads.
+/// Sets the faults in a recording's channel to NaN; the note says how many there are, where the first is, and what it reads.
 pub(crate) fn faults(m: &Measurement, signal: &mut Signal) -> Option<String> {
     let moves = matches!(signal.channel, Channel::OmegaF | Channel::OmegaC);
     let found = take_out(&signal.time, &mut signal.values, bounds(signal.channel), moves);
@@ -37,22 +37,22 @@ pub(crate) fn faults(m: &Measurement, signal: &mut Signal) -> Option<String> {
     Some(format!("{}: {said}, the first at {at}: {} {unit}", signal.label, shown(found[0].1)))
 }
 
-/// The same for any series in some unit; `moves` if it is a speed.
+/// Like [`faults`], for any series in some unit and without bounds; `moves` tells whether it is a speed and is searched for spikes.
 pub(crate) fn faults_of((name, unit): (&str, &str), time: &[f64], values: &mut [f64], moves: bool) -> Option<String> {
     let found = take_out(time, values, None, moves);
     let (first, said) = said(&found)?;
     Some(format!("{name}: {said}, the first at {:.3} s: {} {unit}", time[first], shown(found[0].1)))
 }
 
-/// A value that may have been converted: three decimals are enough, zeros at the end say nothing.
+/// Formats a value that may have been converted: three decimals, without trailing zeros.
 fn shown(value: f64) -> String {
     format!("{value:.3}").trim_end_matches('0').trim_end_matches('.').to_string()
 }
 
-/// Sample, value and reason.
+/// Index of the sample, its value and the reason.
 type Fault = (usize, f64, &'static str);
 
-/// The first fault, and how many there are of which kinds.
+/// Index of the first fault, and a text that says how many there are and of which kinds.
 fn said(found: &[Fault]) -> Option<(usize, String)> {
     let mut kinds: Vec<&str> = found.iter().map(|(_, _, kind)| *kind).collect();
     kinds.sort_unstable();
@@ -62,7 +62,7 @@ fn said(found: &[Fault]) -> Option<(usize, String)> {
     Some((found.first()?.0, format!("{samples} not believed and left out ({})", kinds.join(", "))))
 }
 
-/// Sets faults to NaN; gives them in order.
+/// Sets faults to NaN and returns them in order.
 fn take_out(time: &[f64], values: &mut [f64], bounds: Option<(f64, f64)>, moves: bool) -> Vec<Fault> {
     let mut found = Vec::new();
     if quantum(values) == 0.0 {
@@ -83,7 +83,7 @@ fn take_out(time: &[f64], values: &mut [f64], bounds: Option<(f64, f64)>, moves:
     found
 }
 
-/// What a channel can be, in our units.
+/// Bounds of a channel's values, in our units.
 fn bounds(channel: Channel) -> Option<(f64, f64)> {
     match channel {
         Channel::OmegaF | Channel::OmegaC => Some((-1500.0, 1500.0)),
@@ -95,7 +95,7 @@ fn bounds(channel: Channel) -> Option<(f64, f64)> {
     }
 }
 
-/// Rare samples outside what the quantity can be.
+/// Samples outside the bounds of the quantity, if they are rare.
 fn beyond((low, high): (f64, f64), values: &[f64]) -> Vec<usize> {
     let at: Vec<usize> = (0..values.len()).filter(|&i| values[i] < low || values[i] > high).collect();
     if is_rare(at.len(), values) { at } else { Vec::new() }
@@ -105,7 +105,7 @@ fn is_rare(count: usize, values: &[f64]) -> bool {
     count as f64 <= RARE * values.iter().filter(|v| !v.is_nan()).count() as f64
 }
 
-/// Rare samples at one extreme value that stands apart from all others.
+/// Samples at an extreme value that stands apart from all others, if they are rare.
 fn code(values: &[f64]) -> Vec<usize> {
     let there = || values.iter().copied().filter(|v| !v.is_nan());
     let extreme = |pick: fn(f64, f64) -> f64| {
@@ -119,7 +119,7 @@ fn code(values: &[f64]) -> Vec<usize> {
     extreme(f64::max).or_else(|| extreme(f64::min)).unwrap_or_default()
 }
 
-/// Whether a series has [`SEVERAL`] different values.
+/// Whether a series has at least [`SEVERAL`] different values.
 fn has_several(values: impl Iterator<Item = f64>) -> bool {
     let mut seen: Vec<f64> = Vec::new();
     for value in values {
@@ -133,11 +133,11 @@ fn has_several(values: impl Iterator<Item = f64>) -> bool {
     false
 }
 
-/// Samples of a speed, up to three in a row, that lie off both the line through the two samples before and the line through the two
-/// after, to the same side, by [`FAR`] times what the samples around lie off such lines.
+/// Samples of a speed, up to three in a row, that deviate to the same side from the line through the two samples before them and from the line
+/// through the two after them, by more than [`FAR`] times the deviations of the surrounding samples from the lines between their neighbours.
 ///
-/// A torque can't do that: to leave a line and come back within a few samples takes two torques of opposite sign, each far larger than any
-/// that acts before or after. A kink, as where a clutch locks, leaves one of the lines alone.
+/// A real speed cannot do that: to leave a line and return to it within a few samples takes two torques of opposite sign, each far larger than any
+/// that acts before or after. At a kink, as where a clutch locks up, samples deviate from only one of the lines.
 pub(crate) fn spikes(time: &[f64], values: &[f64]) -> Vec<usize> {
     let points = Points::of(time, values);
     let n = points.len();
@@ -145,11 +145,11 @@ pub(crate) fn spikes(time: &[f64], values: &[f64]) -> Vec<usize> {
         return Vec::new();
     }
     let mut some: Vec<f64> = (1..n - 1).step_by(n.div_ceil(100_000)).map(|k| points.off(k)).collect();
-    // The median of magnitudes, as the standard deviation of normal noise that it belongs to.
+    // The median magnitude of the deviations, converted to the standard deviation of normal noise.
     let floor = quantum(values).max(super::clock::middle(&mut some) / 0.6745);
     let (mut found, mut k) = (Vec::new(), 2);
     while k + 2 < n {
-        // Nearly all samples go on as those before them did.
+        // Nearly all samples continue the line through the two before them and need no closer look.
         let (t, v) = points.at(k);
         if (v - line(points.at(k - 2), points.at(k - 1), t)).abs() <= FAR * floor {
             k += 1;
@@ -166,7 +166,7 @@ pub(crate) fn spikes(time: &[f64], values: &[f64]) -> Vec<usize> {
 struct Points<'a> {
     time: &'a [f64],
     values: &'a [f64],
-    /// Where they are, if some are missing.
+    /// Indices of the valid samples, if some are missing.
     there: Option<Vec<usize>>,
 }
 
@@ -190,13 +190,13 @@ impl<'a> Points<'a> {
         (self.time[i], self.values[i])
     }
 
-    /// How far a point is off the line between its neighbours.
+    /// Distance of a point from the line between its neighbours.
     fn off(&self, k: usize) -> f64 {
         let (t, v) = self.at(k);
         (v - line(self.at(k - 1), self.at(k + 1), t)).abs()
     }
 
-    /// Whether the `length` points from `k` on are off both sides' lines.
+    /// Whether the `length` points from `k` on deviate from the lines of both sides far enough.
     fn is_spike(&self, k: usize, length: usize, floor: f64) -> bool {
         let end = k + length;
         let [b2, b1, a1, a2] = [k - 2, k - 1, end, end + 1].map(|i| self.at(i));
@@ -208,18 +208,18 @@ impl<'a> Points<'a> {
                 return false;
             }
         }
-        // Without the points whose neighbours belong to the spike.
+        // Points with a neighbour in the spike are left out.
         let near = (k.saturating_sub(1 + AROUND).max(1)..k - 1).chain(end + 1..(end + 1 + AROUND).min(self.len() - 1));
         least > FAR * near.map(|i| self.off(i)).fold(floor, f64::max)
     }
 }
 
-/// The line through two points, at `t`.
+/// Value at `t` of the line through two points.
 fn line(a: (f64, f64), b: (f64, f64), t: f64) -> f64 {
     a.1 + (b.1 - a.1) * (t - a.0) / (b.0 - a.0)
 }
 
-/// The step of quantisation: the least difference of neighbours that is beyond rounding; 0 for a series that never changes.
+/// Quantisation step: the least difference of consecutive values beyond rounding errors; 0 for a series that never changes.
 pub(crate) fn quantum(values: &[f64]) -> f64 {
     let mut there = values.iter().copied().filter(|v| !v.is_nan());
     let Some(mut before) = there.next() else { return 0.0 };
@@ -234,16 +234,16 @@ pub(crate) fn quantum(values: &[f64]) -> f64 {
     if least.is_finite() { least } else { 0.0 }
 }
 
-/// Samples that have to be missing for zeros to be left out.
+/// Samples that a dead band must hide for its zeros to be left out, see [`dead_band`].
 pub(crate) const SURE: f64 = 3.0;
 
-/// Samples that have to be missing for a dead band to be mentioned.
+/// Samples that a dead band must hide to be mentioned.
 pub(crate) const LIKELY: f64 = 1.5;
 
-/// The threshold below which a speed sensor reads zero, and the samples that are such zeros; `None` without a dead band.
+/// Threshold below which a speed sensor reads zero, and the indices of its zeros; `None` without a dead band.
 ///
-/// The threshold is the least value next to zero that occurs. It is a dead band if the speed, going on as it does there, should have been
-/// seen between zero and that value: it takes `samples` or more to cross it, at more than half of the places where zero is left or reached.
+/// The threshold is the smallest magnitude other than zero. It marks a dead band if a speed that goes on changing at its rate next to the zeros should have been
+/// sampled in between: if it takes more than `samples` samples from zero to that value, at more than half of the places where zero is left or reached.
 pub(crate) fn dead_band(time: &[f64], values: &[f64], samples: f64) -> Option<(f64, Vec<usize>)> {
     let threshold = values.iter().map(|v| v.abs()).filter(|v| *v > 0.0).reduce(f64::min)?;
     let zeros: Vec<usize> = (0..values.len()).filter(|&i| values[i] == 0.0).collect();
@@ -271,7 +271,7 @@ pub(crate) fn dead_band(time: &[f64], values: &[f64], samples: f64) -> Option<(f
 mod tests {
     use super::*;
 
-    /// A launch at 100 Hz: still, kink, ramp of 40 rad/s², kink, steady with a ring of 6 Hz; noise of a quarter revolution.
+    /// A launch at 100 Hz: standstill, kink, ramp of 40 rad/s², kink, steady speed with a 6 Hz oscillation; noise of ±0.1 rad/s, rounded to a quarter of a revolution per minute.
     fn launch() -> (Vec<f64>, Vec<f64>) {
         let time: Vec<f64> = (0..400).map(|i| f64::from(i) * 0.01).collect();
         let noise = |i: usize| f64::from((i as u32).wrapping_mul(2_654_435_761) >> 20) / 4096.0 - 0.5;
@@ -312,7 +312,7 @@ mod tests {
         values[40] = 983.025;
         values[300..310].fill(983.025);
         assert_eq!(code(&values), std::iter::once(40).chain(300..310).collect::<Vec<_>>());
-        // A command of three steps, the last one far away.
+        // A command of three steps, the last one far from the others.
         let command: Vec<f64> = (0..300)
             .map(|i| {
                 if i < 100 {
@@ -352,7 +352,7 @@ mod tests {
         }
     }
 
-    /// Bounds of each quantity, from both sides; what is common is no fault.
+    /// Tests the bounds of each quantity from both sides; values beyond them are no faults if they are frequent.
     #[test]
     fn what_no_car_reaches_is_rare_and_outside_its_bounds() {
         use Channel::{Brake, OmegaC, OmegaF, TE, TFc, ThetaC, ThetaH, XTo, XToCmd};
@@ -407,7 +407,7 @@ mod tests {
         assert!(!has_several([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 1.0].into_iter()) && has_several((0..8).map(f64::from)));
     }
 
-    /// A sample halfway up a step is off the lines of both sides, to opposite ones.
+    /// A sample halfway up a step deviates from the lines of both sides, but in opposite directions.
     #[test]
     fn a_step_through_its_middle_is_no_spike() {
         let time: Vec<f64> = (0..60).map(|k| 0.01 * f64::from(k)).collect();

@@ -1,7 +1,7 @@
-//! What can be wrong with a campaign: where it is, what it is, what to do about it.
+//! Defects of a campaign: where each one is, what it is, and what to do about it.
 //!
 //! A [`CampaignError`] stops the reading: the folder, `vehicle.json`, `recordings.json` or the channel map is at fault, or
-//! nothing usable is left. A [`RecordingError`] concerns one recording, which is left out with it as the reason.
+//! nothing usable is left. A [`RecordingError`] concerns one recording, which is left out for that reason.
 
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use thiserror::Error;
 
 use super::LeftOut;
 
-/// A time without digits beyond the nanosecond, which are rounding.
+/// Formats a time to the nanosecond, beyond which digits are rounding errors.
 fn seconds(time: &f64) -> String {
     format!("{time:.9}").trim_end_matches('0').trim_end_matches('.').to_string()
 }
@@ -17,7 +17,7 @@ fn seconds(time: &f64) -> String {
 /// Why a campaign can't be read at all.
 #[derive(Debug, Error)]
 pub enum CampaignError {
-    /// The path is no folder.
+    /// There is no folder at the path.
     #[error("{}: no such folder. Give the folder that holds vehicle.json, recordings.json and the recordings", .0.display())]
     NoFolder(PathBuf),
     /// The path is a file.
@@ -44,7 +44,7 @@ pub enum CampaignError {
     Syntax {
         /// The file concerned.
         file: PathBuf,
-        /// Its format, as a word.
+        /// Name of its format.
         format: &'static str,
         /// Line, from 1.
         line: usize,
@@ -53,7 +53,7 @@ pub enum CampaignError {
         /// What the parser said.
         what: String,
     },
-    /// A file is JSON of another shape than expected.
+    /// A file is JSON, but not of the expected structure.
     #[error("{}: {what}. {remedy}", .file.display())]
     Shape {
         /// The file concerned.
@@ -63,7 +63,7 @@ pub enum CampaignError {
         /// What to do.
         remedy: String,
     },
-    /// A recording's entry has a key that nothing reads.
+    /// A recording's entry has an unknown key.
     #[error("{}: recording `{recording}` has a key `{key}` that is not known. {remedy}", .file.display())]
     UnknownKey {
         /// recordings.json.
@@ -84,10 +84,10 @@ pub enum CampaignError {
         recording: String,
         /// The key that is missing.
         key: &'static str,
-        /// A value as it could stand there.
+        /// An example of a value.
         example: &'static str,
     },
-    /// A recording's entry holds a value that can't be.
+    /// A recording's entry holds an impossible value.
     #[error("{}: recording `{recording}`, key `{key}`: {value} {why}", .file.display())]
     WrongValue {
         /// recordings.json.
@@ -96,21 +96,21 @@ pub enum CampaignError {
         recording: String,
         /// The key concerned.
         key: &'static str,
-        /// What stands there.
+        /// The value.
         value: String,
-        /// Why it can't be, and what to do.
+        /// Why it is impossible, and what to do.
         why: &'static str,
     },
-    /// There is more than is read.
+    /// The campaign exceeds a limit of what is read.
     #[error("{}: {count} {what} are more than the {most} that one campaign may have. {remedy}", .file.display())]
     TooMuch {
         /// recordings.json.
         file: PathBuf,
-        /// What there is too much of.
+        /// What exceeds the limit.
         what: &'static str,
-        /// How much there is, so far.
+        /// Count so far.
         count: usize,
-        /// How much there may be.
+        /// Greatest count allowed.
         most: usize,
         /// What to do.
         remedy: &'static str,
@@ -128,7 +128,7 @@ pub enum CampaignError {
         /// What to do.
         remedy: String,
     },
-    /// A file can't be used, where one file was asked for or nothing may be left out.
+    /// A file cannot be used, and either only that file was asked for or nothing may be left out.
     #[error(transparent)]
     Recording(#[from] RecordingError),
     /// Every recording was left out.
@@ -141,14 +141,14 @@ pub enum CampaignError {
     },
 }
 
-/// What was left out, each on a line of its own below a message; a few of many.
+/// Lists the first few of the recordings that were left out below a message, one per line, and the number of the others.
 pub fn lines(left_out: &[LeftOut]) -> String {
     let shown: String = left_out.iter().take(5).map(|l| format!("\n  {}", l.reason)).collect();
     let more = left_out.len().saturating_sub(5);
     if more > 0 { format!("{shown}\n  and {more} more") } else { shown }
 }
 
-/// Where in a file something is.
+/// Position of a defect in a file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Place {
     /// File name, or the recording's name if there is no file.
@@ -176,9 +176,9 @@ impl std::fmt::Display for Place {
 #[derive(Clone, Debug, Error, PartialEq)]
 #[error("{place}: {defect}")]
 pub struct RecordingError {
-    /// Where.
+    /// Where it is.
     pub place: Box<Place>,
-    /// What, and what to do.
+    /// What it is, and what to do.
     pub defect: Box<Defect>,
 }
 
@@ -323,12 +323,12 @@ pub enum Defect {
 }
 
 impl Defect {
-    /// The defect, placed in a file.
+    /// Places the defect in a file.
     pub fn in_file(self, file: &str) -> RecordingError {
         RecordingError { place: Box::new(Place { file: file.to_string(), channel: None, row: None }), defect: Box::new(self) }
     }
 
-    /// The defect, placed at a channel of a file.
+    /// Places the defect at a channel of a file and, if given, a row.
     pub fn at(self, file: &str, channel: impl Into<String>, row: Option<(&'static str, u64)>) -> RecordingError {
         RecordingError { place: Box::new(Place { file: file.to_string(), channel: Some(channel.into()), row }), defect: Box::new(self) }
     }

@@ -1,4 +1,4 @@
-//! The folder of a campaign: which file is which recording, what is left out, the fingerprint.
+//! The folder of a campaign: which file belongs to which recording, what is left out, and the fingerprint.
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -20,7 +20,7 @@ pub fn read(dir: &Path, options: &ReadOptions) -> Result<Campaign, CampaignError
     read_telling(dir, options, &|_, _| {})
 }
 
-/// The same; `tell` is told which file is being read, and the share of it that is.
+/// Like [`read`]; `tell` receives the name of the file that is being read, and the share of it that has been read.
 pub fn read_telling(dir: &Path, options: &ReadOptions, tell: &dyn Fn(&str, f64)) -> Result<Campaign, CampaignError> {
     if dir.is_file() {
         return Err(CampaignError::IsFile(dir.to_path_buf()));
@@ -59,7 +59,7 @@ pub fn read_telling(dir: &Path, options: &ReadOptions, tell: &dyn Fn(&str, f64))
         }
     }
     let unlisted = files.iter().filter(|(stem, _)| entries.iter().all(|e| self::stem(e) != *stem)).flat_map(|(_, paths)| paths);
-    // A text file need not be a measurement.
+    // A text file that is not listed need not be a measurement.
     for path in unlisted.filter(|p| !p.extension().is_some_and(|e| e.eq_ignore_ascii_case("txt"))) {
         let name = file_name(path);
         reading.left_out.push(LeftOut { reason: Defect::NotListed.in_file(&name).to_string(), recording: name });
@@ -76,14 +76,14 @@ pub fn read_telling(dir: &Path, options: &ReadOptions, tell: &dyn Fn(&str, f64))
     Ok(Campaign { dir, vehicle_path, vehicle_json, fingerprint, recordings, left_out, notes })
 }
 
-/// The name of a recording's file without its ending.
+/// Name of a recording's file without its extension.
 fn stem(entry: &Entry) -> &str {
     let file = entry.file.as_deref().unwrap_or(&entry.name);
     let ending = file.rsplit_once('.').filter(|(_, e)| Format::from_ending(e).is_some());
     ending.map_or(file, |(stem, _)| stem)
 }
 
-/// Reads one recording from a file of any of the formats; `like` gives name, manoeuvre, stated rate and temperatures at the start.
+/// Reads one recording from a file of any of the formats; `like` provides its name, manoeuvre, stated rate and start temperatures.
 pub fn read_one(path: &Path, like: &Recording, map: &ChannelMap) -> Result<(Recording, Vec<Note>), CampaignError> {
     let entry = Entry {
         name: like.name.clone(),
@@ -127,9 +127,9 @@ struct Reading<'a> {
     map: std::borrow::Cow<'a, ChannelMap>,
     read: Vec<(PathBuf, Entry, Assembled)>,
     left_out: Vec<LeftOut>,
-    /// File, recording and window of each.
+    /// File, recording and window of each recording so far.
     used: Vec<(String, String, Option<[f64; 2]>)>,
-    /// Digest by file name; a map, so that the order of the directory does not count.
+    /// Digests by file name; a map, so that the order of the directory does not matter.
     digests: BTreeMap<String, [u8; 32]>,
 }
 
@@ -167,7 +167,7 @@ impl<'a> Reading<'a> {
         Ok(())
     }
 
-    /// Reads those again whose rows repeat their source in a way that all recordings show together but not each alone.
+    /// Rereads the recordings whose repeated rows are judged differently by all recordings together than by each one alone.
     fn again(&mut self) -> Result<(), RecordingError> {
         let all = self.read.iter().fold(Repeats::default(), |all, (.., a)| all.with(&a.repeats));
         for (path, entry, assembled) in std::mem::take(&mut self.read) {
@@ -180,7 +180,7 @@ impl<'a> Reading<'a> {
         Ok(())
     }
 
-    /// Leaves out everything if no recording has a torque that moves: one alone may be a drag or an idle.
+    /// Leaves out everything if the engine torque does not change in any recording. In a single one it may be constant, as at idle or under drag.
     fn leave_out_still_torques(&mut self) -> Result<(), RecordingError> {
         if !self.read.iter().all(|(.., a)| a.still_torque.is_some()) {
             return Ok(());
@@ -204,7 +204,7 @@ impl<'a> Reading<'a> {
         let name = file_name(path);
         let unreadable = |e: std::io::Error| Defect::Unreadable(e.to_string()).in_file(&name);
         let digest = digest(path).map_err(unreadable)?;
-        // One file may hold several recordings, in windows apart from each other.
+        // One file may hold several recordings in windows that do not overlap.
         let apart = |other: &[f64; 2]| entry.window.is_some_and(|w| w[0] >= other[1] || w[1] <= other[0]);
         let shared = self.used.iter().find(|(file, _, window)| *file == name && !window.as_ref().is_some_and(apart));
         if let Some((_, recording, _)) = shared {
@@ -219,7 +219,7 @@ impl<'a> Reading<'a> {
         Ok((path.clone(), from_file(path, entry, &self.map, None, &|share| (self.tell)(&name, share))?))
     }
 
-    /// One digest over all.
+    /// One digest over all files and the channel map.
     fn fingerprint(&self) -> String {
         let mut hasher = Sha256::new();
         let map = Sha256::digest(self.map.text.as_bytes());
@@ -233,7 +233,7 @@ impl<'a> Reading<'a> {
     }
 }
 
-/// The first campaign in a folder of campaigns.
+/// The first campaign among the subfolders of a folder.
 fn campaign_within(dir: &Path) -> Option<PathBuf> {
     let folders = std::fs::read_dir(dir).ok()?.filter_map(|item| Some(item.ok()?.path()));
     folders.filter(|path| path.join("vehicle.json").is_file()).min()
@@ -254,7 +254,7 @@ fn files(dir: &Path) -> Result<BTreeMap<String, Vec<PathBuf>>, CampaignError> {
     Ok(files)
 }
 
-/// Why a recording has no file: there is none, or one of another kind.
+/// Why a recording has no file: none exists, or only one of another kind.
 fn not_there(dir: &Path, entry: &Entry) -> RecordingError {
     let begins = format!("{}.", stem(entry));
     let is_it = |path: &PathBuf| path.is_file() && file_name(path).starts_with(&begins);
@@ -265,7 +265,7 @@ fn not_there(dir: &Path, entry: &Entry) -> RecordingError {
     }
 }
 
-/// SHA-256 of a file, in a stream.
+/// SHA-256 of a file, read as a stream.
 fn digest(path: &Path) -> std::io::Result<[u8; 32]> {
     let (mut hasher, mut file) = (Sha256::new(), std::fs::File::open(path)?);
     let mut block = vec![0; 1 << 20];

@@ -1,15 +1,14 @@
-//! Guesses which of a user's channels is which of ours, by unit and by the words in its name.
+//! Guesses which of a user's channels is which of ours, from the unit and the words in the name.
 //!
-//! A unit of another quantity rules a channel out. Otherwise a name gains a point for a fitting unit and points for each word
-//! that speaks for the channel, and loses points for each word that speaks for a sister. A guess is a draft to be checked: the
-//! best one wins, ties are left open.
+//! A unit of another quantity rules a channel out. Otherwise a name scores points for a fitting unit and for each word that is typical of the channel, and
+//! loses points for each word that is typical of a similar one. A guess is a draft to be checked: the best score wins, and ties are left open.
 
 use super::channels::{CHANNELS, Channel};
 use super::clock;
 use super::table::{Group, Measurement, Series};
 use super::units;
 
-/// Our channel for each of the given names with units, as far as a guess can be made. No channel is given twice.
+/// Our channel for each of the given names with units, as far as it can be guessed. No channel is assigned twice.
 pub(crate) fn guess(series: &[(&str, Option<&str>)]) -> Vec<Option<Channel>> {
     let mut scored: Vec<(i32, usize, Channel)> = Vec::new();
     for spec in &CHANNELS[1..] {
@@ -27,7 +26,7 @@ pub(crate) fn guess(series: &[(&str, Option<&str>)]) -> Vec<Option<Channel>> {
     out
 }
 
-/// Names that several channels share and that one alone would be taken by, with how often they occur and what for.
+/// Names that several channels share and that would be assigned to one of ours if they occurred only once: name, number of occurrences, our channel.
 pub(crate) fn shared<'a>(series: &[(&'a str, Option<&str>)]) -> Vec<(&'a str, usize, Channel)> {
     let mut once: Vec<(&'a str, Option<&str>)> = Vec::new();
     for one in series {
@@ -40,24 +39,24 @@ pub(crate) fn shared<'a>(series: &[(&'a str, Option<&str>)]) -> Vec<(&'a str, us
     taken.filter(|(_, count, _)| *count > 1).collect()
 }
 
-/// Whether a name is a clock's.
+/// Whether a name can only be that of a clock.
 pub(crate) fn is_time(name: &str, unit: Option<&str>) -> bool {
     let other = unit.and_then(units::parse).is_some_and(|u| u.quantity != units::Quantity::Time);
     !other && matches!(name.to_lowercase().as_str(), "time_s" | "time" | "t" | "timestamps" | "timestamp" | "zeit" | "times" | "seconds")
 }
 
-/// Which of these is the clock: by a name that says nothing else, or else the first that runs of those that speak of time.
+/// Index of the clock: a series whose name can only be a clock's, or otherwise the first whose name mentions time and whose values increase.
 fn clock(series: &[Series]) -> Option<usize> {
     let exact = series.iter().position(|s| is_time(&s.name, s.unit.as_deref()));
     exact.or_else(|| series.iter().position(|s| speaks_of_time(&s.name, s.unit.as_deref()) && runs(&s.values)))
 }
 
-/// Position of a group's clock: the one that the file names, or else the likeliest.
+/// Index of a group's clock: the one that the file names, or otherwise the likeliest.
 pub(crate) fn clock_of(group: &Group) -> Option<usize> {
     group.master.or_else(|| clock(&group.series))
 }
 
-/// Gives clocks without a unit the one that their name ends with, or that their first stamp tells if it counts from 1970, and notes that.
+/// Sets the unit of clocks that state none: to the one at the end of their name, or to the one that the first stamp implies if it counts from 1970, which is noted.
 pub(crate) fn units_of_clocks(m: &mut Measurement) {
     for group in &mut m.groups {
         let Some(clock) = clock_of(group).map(|at| &mut group.series[at]) else { continue };
@@ -79,12 +78,12 @@ fn speaks_of_time(name: &str, unit: Option<&str>) -> bool {
     !other && words(name).iter().any(|word| WORDS.iter().any(|known| fits(word, known)))
 }
 
-/// Whether a value follows the other as the stamps of a clock do.
+/// Whether the values increase strictly, as the stamps of a clock do.
 fn runs(values: &[f64]) -> bool {
     values.len() > 1 && values.windows(2).all(|w| w[1] > w[0])
 }
 
-/// A unit alone is not enough, nor is a single weak word.
+/// Least score for a guess: a unit alone is not enough, nor is a single weak word.
 const ENOUGH: i32 = 4;
 
 fn score(channel: Channel, name: &str, unit: Option<&str>) -> i32 {
@@ -109,12 +108,12 @@ fn score(channel: Channel, name: &str, unit: Option<&str>) -> i32 {
     if points <= 0 { 0 } else { points + unit_points }
 }
 
-/// Short words must stand alone; longer ones may be a part of a longer word (`engine` in `nengine`).
+/// Whether a word matches a known one. Short known words must stand alone; longer ones may be a part of the word (`engine` in `nengine`).
 fn fits(word: &str, known: &str) -> bool {
     word == known || (known.len() >= 4 && word.contains(known))
 }
 
-/// Lower-case words of a name: split at signs and where a capital follows a small letter.
+/// Words of a name in lower case: it is split at characters that are neither letters nor digits, and where an upper-case letter follows a lower-case one.
 pub(crate) fn words(name: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut small = false;
@@ -131,7 +130,7 @@ pub(crate) fn words(name: &str) -> Vec<String> {
     words
 }
 
-/// Channel, word, points for it.
+/// Channel, word, and the points that the word scores for it.
 const VOCABULARY: &[(Channel, &str, i32)] = {
     use Channel::{OmegaC, OmegaF, TE, TFc, ThetaC, ThetaH, XTo, XToCmd};
     &[
@@ -319,7 +318,7 @@ mod tests {
         assert_eq!(guess(&[("foo", Some("rpm")), ("engine", Some("V"))])[0], None);
     }
 
-    /// A word that speaks for a channel makes it likelier, one that speaks for a sister less likely; a unit of its quantity helps, another rules it out.
+    /// Words typical of a channel raise its score, those of a similar channel lower it; a unit of its quantity helps, another one rules it out.
     #[test]
     fn every_word_counts_the_way_it_is_listed() {
         for spec in &CHANNELS[1..] {
@@ -344,7 +343,7 @@ mod tests {
         );
     }
 
-    /// As tuners' and workshop tools, and data loggers of race cars, call it; not what turns elsewhere.
+    /// Names that tuning and workshop tools and data loggers of race cars use; speeds of other shafts are not taken for the engine's.
     #[test]
     fn the_engine_speed_of_many_tools_is_known() {
         for name in ["RPM", "rpm", "Engine RPM", "Engine Speed", "Motordrehzahl", "Drehzahl", "nmot", "Régime moteur"] {

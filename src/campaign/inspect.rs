@@ -1,4 +1,4 @@
-//! What is in a measurement file, and a draft of the channel map for it.
+//! The contents of a measurement file, and a draft of the channel map for it.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -14,7 +14,7 @@ use super::raster;
 use super::table::{self, Format, Group, Series};
 use super::units;
 
-/// What a file holds.
+/// Contents of a measurement file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Inspection {
     /// File name.
@@ -23,7 +23,7 @@ pub struct Inspection {
     pub format: &'static str,
     /// Every channel, in the order of the file.
     pub channels: Vec<ChannelInfo>,
-    /// What the reader noticed.
+    /// Notes of the reader.
     pub notes: Vec<String>,
 }
 
@@ -36,7 +36,7 @@ pub struct ChannelInfo {
     pub unit: Option<String>,
     /// Group by number, and by name where it has one.
     pub group: (usize, String),
-    /// Samples per second where samples are, Hz.
+    /// Sample rate outside gaps, Hz.
     pub rate_hz: Option<f64>,
     /// Number of samples, invalid ones included.
     pub count: usize,
@@ -48,17 +48,17 @@ pub struct ChannelInfo {
     pub max: Option<f64>,
     /// True if the channel holds text.
     pub text: bool,
-    /// Which of ours it seems to be.
+    /// Which of our channels it seems to be.
     pub guess: Option<Channel>,
 }
 
-/// Looks into a measurement file; a database (DBC) decodes the frames of a CAN bus. `tell` is told the share that is read.
+/// Inspects a measurement file; a database (DBC) decodes the frames of a CAN bus. `tell` receives the share that has been read.
 pub fn inspect(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<Inspection, CampaignError> {
     if path.is_dir() {
         let remedy = "Name one file in it; `kisspoint replay` and `kisspoint diagnose` take a folder".to_string();
         return Err(CampaignError::Shape { file: path.to_path_buf(), what: "is a folder".to_string(), remedy });
     }
-    // A file that is not there is no defect of a recording.
+    // A missing file is not a defect of a recording.
     std::fs::metadata(path).map_err(|source| CampaignError::Io { file: path.to_path_buf(), source })?;
     let measurement = table::read(path, dbc, &|_| true, tell)?;
     let format = match table::format(path)? {
@@ -74,7 +74,7 @@ pub fn inspect(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<In
 }
 
 impl Inspection {
-    /// The same as JSON.
+    /// The inspection as JSON.
     pub fn to_json(&self) -> Value {
         let channel = |c: &ChannelInfo| {
             json!({
@@ -100,7 +100,7 @@ impl Inspection {
     }
 }
 
-/// A channel map in TOML to start from. Each of our channels has an entry; one that was not found is commented out.
+/// Draft of a channel map in TOML. Each of our channels has an entry; one that was not found is commented out.
 pub fn draft_channel_map(inspection: &Inspection) -> String {
     let mut out = format!(
         "# Channel map for {}, drafted by name and unit: check every entry.\n\
@@ -148,7 +148,7 @@ fn entry(column: &str, channel: &ChannelInfo, inspection: &Inspection) -> String
     out
 }
 
-/// A comment naming channels of the right quantity that were not given away.
+/// A comment that names the channels of the right quantity that have not been assigned.
 fn candidates(quantity: units::Quantity, inspection: &Inspection) -> String {
     let fits = |c: &&ChannelInfo| c.guess.is_none() && c.unit.as_deref().and_then(units::parse).is_some_and(|u| u.quantity == quantity);
     let names: Vec<&str> = inspection.channels.iter().filter(fits).map(|c| c.name.as_str()).take(8).collect();
@@ -159,7 +159,7 @@ fn toml_text(text: &str) -> String {
     toml::Value::String(text.to_string()).to_string()
 }
 
-/// A group's stamps in s, if they run forward.
+/// A group's stamps, s; `None` if it has no clock or they do not increase.
 fn clock_of(group: &Group) -> Option<Vec<f64>> {
     let series = &group.series[guess::clock_of(group)?];
     let factor = series.unit.as_deref().and_then(units::parse).map_or(1.0, |u| u.factor);
@@ -188,7 +188,7 @@ fn channels_of(group: &Group) -> Vec<ChannelInfo> {
     group.series.iter().enumerate().map(one).collect()
 }
 
-/// What a recording of these channels would leave out.
+/// Notes on the samples that would be left out if these channels became a recording.
 fn faults(group: &Group, channels: &[ChannelInfo]) -> Vec<String> {
     let guess = |series: &Series| channels.iter().find(|c| c.group.0 == group.index && c.name == series.name).and_then(|c| c.guess);
     let Some(time) = clock_of(group) else { return Vec::new() };
@@ -204,7 +204,7 @@ fn faults(group: &Group, channels: &[ChannelInfo]) -> Vec<String> {
     group.series.iter().filter_map(fault).flatten().collect()
 }
 
-/// Adds the guesses for all channels but clocks and texts; notes names that leave one open, for several channels share them.
+/// Adds guesses for all channels except clocks and texts; notes the names that several channels share, for which no guess is made.
 fn mark(channels: &mut [ChannelInfo]) -> Vec<String> {
     let open: Vec<usize> = (0..channels.len()).filter(|&i| channels[i].guess.is_none() && !channels[i].text).collect();
     let names: Vec<(&str, Option<&str>)> = open.iter().map(|&i| (channels[i].name.as_str(), channels[i].unit.as_deref())).collect();
@@ -247,7 +247,7 @@ mod tests {
         }
     }
 
-    /// What a draft has for a channel of ours.
+    /// Entry of the draft for one of our channels.
     fn drafted(column: &str, channels: Vec<ChannelInfo>) -> String {
         let draft = draft_channel_map(&Inspection { file: "a.mf4".into(), format: "MDF4", channels, notes: Vec::new() });
         let from = draft.find(&format!("# {column} in ")).unwrap();
@@ -264,7 +264,7 @@ mod tests {
         assert_eq!(one, "# omega_f_rad_s in rad/s\n[omega_f_rad_s]\nname = \"n\"\nunit = \"rpm\"");
         let twice = drafted("omega_f_rad_s", vec![channel("n", Some("rpm"), 1, known), channel("n", Some("rpm"), 2, None)]);
         assert!(twice.ends_with("unit = \"rpm\"\ngroup = \"1\""), "{twice}");
-        // A clock of the same name is no second one.
+        // A clock with the same name does not count as a second channel.
         let clock = drafted("omega_f_rad_s", vec![channel("n", Some("rpm"), 1, known), channel("n", None, 2, Some(Channel::Time))]);
         assert!(!clock.contains("group"), "{clock}");
         let strange = drafted("omega_f_rad_s", vec![channel("n", Some("furlong"), 1, known)]);
@@ -298,7 +298,7 @@ mod tests {
         assert!(channels_of(&back).iter().all(|c| c.rate_hz.is_none()));
     }
 
-    /// What a recording would leave out is said of the channels of the group that was guessed at, and of no namesake in another.
+    /// Faults are reported for the channel that was guessed, not for one of the same name in another group.
     #[test]
     fn faults_are_those_of_a_channel_that_is_used() {
         let speed: Vec<f64> = (0..100).map(|k| if k == 40 { 900.0 } else { 0.5 * f64::from(k) }).collect();
@@ -309,7 +309,7 @@ mod tests {
         let said = faults(&group, &all);
         assert!(said.len() == 1 && said[0].contains("0.400 s"), "{said:?}");
         assert!(faults(&group, &all[..1]).is_empty() && faults(&group, &[]).is_empty());
-        // Of a channel that is no speed a spike is a value like another.
+        // In a channel that is not a speed, a spike is a value like any other.
         assert!(faults(&group, &[channel("n", None, 1, Some(Channel::TE))]).iter().all(|f| !f.contains("contradicted")));
     }
 }

@@ -1,4 +1,4 @@
-//! A measurement file as it is, channel by channel, for those who look before they know what is what.
+//! A measurement file as it is, channel by channel, for users who do not know yet which channel is which.
 
 use std::path::Path;
 use std::rc::Rc;
@@ -10,43 +10,43 @@ use super::table::{self, Group};
 use super::units::{self, Quantity};
 use super::{Channel, doubt, raster};
 
-/// A file.
+/// A measurement file.
 #[derive(Clone, Debug)]
 pub struct Log {
     /// File name.
     pub file: String,
-    /// Its channels with a clock and numbers.
+    /// Its numeric channels that have valid samples.
     pub channels: Vec<LogChannel>,
     /// What the reader noticed or left out.
     pub notes: Vec<String>,
 }
 
-/// A channel, in our unit of its quantity.
+/// A channel, in our unit for its quantity.
 #[derive(Clone, Debug)]
 pub struct LogChannel {
     /// Name in the file.
     pub name: String,
-    /// What it measures, by its unit or the end of its name; `None` if neither tells.
+    /// Quantity, from the unit or the name; `None` if neither tells.
     pub quantity: Option<Quantity>,
     /// Time of each valid sample, s, on the file's clock.
     pub time: Rc<Vec<f64>>,
-    /// The samples.
+    /// Values of these samples.
     pub values: Vec<f64>,
-    /// Which of ours it seems to be.
+    /// Which of our channels it seems to be.
     pub guess: Option<Channel>,
-    /// Distance between samples, s.
+    /// Mean distance between samples outside gaps, s.
     pub step: f64,
     /// Standard deviation of that distance, s.
     pub jitter: f64,
-    /// Gaps, as times before and after, s.
+    /// Gaps, as the times of the samples before and after, s.
     pub gaps: Vec<(f64, f64)>,
-    /// Step of quantisation; 0 for a constant.
+    /// Quantisation step; 0 for a constant.
     pub quantum: f64,
-    /// Threshold of a speed sensor below which it reads 0.
+    /// Threshold below which a speed sensor reads 0, if it has a dead band.
     pub dead_band: Option<f64>,
 }
 
-/// Opens a file of any of the formats; a database (DBC) decodes the frames of a CAN bus. `tell` is told the share that is read.
+/// Opens a file of any of the formats; a database (DBC) decodes the frames of a CAN bus. `tell` receives the share that has been read.
 ///
 /// # Errors
 /// The file can't be read, is damaged, or has a clock that does not run forward.
@@ -85,11 +85,11 @@ pub fn open(path: &Path, dbc: Option<&Path>, tell: &dyn Fn(f64)) -> Result<Log, 
     Ok(log)
 }
 
-/// Largest engine speed that may be in rad/s, as 9549 1/min; only in 1/min are engines faster.
+/// Largest value of an engine speed that may be in rad/s (9549 1/min); larger values must be in 1/min.
 const FASTEST_ENGINE: f64 = 1000.0;
 
 impl LogChannel {
-    /// Gives an engine speed without a unit the one that its values tell, and says so.
+    /// Converts an engine speed without a unit from the one that its values imply, and returns a note on it.
     pub(crate) fn measure_as_engine(&mut self) -> Option<String> {
         if self.quantity.is_some() {
             return None;
@@ -104,7 +104,7 @@ impl LogChannel {
     }
 }
 
-/// A clock that counts from another age is hard to read: times count from the log's first stamp then.
+/// Makes times count from the log's first stamp if the clock starts before 0 s or from 10⁴ s on: such times are hard to read.
 fn count_from_start(log: &mut Log) {
     let start = log.channels.iter().filter_map(|c| c.time.first().copied()).fold(f64::INFINITY, f64::min);
     if !start.is_finite() || (0.0..1e4).contains(&start) {
@@ -117,7 +117,7 @@ fn count_from_start(log: &mut Log) {
     }
 }
 
-/// A channel of numbers, its missing samples left out.
+/// A numeric channel without its missing samples; `None` if the series is text or has no valid sample.
 fn channel(group: &Group, at: usize, clock: &Rc<Vec<f64>>, notes: &mut Vec<String>) -> Option<LogChannel> {
     let series = &group.series[at];
     let unit = series.unit.as_deref().and_then(units::parse).or_else(|| from_name(&series.name));
@@ -126,7 +126,7 @@ fn channel(group: &Group, at: usize, clock: &Rc<Vec<f64>>, notes: &mut Vec<Strin
     let mut values: Vec<f64> = series.values.iter().map(|v| v * scale + offset).collect();
     let mut time = clock.clone();
     thin(&mut time, &mut values);
-    // What has no unit may be a counter or a state, whose jumps are no faults.
+    // A series without a unit may be a counter or a state, whose jumps are not faults.
     let fault = unit.and_then(|u| doubt::faults_of((&series.name, u.quantity.unit()), &time, &mut values, speed));
     notes.extend(fault);
     notes.extend(if speed { raster::samples_of(&series.name, &time, &mut values) } else { None });
@@ -147,7 +147,7 @@ fn channel(group: &Group, at: usize, clock: &Rc<Vec<f64>>, notes: &mut Vec<Strin
     })
 }
 
-/// Leaves out missing samples; a channel without any shares its group's clock.
+/// Removes missing samples; a channel without missing samples shares its group's clock.
 fn thin(time: &mut Rc<Vec<f64>>, values: &mut Vec<f64>) {
     if values.iter().any(|v| v.is_nan()) {
         *time = Rc::new(clock::valid(time, values).map(|(_, t, _)| t).collect());
@@ -155,8 +155,8 @@ fn thin(time: &mut Rc<Vec<f64>>, values: &mut Vec<f64>) {
     }
 }
 
-/// The unit that a column of the contract has, or that the end of a name says: `engine_speed_rpm`, `Engine RPM`. A word that stands alone is a unit of speed or torque, if any: `plug in` is no length.
-/// What can be nothing but a unit of speed may stand anywhere: `EngineRPM`, `SPEED_KMH_GPS`.
+/// Unit of a column of the contract, or the unit at the end of a name: `engine_speed_rpm`, `Engine RPM`. After a blank or a dot, or as the whole name, only a unit
+/// of speed or torque is accepted: `plug in` is no length. A word that can only be a unit of speed may stand anywhere: `EngineRPM`, `SPEED_KMH_GPS`.
 fn from_name(name: &str) -> Option<units::Unit> {
     if let Some(channel) = Channel::from_column(name) {
         return units::parse(channel.spec().unit);
@@ -247,7 +247,7 @@ mod tests {
         assert!(none.notes.is_empty());
     }
 
-    /// A channel as a file of one group has it.
+    /// A channel as read from a file with one group.
     fn read(name: &str, unit: Option<&str>, values: Vec<f64>) -> (Option<LogChannel>, Vec<String>) {
         let clock = Rc::new((0..values.len()).map(|k| 0.01 * k as f64).collect());
         let series = table::Series { name: name.into(), unit: unit.map(str::to_owned), values, text: None };
@@ -291,7 +291,7 @@ mod tests {
         assert!(speed.unwrap().values.len() == 199 && notes.len() == 1 && notes[0].contains("0.770 s"), "{notes:?}");
         let (counter, notes) = read("x", None, with_spike());
         assert!(counter.unwrap().values.len() == 200 && notes.is_empty());
-        // A threshold is that of a speed.
+        // Only a speed can have a threshold.
         let still = || (0..200).map(|k| (0.4 * f64::from(k)) * f64::from(u8::from(k > 20))).collect::<Vec<f64>>();
         assert!(
             read("x", Some("rad/s"), still()).0.unwrap().dead_band.is_some()

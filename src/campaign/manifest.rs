@@ -1,4 +1,4 @@
-//! recordings.json: manoeuvre, rate and starting temperatures of each recording. Keys that begin with `_` are comments.
+//! recordings.json: manoeuvre, rate and start temperatures of each recording. Keys that begin with `_` are comments.
 
 use std::path::Path;
 
@@ -15,17 +15,17 @@ pub(crate) struct Entry {
     pub name: String,
     /// Manoeuvre in the engineer's words.
     pub manoeuvre: String,
-    /// Stated rate, Hz; a check of the clock's unit.
+    /// Stated sample rate, Hz, used to check the clock's unit.
     pub sample_rate_hz: Option<f64>,
-    /// Disc and body at the start, °C, where they are known.
+    /// Disc and body temperature at the start, °C, if they are known.
     pub theta_0: Option<[f64; 2]>,
-    /// How well, K.
+    /// Standard deviations of these temperatures, K.
     pub theta_0_sigma: [f64; 2],
-    /// File, with or without its ending, where it is not called as the recording.
+    /// File, with or without its extension, if it is not named after the recording.
     pub file: Option<String>,
     /// Part of the file that is the recording, s on the file's clock.
     pub window: Option<[f64; 2]>,
-    /// Ratio from the speed that is measured to the disc's, in place of the channel map's.
+    /// Ratio from the measured speed to the disc's, in place of the channel map's.
     pub ratio: Option<f64>,
     /// Entries in place of the channel map's.
     pub map: Option<ChannelMap>,
@@ -50,7 +50,7 @@ pub(crate) fn entries(file: &Path, text: &str) -> Result<Vec<Entry>, CampaignErr
     Ok(entries)
 }
 
-/// Parses JSON with the line and column of a mistake.
+/// Parses JSON; a syntax error is returned with its line and column.
 pub(crate) fn json(file: &Path, text: &str) -> Result<Value, CampaignError> {
     crate::json::parse(text).map_err(|Fault { line, column, what }| CampaignError::Syntax {
         file: file.to_path_buf(),
@@ -137,11 +137,11 @@ fn entry(file: &Path, name: &str, fields: &Value) -> Result<Entry, CampaignError
     }
 }
 
-/// A recordings.json to start from, with an entry for every file in the folder of `file` that has its ending, in the order of their names. It can be used as it is: nobody says
-/// how warm the car was.
+/// Draft of a recordings.json, with an entry for every file in the folder of `file` that has the same extension, in the order of their names. It can
+/// be used as it is; the start temperatures are then unknown.
 ///
 /// # Errors
-/// A folder that cannot be read.
+/// The folder cannot be read.
 pub fn draft(file: &Path) -> std::io::Result<String> {
     let folder = file.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let ending = |p: &Path| p.extension().map(|e| e.to_string_lossy().to_lowercase());

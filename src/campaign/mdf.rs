@@ -1,8 +1,8 @@
 //! MDF4 files (ASAM MDF 4): one group of channels per rate, each with its own clock; or frames of a CAN bus with a database (DBC).
 //!
-//! `falcon_mdf` decodes every layout of the records, also of unsorted files and of files that a recorder did not finalise. An invalid sample
-//! becomes NaN. A conversion to text is read as numbers: a sample with a name ("SNA") is missing, the others go through the conversion's own
-//! scale; a channel of names alone, such as a gear, has the numbers behind them.
+//! `falcon_mdf` decodes every layout of the records, including unsorted files and files that a recorder did not finalise. An invalid sample becomes
+//! NaN. A conversion to text is read as numbers: a sample with a name ("SNA") is missing, the others go through the conversion's own scale; if all
+//! values of a channel have names, as those of a gear, the raw numbers are taken.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -13,9 +13,9 @@ use super::error::{Defect, RecordingError};
 use super::limits::FILE_ROWS;
 use super::table::{Group, Measurement, Rows, Series, Tell, Wanted};
 
-/// Reads an MDF4 file; `file` is what messages call it.
+/// Reads an MDF4 file; `file` is its name in messages.
 pub(crate) fn read(file: &str, path: &Path, dbc: Option<&Path>, wanted: Wanted<'_>, tell: Tell<'_>) -> Result<Measurement, RecordingError> {
-    // The library promises errors and no panics on a damaged file; a panic would be a damaged file and nothing else.
+    // The library promises errors instead of panics on a damaged file; should it panic nevertheless, the file is damaged.
     let mut m = catch_unwind(AssertUnwindSafe(|| decode(path, dbc, wanted, tell)))
         .unwrap_or_else(|_| Err((None, Defect::Damaged("its blocks do not fit together".to_string()))))
         .map_err(|(channel, defect)| match channel {
@@ -26,7 +26,7 @@ pub(crate) fn read(file: &str, path: &Path, dbc: Option<&Path>, wanted: Wanted<'
     Ok(m)
 }
 
-/// A result whose error may be at a channel.
+/// A result whose error may belong to a channel.
 type Decoded<T> = Result<T, (Option<String>, Defect)>;
 
 fn decode(path: &Path, dbc: Option<&Path>, wanted: Wanted<'_>, tell: Tell<'_>) -> Decoded<Measurement> {
@@ -52,7 +52,7 @@ fn decode(path: &Path, dbc: Option<&Path>, wanted: Wanted<'_>, tell: Tell<'_>) -
     Ok(m)
 }
 
-/// Opens a file. The blocks of version 4.30 that the library does not know are refused one by one; the version alone is no reason.
+/// Opens a file. Version 4.30 or later is read as 4.20: blocks that the library does not know are refused one by one, but the version alone is no reason to refuse a file.
 fn open(path: &Path) -> Result<Mf4File, Mf4Error> {
     match Mf4File::open_buffered(path) {
         Err(Mf4Error::UnsupportedVersion { major: 4, minor: 30.. }) => {
@@ -75,7 +75,7 @@ fn decode_group(
 ) -> Decoded<Option<Group>> {
     let name = if group.acquisition_name.is_empty() { &group.comment } else { &group.acquisition_name };
     let mut out = Group { name: plain_text(name), index, ..Group::default() };
-    // Frames of a bus are no signals; see `decode_frames`.
+    // Bus frames are not signals; see `decode_frames`.
     if group.is_bus_event() {
         return Ok(None);
     }
@@ -90,7 +90,7 @@ fn decode_group(
             continue;
         }
         any |= named;
-        // A master that counts an angle or a distance is no clock.
+        // A master channel that counts an angle or a distance is not a clock.
         if channel.is_time_channel() && master {
             out.master = Some(out.series.len());
         }
@@ -114,7 +114,7 @@ fn decode_channel(file: &Mf4File, channel: &Channel, notes: &mut Vec<String>) ->
             }
             other => {
                 let values = other.to_f64();
-                // Bytes, arrays and dates are no series of numbers.
+                // Bytes, arrays and dates are not series of numbers.
                 if values.len() == other.len() && values.iter().any(|v| !v.is_nan()) { values } else { vec![f64::NAN; other.len()] }
             }
         },
@@ -127,18 +127,18 @@ fn decode_channel(file: &Mf4File, channel: &Channel, notes: &mut Vec<String>) ->
     Ok(series)
 }
 
-/// Places of links in their blocks: a channel's conversion and unit, a conversion's unit.
+/// Indices of links in their blocks: a channel's conversion and unit, a conversion's unit.
 const CN_CONVERSION: u64 = 4;
 const CN_UNIT: u64 = 6;
 const CC_UNIT: u64 = 1;
 
-/// Bytes in front of a block's links: mark, length, number of links.
+/// Bytes in front of a block's links: identifier, length, number of links.
 const BLOCK_HEAD: u64 = 24;
 
-/// Longest text of a unit that is read, bytes.
+/// Longest unit text that is read, bytes.
 const UNIT_BYTES: u64 = 4096;
 
-/// Unit of a channel: its own, or where it links to none that of its conversion, which `falcon_mdf` does not look at.
+/// Unit of a channel: its own or, if it links to none, that of its conversion, which `falcon_mdf` does not read.
 fn unit(file: &Mf4File, channel: &Channel) -> Result<Option<String>, Mf4Error> {
     let block = channel.block_offset();
     if link(file, block, CN_UNIT)? != 0 {
@@ -155,7 +155,7 @@ fn unit(file: &Mf4File, channel: &Channel) -> Result<Option<String>, Mf4Error> {
     Ok(Some(plain_text(&String::from_utf8_lossy(text))))
 }
 
-/// Link number `k` of a block, 0 where it has none.
+/// Link number `k` of a block; 0 if the block has no such link.
 fn link(file: &Mf4File, block: u64, k: u64) -> Result<u64, Mf4Error> {
     if k < word(file, block.saturating_add(16))? { word(file, block.saturating_add(BLOCK_HEAD + 8 * k)) } else { Ok(0) }
 }
@@ -164,11 +164,11 @@ fn word(file: &Mf4File, at: u64) -> Result<u64, Mf4Error> {
     Ok(file.read_raw(at, 8)?.first_chunk().map_or(0, |b| u64::from_le_bytes(*b)))
 }
 
-/// The numbers of a channel whose conversion names some of its values.
+/// The numbers of a channel whose conversion gives names to some of its values.
 fn beside_text(signal: &Signal, channel: &Channel, notes: &mut Vec<String>) -> Result<Vec<f64>, Mf4Error> {
     let raw = signal.raw_values()?.to_f64();
     let number = |raw: f64| match &channel.conversion {
-        // Without a rule for other values these are what they are.
+        // If the conversion has no rule for other values, they keep their raw number.
         Conversion::ValueToText { keys, default: None, .. } if !keys.contains(&raw) => raw,
         conversion => conversion.convert(raw, channel.is_float()),
     };
@@ -185,7 +185,7 @@ fn beside_text(signal: &Signal, channel: &Channel, notes: &mut Vec<String>) -> R
     Ok(values)
 }
 
-/// The signals that a database finds in the frames, each as a group with a clock of its own.
+/// Adds the signals that a database decodes from the frames, each as a group with a clock of its own.
 fn decode_frames(file: &Mf4File, dbc: &Path, wanted: Wanted<'_>, m: &mut Measurement) -> Decoded<()> {
     let database =
         CanDatabase::from_dbc_path(dbc).map_err(|e| (None, Defect::Database { dbc: dbc.display().to_string(), why: e.to_string() }))?;

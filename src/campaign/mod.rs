@@ -5,8 +5,8 @@
 //! unless none remains or [`ReadOptions::strict`] is set. Whatever is held, cut, converted or left out is noted, and nothing is
 //! interpolated: the rows of a recording are real samples.
 //!
-//! The way of a file: bytes, [`table`] (csv, mdf, parquet), [`pick`] (channel map, units), [`checks`], [`span`] (with
-//! [`clock`]), [`raster`], [`assemble`] (with [`rows`]), [`Recording`].
+//! A file passes through these stages: bytes, [`table`] (csv, mdf, parquet), [`pick`] (channel map, units), [`checks`], [`span`] (with [`clock`]),
+//! [`raster`], [`assemble`] (with [`rows`]), [`Recording`].
 
 mod assemble;
 mod channel_map;
@@ -59,13 +59,13 @@ pub struct Campaign {
     pub dir: PathBuf,
     /// The vehicle file.
     pub vehicle_path: PathBuf,
-    /// What it holds.
+    /// Its contents.
     pub vehicle_json: serde_json::Value,
     /// The recordings, sorted by name.
     pub recordings: Vec<Recording>,
-    /// What could not be used, and why.
+    /// Recordings and files that could not be used, and why.
     pub left_out: Vec<LeftOut>,
-    /// What was done to recordings that are used.
+    /// Notes on what was done to the recordings that are used.
     pub notes: Vec<Note>,
     /// SHA-256, in hex, over names and contents of all files that were read and over the channel map.
     pub fingerprint: String,
@@ -81,7 +81,7 @@ pub struct LeftOut {
 }
 
 impl LeftOut {
-    /// A line for a terminal; a reason that begins with the recording's name, or that of its file, says it once.
+    /// A line for a terminal. The name is not repeated if the reason begins with it or with the name of the recording's file.
     fn line(&self) -> String {
         let LeftOut { recording, reason } = self;
         let named = reason.strip_prefix(recording.as_str()).is_some_and(|rest| rest.starts_with(['.', ',', ':']));
@@ -96,7 +96,7 @@ pub const NO_POSITION: &str = "x_to_cmd_mm: not recorded: actuator, clutch force
 pub const NO_BRAKE: &str =
     "brake: not recorded: braking will look like a gap in the driveline; record the brake switch, or leave braking out with window_s";
 
-/// Something that was done to a recording and that its user should know.
+/// Something that was done to a recording and that its user should know of.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Note {
     /// Name of the recording.
@@ -106,7 +106,7 @@ pub struct Note {
 }
 
 impl Campaign {
-    /// What was left out and what was done, a line each, for a terminal; notes that several recordings share stand once.
+    /// What was left out and what was done, one line each, for a terminal; a note that several recordings share appears once.
     pub fn remarks(&self) -> String {
         let mut text: String = self.left_out.iter().map(LeftOut::line).collect();
         let mut said: Vec<(&str, Vec<&str>)> = Vec::new();
@@ -124,18 +124,18 @@ impl Campaign {
 /// How to read a campaign.
 #[derive(Clone, Debug, Default)]
 pub struct ReadOptions {
-    /// Which of the user's channels is which of ours.
+    /// Assignment of the user's channels to ours.
     pub channel_map: Option<ChannelMap>,
-    /// Leave nothing out: the first recording with a defect is an error.
+    /// Leaves nothing out: the first recording with a defect is an error.
     pub strict: bool,
 }
 
-/// One recording. Its rows are the stamps at which any channel has a sample; all vectors have the length of `time`.
+/// One recording. Its rows are the stamps at which any channel except the housing air has a sample; all vectors have the length of `time`.
 ///
-/// A sensor is NaN in a row where it has no sample of its own, or one that is not to be believed. Inputs are held and never NaN.
+/// A sensor is NaN in a row in which it has no sample of its own, or one that cannot be trusted. Inputs are held and never NaN.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
-    /// Name of the recording: its file's stem.
+    /// Name of the recording in recordings.json.
     pub name: String,
     /// Manoeuvre as recordings.json names it.
     pub manoeuvre: String,
@@ -147,9 +147,9 @@ pub struct Recording {
     pub theta_c0: f64,
     /// Body temperature at the start, °C.
     pub theta_b0: f64,
-    /// How well these two are known, K: one standard deviation, disc and body.
+    /// Standard deviations of these two temperatures, K: disc and body.
     pub theta_0_sigma: [f64; 2],
-    /// Angle by which the disc has fallen behind the flywheel when it begins, rad: 0 unless it is a part of a longer one.
+    /// Angle by which the disc lags behind the flywheel at the start, rad; 0 unless the recording is a part of a longer one.
     pub slip_angle_0: f64,
     /// Flywheel speed as sensed, rad/s.
     pub omega_f: Vec<f64>,
@@ -169,23 +169,24 @@ pub struct Recording {
     pub theta_c: Option<Vec<f64>>,
     /// Whether the driver brakes, held (drives only).
     pub brake: Option<Vec<bool>>,
-    /// Interval at which the control unit is taken to compute, s; none for the usual one. A logger that is slower misses commands: inputs go straight from each sample to the next one. Else they are held.
+    /// Interval at which the control unit is assumed to compute, s; `None` for the usual one. A logger that is slower misses commands, and inputs are
+    /// then taken to change steadily from each sample to the next one; otherwise they are held.
     pub control_interval_s: Option<f64>,
-    /// Rows at which torque report and command have samples of their own; none where every row has one, or lacks it because it was lost.
+    /// Rows at which torque report and command, in this order, have samples of their own; `None` if every row has one, except for samples that were lost.
     pub input_rows: [Option<Vec<usize>>; 2],
 }
 
 impl Recording {
-    /// These rows as a recording that begins at 0 s; start temperatures stay those of the whole.
+    /// These rows as a recording that begins at 0 s. The start temperatures remain those of the whole recording.
     ///
     /// # Panics
-    /// If it does not have them.
+    /// If the recording does not have these rows.
     pub fn part(&self, rows: Range<usize>) -> Self {
         let of = |column: &Vec<f64>| column.get(rows.clone()).unwrap_or_default().to_vec();
         let begin = self.time[rows.start];
         let own = |own: &Vec<usize>| {
             let within = own.iter().filter(|row| rows.contains(row)).map(|row| row - rows.start);
-            // An input that is held has a known value where a later part begins, whenever it was sampled.
+            // The value of a held input is known where a later part begins, even if it was sampled earlier.
             let first = (rows.start > 0).then_some(0);
             first.into_iter().chain(within.filter(|row| Some(*row) != first)).collect()
         };
@@ -209,7 +210,7 @@ impl Recording {
 }
 
 impl Default for Recording {
-    /// Without rows; start temperatures are known to 1 K, as on a bench.
+    /// A recording without rows. Start temperatures are known to 1 K, as on a bench.
     fn default() -> Self {
         Self {
             name: String::new(),

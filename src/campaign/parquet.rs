@@ -1,9 +1,8 @@
 //! Parquet files: one row per sample, one column per channel.
 //!
-//! Plain columns are read without the arrow stack, one chunk at a time. A null is a missing sample. Numbers of every width, decimals, flags and
-//! half-precision numbers are read; time stamps (also INT96) count from their first value. Units stand in brackets in the column name, or in
-//! the file's metadata as a JSON object of column to unit: under the key `units` (pyarrow's `with_metadata`) or in `units` of pandas'
-//! `DataFrame.attrs`.
+//! Plain columns are read one chunk at a time, without the arrow crates. A null is a missing sample. Numbers of every width, decimals, flags and
+//! half-precision numbers are read; time stamps (also INT96) count from their first value. Units are given in brackets in the column name, or in the file's
+//! metadata as a JSON object that maps columns to units: under the key `units` (pyarrow's `with_metadata`) or in `units` of pandas' `DataFrame.attrs`.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -27,9 +26,9 @@ use super::{thrift, units};
 
 const ENDLESS: &str = "a count in it is larger than the file";
 
-/// Reads a Parquet file; `file` is what messages call it.
+/// Reads a Parquet file; `file` is its name in messages.
 pub(crate) fn read(file: &str, path: &Path, wanted: Wanted<'_>, tell: Tell<'_>) -> Result<Measurement, RecordingError> {
-    // The library beneath takes some promises of a damaged file for granted; a panic there is a damaged file and nothing else.
+    // The underlying library relies on some properties that a damaged file may lack; a panic there means a damaged file and nothing else.
     catch_unwind(AssertUnwindSafe(|| decode(file, path, wanted, tell)))
         .unwrap_or_else(|_| Err(Defect::Damaged("its pages do not fit together".into()).in_file(file)))
 }
@@ -46,7 +45,7 @@ fn decode(file: &str, path: &Path, wanted: Wanted<'_>, tell: Tell<'_>) -> Result
     if rows == 0 {
         return Err(Defect::NoRows.in_file(file));
     }
-    // It may be damage, too: a few bytes may claim any number of equal values.
+    // A larger count may also be due to damage: a few bytes can claim any number of equal values.
     if rows as u64 > FILE_ROWS {
         return Err(Defect::TooManyRows(FILE_ROWS).in_file(file));
     }
@@ -61,7 +60,7 @@ fn decode(file: &str, path: &Path, wanted: Wanted<'_>, tell: Tell<'_>) -> Result
         }
         let unit = bracket.or_else(|| units.get(&path).cloned()).or_else(|| stamp_unit(column).map(str::to_string));
         let mut one = Series { name, unit, ..Series::default() };
-        // The count is the file's claim; the values that are there decide.
+        // The row count is only the file's claim, so that the memory reserved for it is limited; the values that are found decide.
         one.values.reserve(rows.min(1 << 24));
         read_column(&reader, &mut pages, index, rows, &mut one).map_err(damaged)?;
         if one.values.len() != rows {
@@ -75,7 +74,7 @@ fn decode(file: &str, path: &Path, wanted: Wanted<'_>, tell: Tell<'_>) -> Result
     Ok(Measurement { file: file.to_string(), groups: vec![group], names, rows: Rows::Table, notes: Vec::new() })
 }
 
-/// Appends every row group's part of one column.
+/// Appends the values of one column from every row group.
 fn read_column(
     reader: &SerializedFileReader<File>,
     file: &mut File,
@@ -83,7 +82,7 @@ fn read_column(
     rows: usize,
     into: &mut Series,
 ) -> Result<(), ParquetError> {
-    // Time stamps since 1970 in nanoseconds need more digits than a double has; counted from the first they fit.
+    // Nanoseconds since 1970 need more digits than a double has; nanoseconds from the first stamp fit.
     let mut first: Option<i64> = None;
     let mut since = |v: i64| v.saturating_sub(*first.get_or_insert(v)) as f64;
     for group in 0..reader.num_row_groups() {
@@ -123,7 +122,7 @@ fn read_column(
     Ok(())
 }
 
-/// The metadata at the end of the file, with its length and mark.
+/// The metadata at the end of the file, with its length and the file's signature.
 fn footer(file: &mut File) -> std::io::Result<Vec<u8>> {
     let size = file.seek(SeekFrom::End(0))?;
     let tail = bytes_at(file, size.saturating_sub(8)..size)?;
@@ -131,7 +130,7 @@ fn footer(file: &mut File) -> std::io::Result<Vec<u8>> {
     bytes_at(file, size.saturating_sub(length.saturating_add(8))..size)
 }
 
-/// What the file has there, at most.
+/// The bytes of the file in this range, as far as they exist.
 fn bytes_at(file: &mut File, range: std::ops::Range<u64>) -> std::io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     file.seek(SeekFrom::Start(range.start))?;
@@ -143,13 +142,13 @@ fn half(bytes: &[u8]) -> f64 {
     bytes.first_chunk::<2>().map_or(f64::NAN, |b| f16::from_le_bytes(*b).to_f64())
 }
 
-/// A signed integer of any width, highest byte first.
+/// A signed integer of any width (two's complement), most significant byte first.
 fn big_endian(bytes: &[u8]) -> f64 {
     let sign = if bytes.first().is_some_and(|b| b & 0x80 != 0) { -1.0 } else { 0.0 };
     bytes.iter().fold(sign, |value, &b| value * 256.0 + f64::from(b))
 }
 
-/// Where the pages of a column chunk stand in the file.
+/// Position of a column chunk's pages in the file.
 fn place(chunk: &ColumnChunkMetaData) -> Option<std::ops::Range<u64>> {
     let start = chunk.dictionary_page_offset().unwrap_or(chunk.data_page_offset()).min(chunk.data_page_offset());
     let (start, length) = (u64::try_from(start).ok()?, u64::try_from(chunk.compressed_size()).ok()?);
@@ -192,7 +191,7 @@ fn is_decimal(descriptor: &ColumnDescriptor) -> bool {
     descriptor.converted_type() == ConvertedType::DECIMAL || matches!(descriptor.logical_type_ref(), Some(LogicalType::Decimal { .. }))
 }
 
-/// Whether integers count from 0: what is stored is a signed number of the same bits.
+/// Whether integers are unsigned: they are stored as signed numbers with the same bits.
 fn is_unsigned(descriptor: &ColumnDescriptor) -> bool {
     use ConvertedType::{UINT_8, UINT_16, UINT_32, UINT_64};
     matches!(descriptor.converted_type(), UINT_8 | UINT_16 | UINT_32 | UINT_64)
@@ -203,7 +202,7 @@ fn is_half(descriptor: &ColumnDescriptor) -> bool {
     matches!(descriptor.logical_type_ref(), Some(LogicalType::Float16))
 }
 
-/// The unit of a time stamp's ticks, `None` for any other column.
+/// The unit of a time stamp's ticks; `None` for any other column.
 fn stamp_unit(descriptor: &ColumnDescriptor) -> Option<&'static str> {
     match (descriptor.logical_type_ref(), descriptor.converted_type()) {
         (Some(LogicalType::Timestamp(stamp)), _) => Some(match stamp.unit {
@@ -218,7 +217,7 @@ fn stamp_unit(descriptor: &ColumnDescriptor) -> Option<&'static str> {
     }
 }
 
-/// Units by column, as the file's metadata states them.
+/// Units by column, as stated in the file's metadata.
 fn stated_units(reader: &SerializedFileReader<File>) -> HashMap<String, String> {
     let mut units = HashMap::new();
     for pair in reader.metadata().file_metadata().key_value_metadata().into_iter().flatten() {
@@ -251,7 +250,7 @@ mod tests {
         ColumnDescriptor::new(Arc::new(builder.build().unwrap()), 0, 0, ColumnPath::from("c"))
     }
 
-    /// Old writers have converted types alone, new ones logical types beside them.
+    /// Old writers give converted types only, new ones logical types as well.
     #[test]
     fn stamps_have_the_unit_that_either_kind_of_type_gives() {
         let stamp = |unit| Some(LogicalType::timestamp(true, unit));
@@ -272,7 +271,7 @@ mod tests {
         assert!(!is_decimal(&column(PhysicalType::INT32, ConvertedType::NONE, None, 0)));
     }
 
-    /// Read back from a file that says so in either way.
+    /// The values are read back from a file that declares them as unsigned in either way.
     #[test]
     fn integers_without_a_sign_count_beyond_the_greatest_with_one() {
         use ::parquet::data_type::{Int32Type, Int64Type};

@@ -1,13 +1,13 @@
 //! Finds each of our channels in a file and converts it to our unit.
 //!
-//! Without a map entry a channel is found by the contract's column (`omega_f_rad_s`), or by that name without its unit
-//! (`omega_f`) if the file states one. Which unit counts:
+//! Without a map entry a channel is found by the contract's column (`omega_f_rad_s`), or by that name without its unit (`omega_f`) if the file states
+//! a unit. The unit is the first of these that applies:
 //!
-//! 1. `scale` or `offset` in the map: value · scale + offset is in the map's `unit`, or in ours; the file's unit is overruled.
-//! 2. `unit` in the map; a file that states another is a contradiction.
-//! 3. the unit that the file states; a column whose name says otherwise is a contradiction.
-//! 4. per cent, where the map has a `reference_Nm` for them; a road speed (`tyre_radius_m`) has no unit that could be taken.
-//! 5. ours.
+//! 1. `scale` or `offset` in the map: value · scale + offset is in the map's `unit`, or in ours if the map states none; the file's unit is ignored.
+//! 2. `unit` in the map; a file that states another one is refused as contradictory.
+//! 3. the unit that the file states; a column whose name implies another one is refused as contradictory.
+//! 4. percent, if the map has a `reference_Nm`; for a road speed (`tyre_radius_m`) no unit can be assumed.
+//! 5. our unit.
 
 use std::rc::Rc;
 
@@ -22,7 +22,7 @@ use super::units::{self, Quantity, Unit};
 pub(crate) struct Signal {
     /// Which channel.
     pub channel: Channel,
-    /// What messages call it.
+    /// Its name in messages.
     pub label: String,
     /// Time of each sample, s.
     pub time: Rc<Vec<f64>>,
@@ -30,7 +30,7 @@ pub(crate) struct Signal {
     pub values: Vec<f64>,
 }
 
-/// All channels that the file holds, required ones complete, and notes on what was converted.
+/// All channels that the file holds, including every required one, and notes on what was converted.
 pub(crate) struct Picked {
     pub signals: Vec<Signal>,
     pub notes: Vec<String>,
@@ -72,7 +72,7 @@ pub(crate) fn pick(m: &mut Measurement, map: &ChannelMap) -> Result<Picked, Reco
         let values = convert(m, group, at, spec, map, &mut notes)?;
         signals.push(Signal { channel: spec.channel, label, time, values });
     }
-    // A constant has a sample wherever the flywheel has one.
+    // A constant has a sample at every stamp of the flywheel speed.
     let clock = signals.iter().find(|s| s.channel == Channel::OmegaF).map(|s| s.time.clone()).unwrap_or_default();
     for (spec, value) in CHANNELS.iter().filter_map(|spec| Some((spec, constant(spec, map)?))) {
         notes.push(format!("{}: {value} {} throughout, as the channel map says", spec.column, spec.unit));
@@ -85,12 +85,12 @@ pub(crate) fn pick(m: &mut Measurement, map: &ChannelMap) -> Result<Picked, Reco
     Ok(Picked { signals, notes })
 }
 
-/// The constant that stands for a channel.
+/// The constant that the map gives in place of a channel.
 fn constant(spec: &Spec, map: &ChannelMap) -> Option<f64> {
     map.get(spec.channel)?.value
 }
 
-/// Group and position of the one series for a channel.
+/// Group and index of the one series that belongs to a channel.
 fn find(m: &Measurement, spec: &Spec, map: &ChannelMap) -> Result<Option<(usize, usize)>, RecordingError> {
     let entry = map.get(spec.channel);
     let all = m
@@ -100,7 +100,7 @@ fn find(m: &Measurement, spec: &Spec, map: &ChannelMap) -> Result<Option<(usize,
         .filter(|(_, g)| in_group(g, entry))
         .flat_map(|(i, g)| g.series.iter().enumerate().filter(|(at, _)| g.master != Some(*at)).map(move |(at, s)| ((i, at), s)));
     let all: Vec<((usize, usize), &Series)> = all.filter(|(_, s)| candidate(spec, entry, &s.name)).collect();
-    // The full column name goes before the name without a unit.
+    // The full column name takes precedence over the name without a unit.
     let exact: Vec<_> = all.iter().filter(|(_, s)| s.name == wanted_name(spec, entry)).collect();
     let named_alone = |s: &Series| entry.is_some() || s.unit.is_some() || s.name.eq_ignore_ascii_case(spec.column);
     let chosen: Vec<_> = if exact.is_empty() { all.iter().filter(|(_, s)| named_alone(s)).collect() } else { exact };
@@ -120,7 +120,7 @@ fn in_group(group: &Group, entry: Option<&Mapped>) -> bool {
     group.name == wanted || wanted.parse() == Ok(group.index)
 }
 
-/// The name that is looked for, as a message gives it.
+/// The name that is looked for, as given in messages.
 fn wanted_name<'a>(spec: &'a Spec, entry: Option<&'a Mapped>) -> &'a str {
     entry.and_then(|e| e.name.as_deref()).unwrap_or(spec.column)
 }
@@ -171,7 +171,7 @@ fn find_in(m: &Measurement, group: usize, spec: &Spec, map: &ChannelMap) -> Opti
     })
 }
 
-/// Takes a series out of the file and brings it to our unit.
+/// Takes a series out of the file and converts it to our unit.
 fn convert(
     m: &mut Measurement,
     group: usize,
@@ -194,7 +194,7 @@ fn convert(
     Ok(series.into_iter().map(|v| v * scale + offset).collect())
 }
 
-/// Factor and offset to our unit, and what they come from.
+/// Factor and offset to our unit, and a text on what they are derived from.
 fn factors(series: &Series, spec: &Spec, entry: Option<&Mapped>) -> Result<(f64, f64, String), Defect> {
     let scaled = entry.filter(|e| e.scale.is_some() || e.offset.is_some());
     let in_file = series.unit.as_deref().filter(|_| scaled.is_none());
@@ -233,10 +233,10 @@ fn factors(series: &Series, spec: &Spec, entry: Option<&Mapped>) -> Result<(f64,
     Ok((unit.factor * ratio, unit.offset * ratio, through.trim().to_string()))
 }
 
-/// Unit that the map implies of a series for which nobody states one.
+/// Unit that the map implies for a series for which none is stated.
 ///
 /// # Errors
-/// A road speed: km/h, m/s and mph are all usual.
+/// A road speed, which may equally well be in km/h, m/s or mph.
 fn implied_unit(entry: Option<&Mapped>) -> Result<Option<&'static str>, Defect> {
     match entry {
         Some(Mapped { tyre_radius: Some(_), .. }) => Err(Defect::RoadSpeedUnit),
@@ -245,7 +245,7 @@ fn implied_unit(entry: Option<&Mapped>) -> Result<Option<&'static str>, Defect> 
     }
 }
 
-/// The identity; the quantity is not looked at.
+/// The identity; its quantity is not used.
 const OURS: Unit = Unit { quantity: units::Quantity::Time, factor: 1.0, offset: 0.0 };
 
 fn same(a: Unit, b: Unit) -> bool {
@@ -256,7 +256,7 @@ fn contradiction(first: (&'static str, &str), second: (&'static str, &str)) -> D
     Defect::UnitContradiction { first: first.0, first_unit: first.1.to_string(), second: second.0, second_unit: second.1.to_string() }
 }
 
-/// A unit of the channel, or of what the map makes it from: a road speed with a tyre, a percentage with its reference.
+/// A unit of the channel, or of the quantity from which the map converts it: a road speed with a tyre radius, a percentage with its reference torque.
 fn understood(text: &str, spec: &Spec, entry: Option<&Mapped>) -> Result<Unit, Defect> {
     let (quantity, known) = (units::quantity_name(spec.quantity), units::examples(spec.quantity));
     let (radius, reference) = (entry.and_then(|e| e.tyre_radius), entry.and_then(|e| e.reference));
@@ -307,7 +307,7 @@ mod tests {
     fn channels_are_found_by_column_or_by_name_and_unit_and_come_in_our_unit() {
         let p = picked(vec![group("", 0, &with(&[("time_s", None), ("theta_h", None)]))]).unwrap();
         let found: Vec<(Channel, f64)> = p.signals.iter().map(|s| (s.channel, s.values[2])).collect();
-        // A name without a unit, of which the file states none, is not believed.
+        // A name without its unit is not accepted if the file states no unit.
         assert_eq!(found.len(), 3);
         assert!(found[0] == (Channel::OmegaF, 3.0) && (found[1].1 - std::f64::consts::PI / 10.0).abs() < 1e-12, "{found:?}");
         assert!(p.notes.len() == 1 && p.notes[0].contains("omega_c (omega_c_rad_s): rpm converted to rad/s"), "{:?}", p.notes);
@@ -356,7 +356,7 @@ mod tests {
         assert!(matches!(of("omega_f", Some("mm")), Err(Defect::WrongQuantity { .. })));
         assert!(matches!(of("omega_f", Some("km/h")), Err(Defect::RoadSpeed(_))));
         assert!(matches!(factors(&series("T_e", Some("%")), Channel::TE.spec(), None), Err(Defect::Percentage)));
-        // What the map makes a channel from has a unit that nobody need state, or one that somebody must.
+        // A percentage with a reference torque needs no stated unit; a road speed with a tyre radius does.
         let share = Mapped { reference: Some(350.0), ..Mapped::default() };
         let torque = |name: &str, unit: Option<&str>, entry: &Mapped| factors(&series(name, unit), Channel::TE.spec(), Some(entry));
         let (factor, offset, said) = torque("TqPercent", None, &share).unwrap();

@@ -1,9 +1,10 @@
-//! What an export put between the samples: rows that repeat a sample, or lie on the straight line to the next one.
+//! Removes what an export put between the samples: rows that repeat a sample, or that lie on the straight line to the next one.
 //!
-//! Tools write channels of any rate in one raster, held or interpolated. Rows made that way are no measurements: they would count as samples without noise. Real samples have
-//! noise, so that nearly each differs from the one before; in a raster n times as fast only every n-th row does, and between interpolated ones only every n-th row is a bend.
-//! Rows with such an event come by a Bernoulli process: with one rate in any row, or with one on a lattice of n rows and another, next to none, beside it. Where the lattice is
-//! likelier by [`SURE_NATS`], only its rows are samples. It begins anew with each event, so a raster that drifts against its source, or loses rows, is one all the same.
+//! Tools write channels of any rate in one raster, held or interpolated. Rows made that way are no measurements: they would count as samples without
+//! noise. Real samples have noise, so that nearly each differs from the one before; in a raster n times as fast only every n-th row does, and among
+//! interpolated rows only every n-th one is a bend. Rows with such an event are modelled as a Bernoulli process: either with one rate in all rows, or
+//! with one rate on a lattice of every n-th row and another rate, close to 0, beside it. If the lattice is likelier by [`SURE_NATS`], only its rows are
+//! samples. It restarts at each event, so that a raster that drifts against its source, or loses rows, is recognised as well.
 //!
 //! A source that is polled, or whose rate does not divide that of the raster, is repeated unevenly: see [`super::repeats`].
 
@@ -15,24 +16,24 @@ use super::repeats::{self, Repeats};
 use super::span::Track;
 use std::collections::HashMap;
 
-/// Longest lattice, rows.
+/// Longest period of a lattice, rows.
 const LONGEST: usize = 100;
 
-/// Nats by which a lattice has to be likelier than rows that are samples: the odds of e³⁰ that recordings are what they seem are beyond doubt either way.
+/// Least log-likelihood ratio, in nats, of a lattice against samples in every row: odds of e³⁰ leave no doubt.
 pub(super) const SURE_NATS: f64 = 30.0;
 
-/// Share of the events that may lie beside the lattice.
+/// Largest share of the events that may lie beside the lattice.
 const BESIDE: f64 = 0.05;
 
-/// Share of the lattice's rows in which something has to happen: samples have noise, while a signal without any may bend where it will.
+/// Least share of the lattice's rows in which an event has to occur: samples have noise, whereas a signal without any may bend anywhere.
 const HAPPENS: f64 = 0.3;
 
-/// What lies between the samples.
+/// Kind of the rows between the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Between {
     Repeats,
     Lines,
-    /// Repeats, of which no number of rows is that from one sample to the next.
+    /// Repeats without a fixed number of rows from one sample to the next.
     Uneven,
 }
 
@@ -40,14 +41,14 @@ pub(super) enum Between {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Raster {
     pub(super) between: Between,
-    /// Rows from one sample to the next, at least.
+    /// Least number of rows from one sample to the next.
     pub(super) every: usize,
     /// Whether each row is a sample.
     pub(super) is_sample: Vec<bool>,
 }
 
-/// Takes out what lies between the samples of an export, if either speed shows one; says what was done, and what the speeds say of repeats. `all` is what all recordings of a
-/// campaign say of these, if they have been read.
+/// Sets the values that an export put between the samples to NaN, if either speed shows such rows. Returns the repeats that were counted in the
+/// speeds, and notes on what was done. `all` holds the repeats of all recordings of a campaign, once these have been read.
 pub(super) fn samples_alone(tracks: &mut [Track], all: Option<&Repeats>) -> (Repeats, Vec<String>) {
     let speeds = [Channel::OmegaF, Channel::OmegaC].map(|c| tracks.iter().find(|t| t.signal.channel == c).map(|t| &t.signal));
     let own = Repeats::of(speeds);
@@ -80,7 +81,7 @@ pub(super) fn samples_alone(tracks: &mut [Track], all: Option<&Repeats>) -> (Rep
     (own, said.into_iter().map(|(text, labels)| format!("{}: {text}", labels.join(", "))).collect())
 }
 
-/// Takes out what lies between the samples of a speed's series, if it is an export's; the note says so.
+/// Sets the values that an export put between the samples of a speed to NaN; the note says so.
 pub(super) fn samples_of(name: &str, time: &[f64], values: &mut [f64]) -> Option<String> {
     let raster = raster(time, values).or_else(|| repeats::alone(time, values))?;
     values.iter_mut().zip(&raster.is_sample).filter(|(_, is_sample)| !**is_sample).for_each(|(v, _)| *v = f64::NAN);
@@ -88,7 +89,7 @@ pub(super) fn samples_of(name: &str, time: &[f64], values: &mut [f64]) -> Option
 }
 
 impl Raster {
-    /// What it is, in words.
+    /// Describes the raster in words.
     fn said(&self) -> String {
         let between = match self.between {
             Between::Repeats => "repeat it",
@@ -98,7 +99,7 @@ impl Raster {
         format!("one row in {} is a sample, those between {between} and are left out", self.every)
     }
 
-    /// Whether a signal of the same rows has values where this has samples, and nothing happens to it beside them.
+    /// Whether a signal with the same rows has values at this raster's samples and events nowhere else, except for a share of [`BESIDE`].
     fn holds(&self, signal: &Signal) -> bool {
         let (mut all, mut beside) = (0, 0);
         for (_, row) in events(&signal.time, &signal.values, self.between) {
@@ -112,7 +113,7 @@ impl Raster {
     }
 }
 
-/// The likeliest raster that is faster than its source; none if every row may be a sample.
+/// The likeliest raster that is faster than its source; `None` if every row may be a sample.
 fn raster(time: &[f64], values: &[f64]) -> Option<Raster> {
     let of = |between: Between| {
         let distances = Distances::of(events(time, values, between).map(|(number, _)| number));
@@ -124,7 +125,7 @@ fn raster(time: &[f64], values: &[f64]) -> Option<Raster> {
 }
 
 impl Raster {
-    /// The rows of a lattice that begins anew with each event; before the first one it goes back from it.
+    /// Marks the rows of a lattice that restarts at each event and extends backwards from the first one.
     fn every(time: &[f64], values: &[f64], between: Between, every: usize) -> Option<Self> {
         let new = changes(time, values, between);
         let mut origin = valid(time, values).position(|(row, ..)| new[row])? % every;
@@ -139,16 +140,16 @@ impl Raster {
     }
 }
 
-/// Whether each row shows something new.
+/// Whether an event occurs in each row.
 pub(super) fn changes(time: &[f64], values: &[f64], between: Between) -> Vec<bool> {
     let mut new = vec![false; values.len()];
     events(time, values, between).for_each(|(_, row)| new[row] = true);
     new
 }
 
-/// Numbers and rows of the samples that differ from the one before, or at which a line bends.
+/// Numbers and rows of the samples with an event: those that differ from the one before, or at which a line bends. A number counts valid samples only.
 pub(super) fn events<'a>(time: &'a [f64], values: &'a [f64], between: Between) -> impl Iterator<Item = (usize, usize)> + 'a {
-    // A row and both its neighbours are rounded, be it to single precision.
+    // The value of a row and those of both its neighbours are rounded, possibly to single precision.
     let rounding = match between {
         Between::Repeats | Between::Uneven => 0.0,
         Between::Lines => 1.01 * quantum(values) + 2.5e-7 * valid(time, values).fold(0.0, |most: f64, (.., v)| most.max(v.abs())),
@@ -169,7 +170,7 @@ pub(super) fn events<'a>(time: &'a [f64], values: &'a [f64], between: Between) -
     })
 }
 
-/// How many samples apart events follow each other, and how often.
+/// Histogram of the distances between consecutive events, in samples.
 struct Distances(HashMap<usize, usize>);
 
 impl Distances {
@@ -183,7 +184,8 @@ impl Distances {
         Self(all)
     }
 
-    /// Nats by which events on a lattice of so many rows are likelier than events in any row, each with the rates that suit it best; −∞ if too many lie beside it, or it has too few.
+    /// Log-likelihood ratio, in nats, of events on a lattice with this period against events in any row, each with its maximum-likelihood rates, less
+    /// ln [`LONGEST`] for the choice of the period; −∞ if too many events lie beside the lattice, or too few on it.
     fn lead(&self, every: usize) -> f64 {
         let (mut rows, mut on, mut passed, mut beside) = (0.0, 0.0, 0.0, 0.0);
         for (&distance, &count) in &self.0 {
@@ -207,7 +209,7 @@ impl Distances {
 pub(super) mod tests {
     use super::*;
 
-    /// A launch with noise of 0.1 rad/s in steps of `step`, at 100 Hz.
+    /// A launch at 100 Hz with noise of 0.1 rad/s, rounded to steps of `step`.
     pub fn sampled(step: f64) -> Vec<f64> {
         (0..400).map(|k| (((0.6 * f64::from(k) - 40.0).clamp(0.0, 90.0) + noise(k)) / step).round() * step).collect()
     }
@@ -236,13 +238,13 @@ pub(super) mod tests {
         for step in [1e-4, 0.025, 0.105, 0.84] {
             assert_eq!(raster_of(&sampled(step), 0.01), None, "steps of {step} rad/s");
         }
-        // Rows of other channels between, in which this one has no value.
+        // Rows of other channels in between, in which this channel has no value.
         let sparse: Vec<f64> = sampled(0.025).chunks(2).flat_map(|two| [two[0], two[1], f64::NAN]).collect();
         assert_eq!(raster_of(&sparse, 0.005), None);
-        // Lines without noise, with a bend every half a second.
+        // Lines without noise, with a bend every half second.
         let lines = |k: usize| [0.0, 30.0, 35.0, 90.0, 90.0, 80.0, 120.0, 0.0, 0.0][k / 50] + 0.1 * (k % 50) as f64;
         assert_eq!(raster_of(&(0..450).map(lines).collect::<Vec<_>>(), 0.01), None);
-        // A ramp without noise, in steps that it passes at even and at uneven times.
+        // A ramp without noise, whose quantisation steps change at even or uneven intervals.
         let ramp = |pace: f64| (0..400).map(|k| (pace * f64::from(k)).floor()).collect::<Vec<_>>();
         for pace in [0.7, 0.61, 1.3] {
             assert_eq!(raster_of(&ramp(pace), 0.01), None, "{pace}");
@@ -266,7 +268,7 @@ pub(super) mod tests {
         }
     }
 
-    /// A source that is a little faster than half the raster: now and then a sample has one row alone.
+    /// A source that is a little faster than half the raster: now and then a sample occupies a single row.
     #[test]
     fn a_raster_that_drifts_is_one_all_the_same() {
         let values = sampled(0.001);

@@ -1,37 +1,38 @@
-//! Rows of a logger that repeat its source unevenly, for that is polled, or has a rate that does not divide the logger's.
+//! Rows in which a logger repeats its source unevenly, because the source is polled or its rate does not divide the logger's.
 //!
-//! While a speed moves by several of its steps from row to row, readings are seldom alike, whatever their noise. Where so many are held for more than a row that this is beyond doubt,
-//! rows that show nothing new are no samples. A sensor that stands still now and then holds few of its readings, if for long, and is left to the diagnosis.
-//! All recordings of a campaign together tell it, for one logger wrote them: those in which too little moves are taken as the others are.
+//! While a speed moves by several quantisation steps from row to row, consecutive readings are seldom equal, whatever their noise. If so many readings are held for more than
+//! one row that this is beyond doubt, rows that show nothing new are not samples. A sensor that freezes now and then holds few of its readings, though for long; that is left
+//! to the diagnosis. All recordings of a campaign are judged together, because one logger wrote them: those in which too little moves are treated like the others.
 
 use super::clock::valid;
 use super::pick::Signal;
 use super::raster::{Between, Raster, SURE_NATS, changes, events};
 
-/// Nats of either speed where both together are sure, and by which a recording may seem to have samples in every row where the others of its campaign have not: odds of 20 to one that
-/// one logger does to one what it does to the other.
+/// Least log-likelihood ratio, in nats, for each speed once both together are sure, and the largest by which a recording may favour samples in every
+/// row although its campaign does not: odds of 20 to one that the logger treats all recordings alike.
 const LIKELY_NATS: f64 = 3.0;
 
-/// Steps of its readings by which a speed moves from row to row where repeated rows are counted.
+/// Least change of a speed from row to row, in quantisation steps, for repeated rows to be counted.
 const MOVES: f64 = 3.0;
 
-/// Readings on either side over which that is judged.
+/// Number of readings on either side over which this change is judged.
 const AROUND: usize = 5;
 
-/// Parts of a speed's range in each of which its steps count as equal, for those of a tone wheel grow with it; and the fewest readings that tell them.
+/// Number of parts of a speed's range, in each of which its quantisation step counts as constant because that of a tone wheel grows with speed; and
+/// the least number of readings from which a step is determined.
 const BINS: usize = 10;
 const FEWEST: usize = 10;
 
-/// What both speeds, ω_f and ω_c, say of rows that repeat their source; of several recordings, their sum.
+/// Counts of rows in which the speeds ω_f and ω_c repeat their sources; for several recordings, the sum.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Repeats {
     of: [Repeated; 2],
-    /// Rows with both in motion in which either shows something new, and those in which both do.
+    /// Rows, with both speeds in motion, in which either one shows a new value, and rows in which both do.
     either: usize,
     both: usize,
 }
 
-/// A speed while it moves by several of its steps from row to row.
+/// Counts for a speed over the rows in which it moves by several quantisation steps from row to row.
 #[derive(Clone, Copy, Debug, Default)]
 struct Repeated {
     rows: usize,
@@ -40,17 +41,17 @@ struct Repeated {
     held: usize,
 }
 
-/// How rows are taken.
+/// How the rows of a recording are treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Taken {
-    /// Whether those of either speed repeat its source.
+    /// Whether the rows of each speed repeat its source.
     uneven: [bool; 2],
-    /// Whether both speeds come together.
+    /// Whether both speeds are updated together.
     together: bool,
 }
 
 impl Repeats {
-    /// Of two speeds that share their rows.
+    /// Counts the repeats of two speeds that share their rows.
     pub(super) fn of(speeds: [Option<&Signal>; 2]) -> Self {
         let moving = speeds.map(|s| s.map_or_else(Moving::default, |s| Moving::of(&s.time, &s.values)));
         let [f, c] = moving.each_ref().map(|m| &m.rows);
@@ -59,7 +60,7 @@ impl Repeats {
         Repeats { of: moving.each_ref().map(|m| m.count), either, both: known().filter(|(f, c)| *f && *c).count() }
     }
 
-    /// Together with those of another recording.
+    /// The sum with the counts of another recording.
     pub(super) fn with(&self, other: &Self) -> Self {
         let of = std::array::from_fn(|k| {
             let (a, b) = (self.of[k], other.of[k]);
@@ -68,7 +69,7 @@ impl Repeats {
         Repeats { of, either: self.either + other.either, both: self.both + other.both }
     }
 
-    /// How its rows are taken, of which `all` recordings tell.
+    /// How the rows of this recording are treated, judged by those of `all` recordings.
     pub(super) fn among(&self, all: &Self) -> Taken {
         let nats = all.of.map(|of| of.nats());
         let likely = |k: usize| nats[k] > LIKELY_NATS && self.of[k].nats_at(all.of[k].share()) > -LIKELY_NATS;
@@ -77,7 +78,7 @@ impl Repeats {
         Taken { uneven, together: uneven == [true; 2] && all.come_together() }
     }
 
-    /// Whether both speeds come together beyond doubt, rather than each at its own times: of the rows that show something new, in how many both do.
+    /// Whether both speeds are beyond doubt updated together, rather than each at its own times, judged by the share of rows with a new value in which both are new.
     fn come_together(&self) -> bool {
         let [f, c] = self.of.map(|of| of.readings as f64 / of.rows as f64);
         let apart = f * c / (f + c - f * c);
@@ -88,7 +89,7 @@ impl Repeats {
 }
 
 impl Taken {
-    /// Samples of both speeds, where rows repeat them.
+    /// Samples of each speed whose rows repeat it.
     pub(super) fn samples(self, speeds: [Option<&Signal>; 2]) -> [Option<Raster>; 2] {
         let mut new = speeds.map(|s| s.map_or_else(Vec::new, |s| changes(&s.time, &s.values, Between::Uneven)));
         if self.together && new[0].len() == new[1].len() {
@@ -101,23 +102,23 @@ impl Taken {
     }
 }
 
-/// Samples of a speed whose rows repeat it, as far as it tells alone.
+/// Samples of a speed whose rows repeat it, judged by this speed only.
 pub(super) fn alone(time: &[f64], values: &[f64]) -> Option<Raster> {
     if Moving::of(time, values).count.nats() > SURE_NATS { samples(time, values, changes(time, values, Between::Uneven)) } else { None }
 }
 
-/// Rows that show something new are samples, and the first one, whose sample came shortly before it.
+/// Rows that show something new are samples; so is the first row, whose sample was taken shortly before it.
 fn samples(time: &[f64], values: &[f64], mut new: Vec<bool>) -> Option<Raster> {
     let (first, ..) = valid(time, values).next()?;
     new[first] = true;
     Some(Raster { between: Between::Uneven, every: 1, is_sample: new })
 }
 
-/// A speed while it moves, row by row.
+/// The counts of a speed in motion, and the same row by row.
 #[derive(Clone, Debug, Default)]
 struct Moving {
     count: Repeated,
-    /// Of each row in motion, whether it shows something new.
+    /// For each row in motion, whether it shows something new; `None` for the others.
     rows: Vec<Option<bool>>,
 }
 
@@ -148,24 +149,24 @@ impl Moving {
 }
 
 impl Repeated {
-    /// Share of its readings that are held, by Laplace's rule.
+    /// Share of the readings that are held, by Laplace's rule of succession.
     fn share(&self) -> f64 {
         (self.held as f64 + 1.0) / (self.readings as f64 + 2.0)
     }
 
-    /// Nats by which a source that is held is likelier than samples in every row, 0 if it is not.
+    /// Log-likelihood ratio, in nats, of a source that is held against samples in every row; 0 if the latter are likelier.
     fn nats(&self) -> f64 {
         if self.share() > seldom() { self.nats_at(self.share()).max(0.0) } else { 0.0 }
     }
 
-    /// The same of a source of which this share is held.
+    /// The same log-likelihood ratio for a source of which this share of the readings is held.
     fn nats_at(&self, share: f64) -> f64 {
         self.held as f64 * (share / seldom()).ln() + (self.readings - self.held) as f64 * ((1.0 - share) / (1.0 - seldom())).ln()
     }
 }
 
-/// The most samples of a speed in motion that are as the one before, a share: two readings m steps q apart whose noise is σ are alike with probability
-/// q/(2√π σ) exp(−(m q/2σ)²), at most this.
+/// Largest probability that a sample of a speed in motion equals the one before: two readings that are m steps q apart and have noise σ are equal
+/// with probability q/(2√π σ) exp(−(m q/2σ)²), which is at most this for m = [`MOVES`] and any σ.
 fn seldom() -> f64 {
     (-0.5_f64).exp() / (MOVES * (2.0 * std::f64::consts::PI).sqrt())
 }
@@ -176,7 +177,7 @@ mod tests {
     use super::super::raster::tests::{noise, sampled};
     use super::*;
 
-    /// Neither is a speed of coarse steps, nor one of steps that grow with it.
+    /// Neither coarse quantisation steps nor steps that grow with the speed count as repeats.
     #[test]
     fn samples_are_no_uneven_raster() {
         let time_of = |values: &[f64]| (0..values.len()).map(|k| 0.01 * k as f64).collect::<Vec<_>>();
@@ -192,7 +193,7 @@ mod tests {
         }
     }
 
-    /// Rows at which a logger reads a source: about two of five at random, or at a rate that does not divide its own.
+    /// For each row, the row in which the logger last read its source: about two of five, at random or because its rate does not divide the logger's.
     fn read_at(random: bool, mut draw: u32) -> Vec<usize> {
         let mut last = 0;
         let mut polled = |k: usize| {
@@ -205,7 +206,7 @@ mod tests {
 
     const ROWS: u32 = 1600;
 
-    /// Flywheel and disc speed, up and down, each as its source was read.
+    /// Flywheel and disc speed that rise and fall, each as its source was read.
     fn speeds(step: f64, read: [&[usize]; 2]) -> [Signal; 2] {
         let wave = |k: u32, rows: f64| (f64::from(k) / rows).sin();
         let speed = |k: u32, from: u32| 50.0 + 30.0 * wave(k + from, 70.0) + 15.0 * wave(k + from, 23.0) + noise(k + 10_000 * from);
@@ -234,7 +235,7 @@ mod tests {
                     let (there, beside): (Vec<usize>, Vec<usize>) =
                         (0..ROWS as usize).filter(|k| is_sample[*k]).partition(|k| read[*k] == *k);
                     assert!(beside.is_empty(), "{step} {random} {together} {k}: {beside:?}");
-                    // Of what is read again as it was before, the other speed knows.
+                    // Only the other speed shows that a value which has not changed was read again.
                     let least = if together { 0.95 } else { 0.7 };
                     assert!(there.len() as f64 > least * samples as f64, "{step} {random} {together} {k}: {} of {samples}", there.len());
                 }
@@ -242,7 +243,7 @@ mod tests {
         }
     }
 
-    /// Half a second says little; beside a longer recording of the same logger it is clear.
+    /// Half a second alone is inconclusive; together with a longer recording by the same logger it is clear.
     #[test]
     fn a_short_recording_is_told_by_the_others() {
         let read = read_at(false, 0);
@@ -253,13 +254,13 @@ mod tests {
         let (short, pool) = (of(&part), of(&all).with(&of(&part)));
         assert_eq!(short.among(&short), Taken { uneven: [false; 2], together: false }, "{short:?}");
         assert_eq!(short.among(&pool), Taken { uneven: [true; 2], together: true }, "{pool:?}");
-        // Samples in each row, of another logger.
+        // Another logger, with a sample in every row.
         let each: Vec<usize> = (0..ROWS as usize).collect();
         let sampled = of(&speeds(0.025, [&each, &each]));
         assert_eq!(sampled.among(&sampled.with(&pool)).uneven, [false; 2], "{sampled:?}");
     }
 
-    /// Twice a second a sensor stands still for a seventh of one: a fifth of the rows, but few readings.
+    /// Twice a second a sensor freezes for a seventh of a second: a quarter of the rows, but few readings.
     #[test]
     fn a_sensor_that_stands_still_now_and_then_is_none_of_the_loggers_doing() {
         let read: Vec<usize> = (0..ROWS as usize).map(|k| if k % 50 < 14 { k / 50 * 50 } else { k }).collect();

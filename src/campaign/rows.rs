@@ -1,12 +1,13 @@
 //! The rows of a recording: the union of the stamps at which its channels have samples.
 //!
-//! The housing air alone adds none: it changes too slowly. Nothing is interpolated. In a row without a sample of its own a sensor has no value (NaN), an input the value that it holds.
+//! The housing air adds no rows, because it changes too slowly. Nothing is interpolated. In a row without a sample of its own, a sensor has no value
+//! (NaN) and an input has the value that it holds.
 
 use super::clock::valid;
 use super::pick::Signal;
 use std::rc::Rc;
 
-/// Stamps closer than this are the same instant, s: clocks that are written with rounded digits, or in another unit.
+/// Stamps closer than this are taken as the same instant, s: clocks may be written with rounded digits, or in another unit.
 pub(crate) const SAME_S: f64 = 1e-6;
 
 /// The stamps, s, from `start` to `end` at which any of the channels has a valid sample.
@@ -26,7 +27,7 @@ pub(crate) fn rows<'a>(signals: impl Iterator<Item = &'a Signal>, start: f64, en
     })
 }
 
-/// Two increasing lists of stamps as one.
+/// Merges two increasing lists of stamps.
 fn merge(first: Vec<f64>, second: impl Iterator<Item = f64>) -> Vec<f64> {
     if first.is_empty() {
         return second.collect();
@@ -48,7 +49,7 @@ fn merge(first: Vec<f64>, second: impl Iterator<Item = f64>) -> Vec<f64> {
     out
 }
 
-/// A sensor's samples in the rows at their stamps, NaN in all others.
+/// A sensor's samples in the rows at their stamps; NaN in all other rows.
 pub(crate) fn sensed(signal: Signal, rows: &[f64]) -> Vec<f64> {
     if is_clock(&signal, rows) {
         return signal.values;
@@ -66,7 +67,7 @@ fn is_clock(signal: &Signal, rows: &[f64]) -> bool {
     *signal.time == rows
 }
 
-/// An input's value in every row: that of its last valid sample, before the first one the first.
+/// An input's value in every row: that of its last valid sample or, in front of the first one, that of the first.
 pub(crate) fn held(signal: &Signal, rows: &[f64]) -> Vec<f64> {
     let mut samples = valid(&signal.time, &signal.values).map(|(_, t, v)| (t, v)).peekable();
     let mut now = samples.peek().map_or(f64::NAN, |(_, v)| *v);
@@ -79,7 +80,7 @@ pub(crate) fn held(signal: &Signal, rows: &[f64]) -> Vec<f64> {
     rows.iter().map(value).collect()
 }
 
-/// Rows at which an input has a valid sample; none if it has one in most rows, and lost the others.
+/// Rows at which an input has a valid sample; `None` if it has one in at least three quarters of the rows, so that the others count as lost.
 pub(crate) fn own_rows(signal: &Signal, rows: &[f64]) -> Option<Vec<usize>> {
     let mut samples = valid(&signal.time, &signal.values).map(|(_, t, _)| t).peekable();
     let mut is_own = |row: f64| {
@@ -115,7 +116,7 @@ mod tests {
         assert_eq!(own_rows(&c, &rows), None);
     }
 
-    /// As many stamps between the same ends are not yet the same stamps.
+    /// Equal numbers of stamps between equal ends do not make two clocks the same.
     #[test]
     fn a_sample_stands_in_the_row_of_its_own_stamp() {
         let other = signal(&[0.0, 0.12, 0.2 + 1e-9, 0.3], &[1.0, 2.0, 3.0, 4.0]);

@@ -1,8 +1,8 @@
-//! Which part of a recording is used.
+//! Determines which part of a recording is used.
 //!
-//! The span starts where every channel that is needed has started; engine and actuator are known to be at rest only at the start,
-//! so a late channel can't be mended by dropping the beginning. It ends where one of them ends, or in front of the first gap of an
-//! input that is too long to hold the value before it. A sensor may have gaps: there it says nothing.
+//! The span starts where every required channel has started. Engine and actuator are known to be at rest only at the start, so that dropping the
+//! beginning is no remedy for a channel that starts late. The span ends where one of these channels ends, or in front of the first gap of an input
+//! that is too long for the value before it to be held. A sensor may have gaps, in which it has no value.
 
 use super::channels::{Channel, Lasting, Presence};
 use super::clock::{Gap, Spacing, spacing};
@@ -14,15 +14,15 @@ use super::table::Measurement;
 
 /// Longest stretch of missing samples over which an input holds its value, s.
 const HOLD_S: f64 = 0.1;
-/// A channel may start this much later than the others, s.
+/// Longest time by which a channel may start later than the others, s.
 const EDGE_S: f64 = 0.1;
 /// Shortest recording, s.
 const SHORTEST_S: f64 = 0.5;
-/// Slowest rate of the speeds that follows an engagement, Hz.
+/// Lowest rate of the speeds at which an engagement can be followed, Hz.
 pub(crate) const SLOWEST_HZ: f64 = 20.0;
-/// Share by which a logger's clock may be slow.
+/// Largest relative error by which a logger's clock may run slow.
 const CLOCK_OFF: f64 = 0.01;
-/// A part of the step that is rounding of the clock.
+/// Share of the step that may be due to rounding of the clock.
 const ROUNDING: f64 = 0.02;
 
 /// A channel with its spacing.
@@ -32,29 +32,29 @@ pub(crate) struct Track {
 }
 
 impl Track {
-    /// How its values last.
+    /// How long its values hold.
     pub fn lasting(&self) -> Lasting {
         self.signal.channel.spec().lasting
     }
 
-    /// Whether it bounds the recording: the inputs and the speeds.
+    /// Whether it bounds the recording, as the inputs and the speeds do.
     fn bounds(&self) -> bool {
         self.lasting() == Lasting::Held || self.signal.channel.spec().presence == Presence::Always
     }
 
-    /// The first gap over which an input may not be held.
+    /// The first gap that is too long for an input to be held.
     fn cut(&self) -> Option<Gap> {
         let long = |g: &&Gap| g.missing_s(self.spacing.step) > HOLD_S + ROUNDING * self.spacing.step + 3.0 * self.spacing.jitter;
         self.spacing.gaps.iter().filter(|_| self.lasting() == Lasting::Held).find(long).copied()
     }
 
-    /// Until when the sample at `at`, the last one in front of a gap or the end, says something.
+    /// Time until which the sample at `at`, the last one in front of a gap or the end, is valid.
     fn end(&self, at: f64) -> f64 {
         if self.lasting() == Lasting::Held { at + self.spacing.step * (1.0 - ROUNDING) } else { at }
     }
 }
 
-/// The spacing of every channel; one that is needed has to have a valid sample.
+/// The spacing of every channel; a required one must have a valid sample.
 pub(crate) fn tracks(m: &Measurement, signals: Vec<Signal>, notes: &mut Vec<String>) -> Result<Vec<Track>, RecordingError> {
     let mut tracks = Vec::new();
     for signal in signals {
@@ -69,7 +69,7 @@ pub(crate) fn tracks(m: &Measurement, signals: Vec<Signal>, notes: &mut Vec<Stri
     Ok(tracks)
 }
 
-/// Rate of the faster speed's rows, Hz. Refuses a clock that can't be in the unit that it claims, and speeds too slow to follow an engagement.
+/// Rate of the faster speed's rows, Hz. Refuses a clock that cannot be in its stated unit, and speeds that are too slow to follow an engagement.
 pub(crate) fn check_rate(m: &Measurement, tracks: &[Track], entry: &Entry) -> Result<f64, RecordingError> {
     let speeds = tracks.iter().filter(|t| matches!(t.signal.channel, Channel::OmegaF | Channel::OmegaC));
     let step = speeds.map(|t| t.spacing.step).filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
@@ -88,29 +88,29 @@ pub(crate) fn check_rate(m: &Measurement, tracks: &[Track], entry: &Entry) -> Re
     if is_slow(step) { Err(m.defect(Defect::TooSlow(own))) } else { Ok(own) }
 }
 
-/// Whether a rate is the one that is stated, as far as clocks are exact.
+/// Whether a rate agrees with the stated one, as far as clocks are exact.
 fn is_near(rate: f64, stated: f64) -> bool {
     (rate / stated - 1.0).abs() < 0.1
 }
 
-/// What there is to say of a stated rate that is neither that of the rows nor that of the samples, which may be fewer.
+/// A note if the stated rate is neither that of the rows nor that of the samples, which may be fewer.
 pub(crate) fn rate_note(entry: &Entry, [rows_hz, samples_hz]: [f64; 2]) -> Option<String> {
     let stated = entry.sample_rate_hz.filter(|stated| !is_near(rows_hz, *stated) && !is_near(samples_hz, *stated))?;
     Some(format!("recordings.json says {stated} Hz, the speeds come at {} Hz; their clock is believed", round(samples_hz)))
 }
 
-/// Whether samples this far apart, s, are too slow to follow an engagement; clocks are not exact.
+/// Whether samples this far apart, s, are too slow to follow an engagement, allowing for inexact clocks.
 pub(crate) fn is_slow(step: f64) -> bool {
     step * SLOWEST_HZ > 1.0 + CLOCK_OFF
 }
 
-/// Six digits: a clock with rounded times is not known better.
+/// Rounds a rate to six digits: a clock with rounded times does not determine it any better.
 pub(crate) fn round(rate: f64) -> f64 {
     let unit = 10f64.powi(rate.log10().floor() as i32 - 5);
     (rate / unit).round() * unit
 }
 
-/// First and last time that all channels that are needed cover.
+/// First and last time that all required channels cover.
 pub(crate) fn span(m: &Measurement, tracks: &[Track], notes: &mut Vec<String>) -> Result<(f64, f64), RecordingError> {
     let needed: Vec<&Track> = tracks.iter().filter(|t| t.bounds()).collect();
     let earliest = needed.iter().map(|t| t.spacing.first).fold(f64::INFINITY, f64::min);
@@ -144,7 +144,7 @@ pub(crate) fn span(m: &Measurement, tracks: &[Track], notes: &mut Vec<String>) -
     Ok((start, end))
 }
 
-/// The end in front of a gap, if enough remains there.
+/// The end of the span in front of a gap, if enough of the recording remains.
 fn cut_at(m: &Measurement, track: &Track, gap: Gap, start: f64, full: f64, notes: &mut Vec<String>) -> Result<f64, RecordingError> {
     let end = gap.from.min(full);
     let (seconds, kept) = (gap.missing_s(track.spacing.step), (end - start).max(0.0));
@@ -160,7 +160,7 @@ fn cut_at(m: &Measurement, track: &Track, gap: Gap, start: f64, full: f64, notes
     Ok(end)
 }
 
-/// Placed where the first of the channels that are needed ends.
+/// The error for a recording that is too short, placed where the first of the required channels ends.
 fn too_short(m: &Measurement, tracks: &[Track], seconds: f64) -> RecordingError {
     let first_to_end = tracks.iter().filter(|t| t.bounds()).min_by(|a, b| a.spacing.last.total_cmp(&b.spacing.last)).map(|t| &t.signal);
     let last = first_to_end.and_then(|s| s.values.iter().rposition(|v| !v.is_nan()));
@@ -183,12 +183,12 @@ mod tests {
         Signal { channel, label: channel.spec().column.into(), time: Rc::new(time), values }
     }
 
-    /// So many samples with this step from a time on.
+    /// `count` samples of a channel with this step, from a given time on.
     fn every(channel: Channel, from: f64, step: f64, count: usize) -> Signal {
         at(channel, (0..count).map(|k| from + step * k as f64).collect())
     }
 
-    /// The span of these channels or why there is none, and the notes.
+    /// The span of these channels, or why there is none, and the notes.
     fn spanned(signals: Vec<Signal>) -> (Result<(f64, f64), String>, Vec<String>) {
         let (m, mut notes) = (Measurement::default(), Vec::new());
         let found = tracks(&m, signals, &mut notes).and_then(|tracks| span(&m, &tracks, &mut notes));
@@ -248,7 +248,7 @@ mod tests {
 
     #[test]
     fn it_ends_where_something_that_is_needed_ends() {
-        // An input is known for nearly a step beyond its last sample, a sensor up to it; a bench channel bounds nothing.
+        // An input is valid for nearly a step beyond its last sample, a sensor only up to it; a bench channel does not bound the span.
         let (speeds, short) = (|count| every(OmegaF, 0.0, 0.01, count), |count| every(TE, 0.0, 0.1, count));
         let (found, notes) = spanned(vec![speeds(301), short(21), every(TFc, 0.0, 0.01, 60)]);
         assert!((found.unwrap().1 - 2.098).abs() < 1e-9);
@@ -278,7 +278,7 @@ mod tests {
             );
         }
         assert_eq!(with(without(OmegaC, 100..200)).0.map(|s| (100.0 * s.1).round()), Ok(299.0));
-        // The first of two gaps counts, and it may come too early.
+        // The first of two gaps counts, and it may come too early for a usable recording.
         let refused = with(without(TE, 40..60)).0.unwrap_err();
         assert!(
             refused.contains("row 41: the samples are missing") && refused.contains("0.200 s from here on; 0.390 s remain"),

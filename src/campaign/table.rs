@@ -1,4 +1,4 @@
-//! A measurement file as read, before anything is believed about it: groups of series that share a clock.
+//! A measurement file as read, before anything in it is checked: groups of series that share a clock.
 
 use std::fs::File;
 use std::io::Read;
@@ -7,18 +7,18 @@ use std::path::Path;
 use super::error::{Defect, RecordingError};
 use super::text_cells::text;
 
-/// What a file holds. A text or Parquet file has one group; an MDF file has one per rate.
+/// Contents of a file. An MDF file has one group per rate, a long text table one per channel, a text file with blocks side by side one per block, and any other file one in all.
 #[derive(Debug, Default)]
 pub(crate) struct Measurement {
     /// File name, for messages.
     pub file: String,
     /// Groups in the order of the file.
     pub groups: Vec<Group>,
-    /// Every channel's name, also of those that were not decoded.
+    /// Names of all channels, including those that were not decoded.
     pub names: Vec<String>,
-    /// How a row is counted.
+    /// How rows are counted.
     pub rows: Rows,
-    /// What the reader did that the user should know.
+    /// What the reader did and the user should know of.
     pub notes: Vec<String>,
 }
 
@@ -29,7 +29,7 @@ pub(crate) struct Group {
     pub name: String,
     /// Index in the file.
     pub index: usize,
-    /// Position of the clock in `series`, where the format tells.
+    /// Index of the clock in `series`, if the format states it.
     pub master: Option<usize>,
     /// Its channels.
     pub series: Vec<Series>,
@@ -60,7 +60,7 @@ pub(crate) enum Rows {
     Table,
 }
 
-/// Which series a reader must decode: all of them, or those that the predicate wants by name.
+/// Which series a reader must decode: those whose name satisfies the predicate.
 pub(crate) type Wanted<'a> = &'a dyn Fn(&str) -> bool;
 
 impl Measurement {
@@ -78,7 +78,7 @@ impl Measurement {
         self.row(sample).map_or_else(String::new, |(word, row)| format!("{word} {row}"))
     }
 
-    /// Where a series is, for messages.
+    /// Position of a series, for messages.
     pub fn place(&self, group: usize, at: usize, series: &Series) -> String {
         match (self.groups.len(), self.groups[group].name.as_str()) {
             (1, _) => format!("`{}` at position {}", series.name, at + 1),
@@ -118,13 +118,13 @@ impl Format {
         ("pq", Format::Parquet),
     ];
 
-    /// By the file's ending.
+    /// Format by the file's extension.
     pub fn from_ending(ending: &str) -> Option<Format> {
         let lower = ending.to_ascii_lowercase();
         Self::ENDINGS.iter().find(|(e, _)| *e == lower).map(|(_, f)| *f)
     }
 
-    /// By the file's first bytes; text has no signature.
+    /// Format by the file's first bytes; anything without a signature counts as text.
     pub fn from_bytes(bytes: &[u8]) -> Format {
         match bytes {
             [b'M', b'D', b'F', b' ', ..] | [b'U', b'n', b'F', b'i', b'n', b'M', b'F', ..] => Format::Mdf,
@@ -133,7 +133,7 @@ impl Format {
         }
     }
 
-    /// The format in words.
+    /// Name of the format, for messages.
     pub fn name(self) -> &'static str {
         match self {
             Format::Text => "a text file",
@@ -143,10 +143,10 @@ impl Format {
     }
 }
 
-/// Files of other kinds, by their ending or first bytes, and what to do with them.
+/// Recognises files of other kinds by their extension or first bytes; the defect says what to do with them.
 fn other_kind(path: &Path, head: &[u8]) -> Option<Defect> {
     let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-    // Many tools call their tables .log or .asc: there the first line tells.
+    // Many tools use .log or .asc for their tables, so that the first line decides.
     let line = text(head).trim_start().to_ascii_lowercase();
     let frames = match ending.as_str() {
         "blf" => Some("Vector BLF"),
@@ -183,12 +183,12 @@ fn is_candump(line: &str) -> bool {
     stamp.is_some_and(|(time, rest)| time.trim().parse::<f64>().is_ok() && rest.lines().next().is_some_and(|l| l.contains('#')))
 }
 
-/// What messages call a file.
+/// Name of a file in messages.
 pub(crate) fn file_name(path: &Path) -> String {
     path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned())
 }
 
-/// The format of a file, by its first bytes; an ending that says otherwise is a defect.
+/// Format of a file, by its first bytes; an extension that belongs to another format is a defect.
 pub(crate) fn format(path: &Path) -> Result<Format, RecordingError> {
     let file = file_name(path);
     let mut head = Vec::new();
@@ -210,7 +210,7 @@ pub(crate) fn format(path: &Path) -> Result<Format, RecordingError> {
     }
 }
 
-/// What is told of the progress, as a share.
+/// Receives the progress as a share.
 pub(crate) type Tell<'a> = &'a dyn Fn(f64);
 
 /// Reads a file with the reader for its format; a database (DBC) turns frames of a CAN bus into signals.

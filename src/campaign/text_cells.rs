@@ -4,7 +4,7 @@ use super::units;
 use csv_core::{ReadRecordResult, Reader, ReaderBuilder};
 use jiff::civil::{Date, DateTime, Time};
 
-/// Splits lines into cells; quotation marks are understood.
+/// Splits lines into cells; quotation marks are handled.
 pub(crate) struct Cells {
     reader: Reader,
     separator: u8,
@@ -15,7 +15,7 @@ pub(crate) struct Cells {
 }
 
 impl Cells {
-    /// For a separator; a blank stands for any number of blanks.
+    /// Splits at this separator; a blank stands for any number of blanks.
     pub fn new(separator: u8) -> Cells {
         let reader = ReaderBuilder::new().delimiter(separator).build();
         Cells { reader, separator, buffer: vec![0; 1024], ends: vec![0; 64], count: 0, blanks: Vec::new() }
@@ -66,20 +66,20 @@ impl Cells {
     }
 }
 
-/// Whether a line says nothing to a reader of numbers.
+/// Whether a line is empty or a comment.
 pub(crate) fn is_comment(line: &[u8]) -> bool {
     matches!(line.trim_ascii().first(), None | Some(b'#'))
 }
 
-/// UTF-8, or Latin-1 as older tools write it.
+/// Decodes UTF-8, or Latin-1 as older tools write it.
 pub(crate) fn text(cell: &[u8]) -> String {
     std::str::from_utf8(cell).map_or_else(|_| cell.iter().map(|&b| b as char).collect(), str::to_string)
 }
 
-/// Words that say that a sample is missing.
+/// Words that mark a missing sample.
 const MISSING: [&str; 12] = ["", "-", "--", "na", "n/a", "#n/a", "null", "none", "nan", "sna", "invalid", "error"];
 
-/// A cell as a number, NaN where it says that the sample is missing, `None` where it is text.
+/// A cell as a number; NaN if it marks a missing sample, `None` if it is text.
 pub(crate) fn number(cell: &[u8], decimal_comma: bool) -> Option<f64> {
     let cell = cell.trim_ascii();
     let text = std::str::from_utf8(cell).ok()?;
@@ -95,7 +95,7 @@ pub(crate) fn number(cell: &[u8], decimal_comma: bool) -> Option<f64> {
     MISSING.iter().any(|m| text.eq_ignore_ascii_case(m)).then_some(f64::NAN)
 }
 
-/// A cell as a number and the unit behind it. One letter may be anything, and is none.
+/// A cell as a number and the unit behind it. A single letter is not taken for a unit, because it may mean anything.
 pub(crate) fn quantity(cell: &str, decimal_comma: bool) -> Option<(f64, &str)> {
     let end = cell.find(|c: char| !matches!(c, '0'..='9' | '.' | ',' | '+' | '-'))?;
     let (value, unit) = (number(&cell.as_bytes()[..end], decimal_comma)?, cell[end..].trim());
@@ -103,7 +103,7 @@ pub(crate) fn quantity(cell: &str, decimal_comma: bool) -> Option<(f64, &str)> {
     Some((value, unit)).filter(|_| is_unit && end > 0)
 }
 
-/// Whether commas part the thousands: `1,234.5`.
+/// Whether commas separate the thousands: `1,234.5`.
 fn is_grouped(text: &str) -> bool {
     let whole = text.trim_start_matches('-').split('.').next().unwrap_or("");
     let groups: Vec<&str> = whole.split(',').collect();
@@ -111,7 +111,7 @@ fn is_grouped(text: &str) -> bool {
     groups.len() > 1 && groups.iter().all(digits) && groups[0].len() <= 3 && groups[1..].iter().all(|g| g.len() == 3)
 }
 
-/// Characters behind the decimal point, or comma, of a cell: fewer than usual in the last cell of a file are a number that was cut off.
+/// Number of characters behind the decimal point or comma of a cell. Fewer than usual in the last cell of a file mean that the number was cut off.
 pub(crate) fn decimals(cell: &[u8], decimal_comma: bool) -> usize {
     cell.trim_ascii().iter().rev().position(|&b| b == b'.' || decimal_comma && b == b',').unwrap_or(0)
 }
@@ -119,12 +119,12 @@ pub(crate) fn decimals(cell: &[u8], decimal_comma: bool) -> usize {
 /// Nanoseconds of a day.
 pub(crate) const DAY_NS: i128 = 86_400_000_000_000;
 
-/// Whether a stamp is a time of day without a date, which begins anew at midnight.
+/// Whether a stamp is a time of day without a date, which restarts at midnight.
 pub(crate) fn is_time_of_day(at: i128) -> bool {
     (0..DAY_NS).contains(&at)
 }
 
-/// A date with a time of day, or a time of day alone, as nanoseconds from some beginning; `None` for anything else.
+/// A date with a time of day as nanoseconds since 1970, or a time of day alone as nanoseconds since midnight; `None` for anything else.
 pub(crate) fn stamp(cell: &str) -> Option<i128> {
     let cell = cell.trim();
     if !cell.as_bytes().first().is_some_and(u8::is_ascii_digit) || !cell.contains(':') {
@@ -143,7 +143,7 @@ pub(crate) fn stamp(cell: &str) -> Option<i128> {
         .or_else(|_| DateTime::strptime("%m/%d/%Y %I:%M:%S%.f %p", &point))
         .or_else(|_| DateTime::strptime("%m/%d/%Y %H:%M:%S%.f", &point))
         .or_else(|_| {
-            // Minutes and seconds are told from hours and minutes by their fraction.
+            // Minutes and seconds are distinguished from hours and minutes by their fraction.
             let minutes = point.matches(':').count() == 1 && point.contains('.');
             let point = if minutes { format!("0:{point}") } else { point.clone() };
             let time = point

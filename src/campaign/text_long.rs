@@ -26,11 +26,11 @@ pub(crate) fn roles(shape: &Shape) -> Option<Roles> {
     let channel = at(&["channel", "signal", "name", "variable", "parameter", "kanal", "signal_name", "channel_name", "pid"])?;
     let value = at(&["value", "v", "val", "wert", "y"])?;
     let unit = at(&["unit", "units", "einheit"]);
-    // Beside a unit anything may follow, such as where the car was.
+    // If there is a column of units, any other columns may follow, such as the position of the car.
     (shape.columns.len() <= 4 || unit.is_some()).then_some(Roles { time, channel, value, unit })
 }
 
-/// Reads a long table: one group per channel, the rows of each counted by themselves.
+/// Reads a long table: one group per channel, with the rows of each counted separately.
 pub(crate) fn read<R: Read>(
     file: &str,
     shape: &Shape,
@@ -43,9 +43,9 @@ pub(crate) fn read<R: Read>(
     let mut known: HashMap<Vec<u8>, usize> = HashMap::new();
     let mut m = Measurement { rows: Rows::Table, ..Measurement::default() };
     let (time_name, time_unit) = &shape.columns[roles.time];
-    // Dates count from the first row of the file, so that all channels have one beginning.
+    // Dates count from the first row of the file, so that all channels have the same origin.
     let mut clock = Column::new(time_name, time_unit.as_deref(), roles.time);
-    // Channel of a row that ends with the file and not with its line.
+    // Channel of the last row, if the file ends without a line feed.
     let mut unended = None;
     while let Some(line) = lines.next().map_err(|d| d.in_file(file))? {
         if is_comment(line) {
@@ -96,12 +96,12 @@ pub(crate) fn read<R: Read>(
 struct Samples {
     time: Vec<f64>,
     column: Column,
-    /// Decimals of the last cell in its row before the last, and in the last.
+    /// Numbers of decimals in the last cells of its last row but one and of its last row.
     decimals: [usize; 2],
 }
 
 impl Samples {
-    /// Whether its last row ends inside a number, if nothing follows it.
+    /// Whether its last row ends inside a number, provided that nothing follows that row.
     fn is_cut_off(&self) -> bool {
         self.time.len() > 2 && self.decimals[1] < self.decimals[0]
     }

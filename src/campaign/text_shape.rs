@@ -1,8 +1,8 @@
-//! How a text file is laid out: separator, decimal comma, lines in front of the header, names, units, and where the data begin.
+//! The layout of a text file: separator, decimal comma, lines in front of the header, names, units, and where the data begin.
 //!
-//! The data begin at the first line that consists mostly of numbers, has as many cells as a line of names above it, and is followed by nothing
-//! but such lines, as far as is looked: what loggers write in front of a table (a sample rate, a duration) has numbers, too. The separator that
-//! gives most cells wins. Between names and data there may be rows of units or other words, and titles. `sep=;` in the first line settles the separator.
+//! The data begin at the first line that consists mostly of numbers, has as many cells as a line of names above it, and is followed only by such lines, as far
+//! as the file is examined: what loggers write in front of a table (a sample rate, a duration) has numbers, too. The separator that yields the most cells is
+//! chosen. Rows of units or other words, and titles, may stand between names and data. `sep=;` in the first line states the separator.
 
 use super::text_cells::{Cells, is_comment, number, stamp};
 use super::{guess, text_stamps, units};
@@ -11,20 +11,20 @@ use std::collections::HashSet;
 /// The layout of a text file.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Shape {
-    /// Between cells; a blank stands for any number of them.
+    /// Separator between cells; a blank stands for any number of blanks.
     pub separator: u8,
     /// Whether `1,5` is a number.
     pub decimal_comma: bool,
     /// Names and, from brackets or a row of their own, units.
     pub columns: Vec<(String, Option<String>)>,
-    /// Lines up to the first one of data.
+    /// Number of lines above the data.
     pub above: usize,
-    /// Lines in front of the names that say something else.
+    /// Number of lines above the names.
     pub preamble: usize,
 }
 
 impl Shape {
-    /// Where the clocks are, if several blocks stand side by side: columns of the same name that is a clock's. What follows one of them has its stamps.
+    /// Indices of the clocks, if several blocks stand side by side: columns with the same name and unit, those of a clock. The columns behind a clock have its stamps.
     pub fn clocks(&self) -> Vec<usize> {
         let first = self.columns.iter().find(|(name, unit)| guess::is_time(name, unit.as_deref()));
         let alike: Vec<usize> = (0..self.columns.len()).filter(|k| first == Some(&self.columns[*k])).collect();
@@ -40,7 +40,7 @@ impl Shape {
     }
 }
 
-/// Lays out a file by its first lines; `None` if there is no line at all.
+/// Determines the layout of a file from its first lines; `None` if these are empty or comments.
 pub(crate) fn shape(head: &[u8]) -> Option<Shape> {
     let lines: Vec<&[u8]> = head.split(|&b| b == b'\n').map(|l| l.strip_suffix(b"\r").unwrap_or(l)).collect();
     let first = lines.iter().position(|l| !is_comment(l))?;
@@ -54,21 +54,21 @@ pub(crate) fn shape(head: &[u8]) -> Option<Shape> {
         let all = separators.iter().rev().filter_map(|&s| with_separator(&lines, skip, s, follow));
         all.max_by_key(|shape| shape.columns.len())
     };
-    // A table that is damaged near its beginning is one all the same: reading it names the line.
+    // A table that is damaged near its beginning is recognised as one all the same; reading it names the line.
     widest(FOLLOW).filter(|shape| shape.columns.len() > 1).or_else(|| widest(0)).or_else(|| header_alone(&lines, skip, &separators))
 }
 
-/// Lines of data that must follow the first one, if the file has as many.
+/// Number of lines of data that must follow the first one, if the file has as many.
 const FOLLOW: usize = 12;
 
-/// The layout if this is the separator, and as many lines of data follow the first one.
+/// The layout for this separator, if the first line of data is followed by `follow` more.
 fn with_separator(lines: &[&[u8]], skip: usize, separator: u8, follow: usize) -> Option<Shape> {
     let decimal_comma = separator != b',';
     let mut cells = Cells::new(separator);
-    // Rows of words above, as line and cells: all of them have the same number of cells.
+    // Rows of words above the data, as line and cells: all of them have the same number of cells.
     let mut words: Vec<(usize, Vec<String>)> = Vec::new();
     for (at, line) in lines.iter().enumerate().skip(skip) {
-        // Some tools put the names into the last comment.
+        // Some tools write the names into the last comment.
         let comment = line.trim_ascii().strip_prefix(b"#");
         if line.trim_ascii().is_empty() || comment.is_some_and(|c| !matches_data(lines, at, c, separator)) {
             continue;
@@ -79,7 +79,7 @@ fn with_separator(lines: &[&[u8]], skip: usize, separator: u8, follow: usize) ->
             if is_named && is_followed(lines, at, separator, row.len(), follow) {
                 return Some(named(words, separator, at, skip));
             }
-            // Numbers between names and data say something of the channels; others belong to no table.
+            // A row of numbers between names and data describes the channels if it has as many cells; rows of words with another number of cells belong to no table.
             words.retain(|(_, other)| other.len() == row.len());
         } else if row.len() > 1 || words.first().is_none_or(|(_, names)| names.len() == 1) {
             words.retain(|(_, other)| other.len() == row.len());
@@ -95,7 +95,7 @@ pub(crate) fn is_data(row: &[String], decimal_comma: bool) -> bool {
     2 * numbers >= row.iter().filter(|c| !c.is_empty()).count() && numbers > 0
 }
 
-/// Whether the next lines are data of as many cells. The last line of what is looked at may be cut off, so that it is not judged.
+/// Whether the next lines are data with as many cells. The last of the examined lines may be cut off, so that it is not judged.
 fn is_followed(lines: &[&[u8]], at: usize, separator: u8, cells_of_row: usize, follow: usize) -> bool {
     let mut cells = Cells::new(separator);
     let mut next = lines[at + 1..lines.len().max(at + 2) - 1].iter().filter(|l| !is_comment(l)).take(follow);
@@ -121,11 +121,12 @@ fn is_number(cell: &str, decimal_comma: bool) -> bool {
 
 /// The layout from the rows of words above the data: names, and units in any row below them.
 ///
-/// Names differ from each other, and no column lacks one; of several such rows they are the first one that stands right above the data, without another line between.
+/// The row of names is the one with the most different entries, because names differ from each other and no column lacks one. Of several such rows it
+/// is the first in the unbroken sequence of lines that ends with the last of them.
 fn named(words: Vec<(usize, Vec<String>)>, separator: u8, data: usize, skip: usize) -> Shape {
     let of_units = |row: &[String]| row.iter().filter(|c| units::parse(c).is_some()).count();
     let different = |row: &[String]| row.iter().filter(|c| !c.is_empty()).collect::<HashSet<_>>().len();
-    // A channel may be called RPM; most of a row of names are no units.
+    // A channel may be called RPM, but most cells in a row of names are not units.
     let is_name = |k: &usize| *k == 0 || 2 * of_units(&words[*k].1) < different(&words[*k].1);
     let most = (0..words.len()).filter(is_name).map(|k| different(&words[k].1)).max().unwrap_or(0);
     let mut all = (0..words.len()).filter(is_name).filter(|k| different(&words[*k].1) == most).rev();
@@ -144,7 +145,7 @@ fn named(words: Vec<(usize, Vec<String>)>, separator: u8, data: usize, skip: usi
     Shape { separator, decimal_comma: separator != b',', columns, above: data, preamble: names_at - skip }
 }
 
-/// A header without data: its commonest separator.
+/// The layout of a header without data: its most frequent separator counts.
 fn header_alone(lines: &[&[u8]], skip: usize, separators: &[u8]) -> Option<Shape> {
     let at = (skip..lines.len()).find(|&i| !is_comment(lines[i]))?;
     let separator = separators.iter().copied().max_by_key(|s| lines[at].iter().filter(|b| *b == s).count())?;
@@ -193,19 +194,19 @@ mod tests {
         let quoted = rows(&|k| format!("\"0.{k:02}\",\"{}\",\"12.5\"", 900 + k));
         let columns = |s: &Shape| s.columns.iter().map(|(n, u)| format!("{n}/{}", u.as_deref().unwrap_or(""))).collect::<Vec<_>>();
 
-        // Names twice, and pairs of words and numbers above.
+        // The names occur twice, below pairs of words and numbers.
         let above = "\"Format\",\"Table\"\n\"Date\",\"Sunday, November 22, 2026\"\n\"Sample Rate\",\"50\"\n\"Duration\",\"90.0\"\n\"Segment\",\"Session\"\n\n";
         let names = "\"Time\",\"RPM\",\"GPS Speed\"\n";
         let s = of(&format!("{above}{names}{names}\"s\",\"rpm\",\"km/h\"\n\n{quoted}"));
         assert_eq!((columns(&s), s.above, s.preamble), (vec!["Time/s".into(), "RPM/rpm".into(), "GPS Speed/km/h".into()], 10, 6));
 
-        // A number and its unit above, in as many cells as the table has.
+        // Numbers and their units above the names, in as many cells as the table has.
         let above =
             "\"Format\",\"File\",\"\"\n\"Sample Rate\",\"100.000\",\"Hz\"\n\"Duration\",\"90.0\",\"s\"\n\"Range\",\"all\",\"of it\"\n\n";
         let s = of(&format!("{above}{names}\"s\",\"rpm\",\"km/h\"\n{quoted}"));
         assert_eq!((columns(&s), s.above), (vec!["Time/s".into(), "RPM/rpm".into(), "GPS Speed/km/h".into()], 7));
 
-        // Sections with titles, and numbers of channels above their names.
+        // Sections with titles, and channel numbers above the names.
         let s = of(&format!(
             "Log File\nVersion: 1.0\n\n[Channels]\n0,12,13\nOffset,Engine RPM,Speed\ns,rpm,km/h\n\n[Data]\n{}",
             rows(&|k| format!("0.{k:02},{},12", 900 + k))
@@ -219,7 +220,7 @@ mod tests {
         ));
         assert_eq!((columns(&s), s.above), (vec!["time/s".into(), "nmot/rpm".into(), "vfzg/km/h".into()], 6));
 
-        // Units, then where each channel comes from.
+        // Units, then the source of each channel.
         let s = of(&format!(
             "Made by a tool\nFormat,3\n\ntimestamp,rpm,speed\nunix time,rpm,m/s\n,obd,obd\n{}",
             rows(&|k| format!("0.{k:02},{},12", 900 + k))
@@ -227,7 +228,7 @@ mod tests {
         assert_eq!(columns(&s), ["timestamp/unix time", "rpm/rpm", "speed/m/s"]);
     }
 
-    /// A table whose third row lacks a cell is laid out as if it did not: who reads it says where.
+    /// A table whose third row lacks a cell gets the layout of an undamaged one; the reader reports where it is damaged.
     #[test]
     fn a_damaged_table_is_one_all_the_same() {
         let s = of("t,a\n0,1\n1\n2,3\n");

@@ -1,7 +1,7 @@
-//! Logs of VCDS: measuring blocks side by side, each behind stamps of its own, below `TIME` over `STAMP`.
+//! Logs of VCDS: measuring blocks side by side, each with stamps of its own, below a header of `TIME` over `STAMP`.
 //!
-//! Its older logs have the names in the row of `TIME` and the one above it, and the units in the row of `STAMP`; its newer ones have the names
-//! in the row of `STAMP`, and the units below it. Rows above the data have as many cells as they need.
+//! Its older logs have the names in the row of `TIME` and the one above it, and the units in the row of `STAMP`; its newer ones have the names in the
+//! row of `STAMP`, and the units below it. Rows above the data have varying numbers of cells.
 
 use super::text_cells::Cells;
 use super::text_shape::{Shape, is_data};
@@ -11,7 +11,7 @@ pub(crate) fn shape(lines: &[&[u8]]) -> Option<Shape> {
     [b',', b';', b'\t'].into_iter().find_map(|separator| with_separator(lines, separator))
 }
 
-/// Lines within which the data begin.
+/// Number of lines within which the data must begin.
 const HEAD: usize = 50;
 
 fn with_separator(lines: &[&[u8]], separator: u8) -> Option<Shape> {
@@ -31,7 +31,7 @@ fn with_separator(lines: &[&[u8]], separator: u8) -> Option<Shape> {
     let column = |k: usize| match stamp(k).as_str() {
         "STAMP" => ("TIME".to_string(), Some("s".to_string())),
         name if units_below => (name.to_string(), stated(cell(Some(at + 1), k))),
-        // The first column marks rows.
+        // The first column holds marks of rows.
         name if k == 0 => (name.to_string(), None),
         unit => (format!("{} {}", cell(at.checked_sub(2), k), cell(Some(at - 1), k)).trim().to_string(), stated(unit.to_string())),
     };
@@ -39,7 +39,7 @@ fn with_separator(lines: &[&[u8]], separator: u8) -> Option<Shape> {
     Some(Shape { separator, decimal_comma, columns, above: data, preamble: at - if units_below { 1 } else { 2.min(at) } })
 }
 
-/// A unit, if there is one; degrees stand behind an asterisk.
+/// A unit, if there is one; an asterisk stands for the degree sign.
 fn stated(unit: String) -> Option<String> {
     Some(unit.replace('*', "°")).filter(|u| !u.is_empty())
 }

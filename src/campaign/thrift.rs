@@ -1,12 +1,12 @@
-//! Thrift's compact protocol, as far as counting goes: whether a structure claims more elements than its bytes can hold.
+//! Thrift's compact protocol, as far as needed for counting: whether a structure claims more elements than its bytes can hold.
 //!
-//! Parquet's footer and page headers are such structures. Its reader skips a list of flags without taking a byte per flag, so
-//! that a damaged count of two thousand millions would keep it busy for ever: it is asked here first.
+//! Parquet's footer and page headers are such structures. Its reader skips a list of flags without consuming a byte per flag, so that a damaged count
+//! of two thousand million would keep it busy for ever. Structures are therefore checked here first.
 
-/// Elements that a structure may have beyond its bytes.
+/// Number of elements that a structure may have beyond its number of bytes.
 const RESERVE: usize = 1 << 16;
 
-/// Structures inside structures; the reader follows 64.
+/// Greatest depth of nested structures; the reader follows 64.
 const DEPTH: usize = 70;
 
 /// Kinds of values, as the protocol numbers them.
@@ -22,12 +22,12 @@ mod kind {
     pub const UUID: u8 = 13;
 }
 
-/// Why a walk ended before its end.
+/// Why a walk over a structure stopped early.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Stop {
-    /// The bytes end, or mean nothing: the reader will say so itself.
+    /// The bytes end, or are invalid: the reader will report that itself.
     Damaged,
-    /// There are more elements than bytes.
+    /// There are more elements than the bytes can hold.
     Endless,
 }
 
@@ -35,10 +35,10 @@ enum Stop {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Endless;
 
-/// What a page header says.
+/// What is needed from a page header.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Found {
-    /// Field 3 of the outermost structure, where it is a number: a page's size.
+    /// Field 3 of the outermost structure, if it is a number: the size of a page.
     third: Option<i64>,
 }
 
@@ -136,10 +136,10 @@ fn walk(bytes: &[u8]) -> Result<Option<(usize, Found)>, Endless> {
     }
 }
 
-/// Looks at a Parquet file's footer.
+/// Checks a Parquet file's footer.
 ///
 /// # Errors
-/// It claims more elements than it has bytes.
+/// It claims more elements than its bytes can hold.
 pub(crate) fn check_footer(file: &[u8]) -> Result<(), Endless> {
     let Some((rest, tail)) = file.split_last_chunk::<8>() else { return Ok(()) };
     let length = u32::from_le_bytes([tail[0], tail[1], tail[2], tail[3]]) as usize;
@@ -147,10 +147,10 @@ pub(crate) fn check_footer(file: &[u8]) -> Result<(), Endless> {
     walk(footer).map(|_| ())
 }
 
-/// Looks at the headers of the pages of a column chunk.
+/// Checks the headers of the pages of a column chunk.
 ///
 /// # Errors
-/// One claims more elements than there are bytes.
+/// A header claims more elements than the bytes can hold.
 pub(crate) fn check_pages(mut chunk: &[u8]) -> Result<(), Endless> {
     while let Some((length, Found { third: Some(size) })) = walk(chunk)? {
         let Some(rest) = usize::try_from(size).ok().and_then(|size| chunk.get(length.saturating_add(size)..)) else { break };

@@ -11,7 +11,7 @@
 //! | temperature | °C | K, °F |
 //! | flag | 1 | bool |
 //! | road speed | m/s | km/h, mph |
-//! | acceleration | m/s² | |
+//! | acceleration | m/s² | g_n |
 //! | percentage | % | |
 //!
 //! A bare `1/s` is refused on purpose: some tools mean rad/s by it and some mean revolutions.
@@ -42,7 +42,7 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// Our unit of it.
+    /// Our unit for the quantity.
     pub const fn unit(self) -> &'static str {
         match self {
             Self::Time => "s",
@@ -58,7 +58,7 @@ impl Quantity {
     }
 }
 
-/// A unit string that is understood.
+/// A unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unit {
     /// What it measures.
@@ -109,7 +109,7 @@ pub fn parse(text: &str) -> Option<Unit> {
     }
 }
 
-/// The unit strings worth naming in a message, for one quantity.
+/// Examples of unit strings for one quantity, for messages.
 pub fn examples(quantity: Quantity) -> &'static str {
     match quantity {
         Quantity::Time => "s, ms, us, min",
@@ -124,7 +124,7 @@ pub fn examples(quantity: Quantity) -> &'static str {
     }
 }
 
-/// What the quantity is called in a message.
+/// Name of the quantity in messages.
 pub fn quantity_name(quantity: Quantity) -> &'static str {
     match quantity {
         Quantity::Time => "a time",
@@ -141,7 +141,7 @@ pub fn quantity_name(quantity: Quantity) -> &'static str {
 
 /// Splits a header such as `omega_f [rpm]` or `n_eng (1/min)` into name and unit.
 ///
-/// Round brackets count only if what they hold is a unit: a name may carry others.
+/// Round brackets count only if they hold a unit, because a name may contain others.
 pub fn split_header(header: &str) -> (String, Option<String>) {
     let text = header.trim();
     let inside = |open: char, close: char| {
@@ -158,7 +158,7 @@ pub fn split_header(header: &str) -> (String, Option<String>) {
     (text.to_string(), None)
 }
 
-/// Lower case without blanks and multiplication dots; the two micro signs and the degree sign made one each.
+/// Lower case without blanks and multiplication dots; both micro signs become `u`, all degree signs `°`.
 fn normalise(text: &str) -> String {
     text.trim()
         .trim_matches(|c| c == '[' || c == ']')

@@ -8,8 +8,8 @@ use serde_json::{Map, Value, json};
 use super::channels::Channel;
 use super::{CampaignError, Recording};
 
-/// Writes a recording as CSV. Numbers have as many digits as they need to come back the same; what is not a number stays empty, and so does an input where it has no sample
-/// of its own.
+/// Writes a recording as CSV. Numbers have as many digits as they need to be read back unchanged. A value that is not a number becomes an empty cell,
+/// and so does an input where it has no sample of its own.
 ///
 /// The file appears under its name only when it is complete.
 pub fn write_csv(recording: &Recording, path: &Path) -> Result<(), CampaignError> {
@@ -70,7 +70,7 @@ pub fn write_recordings_json(recordings: &[Recording], path: &Path) -> Result<()
     whole(path, |out| writeln!(out, "{:#}", Value::Object(all)))
 }
 
-/// Writes beside the file and renames, so that an interruption leaves nothing half-written under its name.
+/// Writes to a temporary file beside `path` and renames it, so that an interruption leaves nothing half-written under the name.
 fn whole(path: &Path, fill: impl FnOnce(&mut std::io::BufWriter<std::fs::File>) -> std::io::Result<()>) -> Result<(), CampaignError> {
     let mut part = path.as_os_str().to_owned();
     part.push(".part");

@@ -1,8 +1,9 @@
-//! `kisspoint compare`: what has changed between two answers of one car.
+//! `kisspoint compare`: what has changed between two answers for one car.
 //!
-//! Effects come and go, or their parameters change; numbers of the vehicle file move within their tolerances. A change counts if it is beyond chance: of parameters that
-//! both answers hold and of numbers that both inform, under Holm's procedure over all of them. Of a number with posterior N(z, v) under its prior N(0, 1) the
-//! recordings alone say N(z/v · l, l), l = 1/(1/v − 1); with two answers of one car the prior would else be counted twice, and would draw both to the file.
+//! Effects appear or disappear, their parameters change, and numbers of the vehicle file move within their tolerances. Changes of parameters that both answers contain, and of
+//! numbers that both recordings inform, are tested for significance with Holm's procedure over all of them. If a number has the posterior N(z, v) under its prior N(0, 1), the
+//! recordings alone say N(z/v · l, l) with l = 1/(1/v − 1). The prior is divided out because both answers share it: it would otherwise be counted twice, and would draw both
+//! estimates to the value of the file.
 
 use super::error::{CommandError, at};
 use super::files::write_all;
@@ -36,11 +37,11 @@ pub struct Args {
     json: bool,
 }
 
-/// Probability of any false alarm among all changes that are told.
+/// Family-wise error rate: probability of any false alarm among all reported changes.
 const FAMILY_WISE_ERROR: f64 = 0.01;
 /// Half width of a 95 % interval in standard deviations.
 const INTERVAL: f64 = 1.96;
-/// Variance, in that of the prior, from which on recordings say too little of a number to compare it.
+/// Variance of a number by the recordings alone, in units of its prior variance, above which it is too poorly known to be compared.
 const UNINFORMED: f64 = 9.0;
 
 /// Runs the subcommand.
@@ -65,7 +66,7 @@ fn called(folder: &Path) -> String {
     whole.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// The comparison of two answers.
+/// Compares two answers.
 fn between(answers: &[Value; 2], called: [String; 2]) -> Value {
     let mut tests: Vec<(f64, Value)> = Vec::new();
     let of = |k: usize, id: &str| answers[k]["which"]["effects"].as_array().into_iter().flatten().find(|e| e["id"] == id).cloned();
@@ -83,7 +84,7 @@ fn between(answers: &[Value; 2], called: [String; 2]) -> Value {
             [None, Some(own)] => ("new", stands_in(&answers[0], id) || stood_in_for(own, &answers[0])),
             _ => ("stays", false),
         };
-        // What is not told apart from an effect of the other answer has not come or gone for certain.
+        // An effect that the other answer cannot tell apart from one of its own has not certainly come or gone.
         effects.push(json!({"id": id, "change": if rivals { "perhaps the same" } else { change }, "a": both[0], "b": both[1]}));
         if let [Some(a), Some(b)] = &both {
             for (name, value) in a["parameters"].as_object().into_iter().flatten() {
@@ -101,14 +102,14 @@ fn between(answers: &[Value; 2], called: [String; 2]) -> Value {
     let numbers = answers.each_ref().map(numbers);
     for (name, [z, v, sigma], relative, effect) in &numbers[0] {
         let Some((_, [y, w, s], _, other)) = numbers[1].iter().find(|n| n.0 == *name) else { continue };
-        // A number that an effect stands for is compared as that effect; and only with the same file a standard deviation is the same.
+        // A number that stands for a named effect is compared as that effect. The standard deviations of a number are equal only if both answers used the same vehicle file.
         if *effect || *other || sigma != s || !other_numbers.is_empty() || v.max(*w) > UNINFORMED {
             continue;
         }
         let row = json!({"what": "number", "name": name, "sigma": sigma, "relative": relative, "a": z, "b": y});
         tests.push(difference(row, (*z, v.sqrt()), (*y, w.sqrt())));
     }
-    // Holm: the smallest probability against all, the next against all but one.
+    // Holm: the smallest p-value is tested against α/m, the next against α/(m − 1), and so on.
     tests.sort_by(|a, b| a.0.total_cmp(&b.0));
     let all = tests.len();
     let mut on = true;
@@ -129,7 +130,7 @@ fn between(answers: &[Value; 2], called: [String; 2]) -> Value {
     json!({"schema": "kisspoint-comparison/1", "a": sides[0], "b": sides[1], "effects": effects, "changes": changes, "family_wise_error": FAMILY_WISE_ERROR, "other_numbers_in_vehicle_file": other_numbers})
 }
 
-/// Whether an effect is named as a rival of one of an answer's.
+/// Whether an effect is listed as a rival of one of the answer's effects.
 fn stands_in(answer: &Value, id: &str) -> bool {
     answer["which"]["effects"]
         .as_array()
@@ -138,21 +139,21 @@ fn stands_in(answer: &Value, id: &str) -> bool {
         .any(|e| e["ambiguous_with"].as_array().is_some_and(|all| all.iter().any(|r| r == id)))
 }
 
-/// Whether an effect has one of an answer's among its own rivals.
+/// Whether one of the answer's effects is among the rivals of this effect.
 fn stood_in_for(effect: &Value, answer: &Value) -> bool {
     let rivals = effect["ambiguous_with"].as_array();
     rivals.into_iter().flatten().any(|rival| answer["which"]["effects"].as_array().into_iter().flatten().any(|e| e["id"] == *rival))
 }
 
-/// Estimate and standard deviation of a value with its interval.
+/// Estimate and standard deviation, from a value with its 95 % interval.
 fn normal(value: &Value) -> Option<(f64, f64)> {
     let [x, low, high] = ["value", "low", "high"].map(|key| value[key].as_f64());
-    // An end may be that of the parameter's bounds; the wider side is the interval's.
+    // One end may have been cut off at the parameter's bound, so the wider side gives the half width.
     let half = (high? - x?).max(x? - low?);
     (half > 0.0).then_some((x?, half / INTERVAL))
 }
 
-/// Two-sided probability of a difference by chance, and the row with it.
+/// Two-sided p-value of a difference, and the row with the difference and its interval added.
 fn difference(mut row: Value, a: (f64, f64), b: (f64, f64)) -> (f64, Value) {
     let sd = a.1.hypot(b.1);
     let by = b.0 - a.0;
@@ -163,8 +164,8 @@ fn difference(mut row: Value, a: (f64, f64), b: (f64, f64)) -> (f64, Value) {
     (p, row)
 }
 
-/// Numbers of an answer's joint posterior: name; what the recordings alone say of it, mean and variance in standard deviations of its tolerance, and that; whether
-/// this is relative; whether a named effect stands for it.
+/// Numbers of an answer's joint posterior: name; estimate and variance by the recordings alone, in standard deviations of the tolerance, and that standard deviation; whether
+/// it is relative; whether a named effect stands for the number.
 fn numbers(answer: &Value) -> Vec<(String, [f64; 3], bool, bool)> {
     let joint = &answer["joint"];
     let unknowns = joint["unknowns"].as_array().cloned().unwrap_or_default();
@@ -248,7 +249,7 @@ mod tests {
         let rows = found["changes"].as_array().unwrap();
         assert_eq!(rows.len(), 2);
         assert!(rows.iter().all(|r| r["significant"] == true), "{rows:?}");
-        // The prior is divided out: 1.5 standard deviations at a posterior variance of 0.1 are 1.67 of the recordings alone.
+        // With the prior divided out, 1.5 standard deviations at a posterior variance of 0.1 become 1.67 by the recordings alone.
         let moved = rows.iter().find(|r| r["what"] == "number").unwrap();
         assert!((moved["by"].as_f64().unwrap() - 1.5 / 0.9).abs() < 1e-9);
     }
@@ -261,7 +262,7 @@ mod tests {
         let other = answer(json!([effect("road_load", 1.0, &["judder"])]), 0.7, 0.2);
         let found = between(&[same, other], ["a".into(), "b".into()]);
         assert!(found["effects"].as_array().unwrap().iter().all(|e| e["change"] == "perhaps the same"));
-        // The doubt may stand in one of the two answers alone, in either order.
+        // The ambiguity may appear in only one of the two answers, in either order.
         let sure = answer(json!([effect("road_load", 1.0, &[])]), 0.7, 0.2);
         let doubtful = answer(json!([effect("judder", 1.0, &["road_load"])]), 0.7, 0.2);
         for pair in [[sure.clone(), doubtful.clone()], [doubtful, sure]] {

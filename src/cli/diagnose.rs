@@ -62,7 +62,7 @@ pub struct Args {
 /// # Errors
 /// A campaign that cannot be read or diagnosed, a missing shared library, a folder that cannot be written.
 pub fn run(args: &Args) -> Result<(), CommandError> {
-    // Found before the work begins: nobody wants to hear of a missing library or of a folder that cannot be written to after it.
+    // Checked before the work begins, because a missing library or an unwritable folder should not be reported only after it.
     args.out.as_deref().map(writable).transpose()?;
     let libraries = if args.out.is_some() && !args.no_fmu { library::find(&args.library)? } else { Vec::new() };
     let channel_map = args.channel_map.as_deref().map(ChannelMap::from_file).transpose()?;
@@ -83,14 +83,14 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
     }
 }
 
-/// One line for a machine: the campaign, and what became of it.
+/// One line of JSON: the campaign, and its answer or error.
 fn line(path: &Path, what: &serde_json::Value) -> String {
     let mut line = what.clone();
     line["campaign"] = path.display().to_string().into();
     format!("{line}\n")
 }
 
-/// Diagnoses one campaign after the other. What is wrong with one does not stop the next ones.
+/// Diagnoses the campaigns one after the other. A campaign that cannot be read or diagnosed does not stop the following ones.
 fn several(args: &Args, answer: impl Fn(&Path, Option<&Path>, &str) -> Result<Diagnosis, CommandError>) -> Result<(), CommandError> {
     let all = args.campaigns.len();
     for (k, path) in args.campaigns.iter().enumerate() {
@@ -130,12 +130,12 @@ fn several(args: &Args, answer: impl Fn(&Path, Option<&Path>, &str) -> Result<Di
     if failed == 0 { Ok(()) } else { Err(CommandError::Some { failed, all }) }
 }
 
-/// The campaign's folder without what leads to it; `.` has a name, too.
+/// Name of the campaign's folder without its parents; also resolves `.`.
 fn name(path: &Path) -> PathBuf {
     std::fs::canonicalize(path).ok().and_then(|p| p.file_name().map(PathBuf::from)).unwrap_or_default()
 }
 
-/// Reads, diagnoses and, with a folder for it, writes the answer.
+/// Reads and diagnoses a campaign, and writes the answer if there is a folder for it.
 fn one(
     path: &Path,
     out: Option<&Path>,
@@ -149,13 +149,13 @@ fn one(
     let read = campaign::read_telling(path, options, &|file, share| bar.tell(&format!("{label}reading {file}"), share));
     bar.finish();
     let campaign = in_parts(read?, path)?;
-    // Standard output may be a machine's.
+    // Remarks go to standard error, because standard output may be read by a machine.
     eprint!("{}", campaign.remarks());
     super::memory::has_room(path, &campaign)?;
     let bar = Progress::new();
     let found = pool.install(|| diagnose(&campaign, &|what, share| bar.tell(&format!("{label}{what}"), share)));
     let refused = |source| CommandError::Diagnosis { path: path.to_owned(), source, left_out: campaign.left_out.clone() };
-    // A bar goes with its owner, so that an error is not written behind it.
+    // On an error the bar is dropped with its owner, so that the message does not appear behind it.
     let diagnosis = found.map_err(refused)?;
     bar.say(&format!("{label}report"));
     let shown = name(path).display().to_string();
@@ -173,13 +173,13 @@ fn one(
     Ok(diagnosis)
 }
 
-/// A campaign as it is diagnosed: long drives in parts, so that everything that is said of recordings is said of these.
+/// The campaign as it is diagnosed: long drives are divided into parts, and all statements about recordings refer to these parts.
 pub(super) fn in_parts(campaign: Campaign, path: &Path) -> Result<Campaign, CommandError> {
     let parts = divided(&campaign).map(Cow::into_owned);
     parts.map_err(|e| CommandError::Diagnosis { path: path.to_owned(), source: e.into(), left_out: campaign.left_out })
 }
 
-/// The curves that the report shows, as numbers; what the car has no value of is null.
+/// The curves of the report as numbers; samples for which the car has no value are null.
 fn curves_json(diagnosis: &Diagnosis) -> String {
     let all = diagnosis.overlays.iter().map(|o| {
         let channels: serde_json::Map<String, serde_json::Value> = o
@@ -192,7 +192,7 @@ fn curves_json(diagnosis: &Diagnosis) -> String {
     format!("{}\n", json!({ "recordings": all.collect::<Vec<_>>() }))
 }
 
-/// What a reader needs to repeat the answer, or to doubt it.
+/// Facts that a reader needs to reproduce the answer or to question it.
 fn provenance(campaign: &Campaign, used: usize, options: &ReadOptions) -> Vec<(String, String)> {
     let recordings = &campaign.recordings;
     let mut rates: Vec<f64> = recordings.iter().map(|r| r.sample_rate_hz).collect();
@@ -261,7 +261,7 @@ fn files(
         ("report.html", report.into_bytes()),
         ("plant.ssv", ssv::write("retuned", &set).into_bytes()),
     ];
-    // There are libraries whenever an FMU is asked for.
+    // Libraries were looked up if and only if an FMU is wanted.
     if !libraries.is_empty() {
         let beside = Beside { validated: Some(&diagnosis.validated), ..Beside::default() };
         let extras = Extras { beside, ..Extras::default() };

@@ -1,14 +1,14 @@
-//! The evidence of a diagnosis in one archive, `evidence.ssp`: the retuned plant, its parameters, the held-out data as an experiment, answer and
-//! report, each with its checksum.
+//! The evidence of a diagnosis in one archive, `evidence.ssp`: the retuned plant, its parameters, the held-out data as an experiment, the answer and the report, each with its
+//! checksum.
 //!
 //! | file | standard |
 //! |---|---|
 //! | `SystemStructure.ssd`, `resources/` | SSP 1.0 |
 //! | `extra/org.ssp-standard.ssp-traceability.stmd/SimulationTask.stmd` | STMD of SSP Traceability 1.0: the task, its inputs and outputs |
 //! | `resources/*.srmd` | SRMD of SSP Traceability 1.0: a resource's name and SHA3-256 |
-//! | `extra/org.fmi-standard.fmi-ls-ref/fmi-ls-manifest.xml` in the FMU | FMI-LS-REF: which file is for what |
+//! | `extra/org.fmi-standard.fmi-ls-ref/fmi-ls-manifest.xml` in the FMU | FMI-LS-REF: the purpose of each file |
 //!
-//! It holds no time and no name of a person: equal answers give equal bytes, and who releases it signs it.
+//! The archive holds no time stamp and no name of a person, so equal answers give equal bytes; whoever releases it signs it.
 
 use crate::campaign::{self, Campaign, CampaignError, Recording};
 use crate::fmu::{FmuError, archive_of, system};
@@ -17,7 +17,7 @@ use serde_json::{Map, Value};
 use sha3::{Digest, Sha3_256};
 use std::fmt::Write;
 
-/// A resource of the archive: path below `resources/`, what it is to SSP Traceability and to FMI-LS-REF, its type, what it says, its bytes.
+/// A resource of the archive: path below `resources/`, its kind in SSP Traceability, its role in FMI-LS-REF, MIME type, description, and content.
 struct Resource<'a> {
     path: String,
     kind: &'static str,
@@ -32,7 +32,7 @@ const STMD: &str = "extra/org.ssp-standard.ssp-traceability.stmd/SimulationTask.
 const TRACEABILITY: &str = "http://ssp-standard.org/SSPTraceability1";
 const SSC: &str = "xmlns:ssc=\"http://ssp-standard.org/SSP1/SystemStructureCommon\"";
 
-/// What one has to do to get the numbers of the answer again.
+/// Instructions for reproducing the numbers of the answer.
 const PROCEDURE: &str = "Instantiate DrivelinePlant.fmu. Set omega_f_start and omega_c_start to the first sample of the experiment (omega_c divided by \
 effect.clutch_speed_gain.gain; both to their mean if they differ by less than 0.6 rad/s with the clutch more than half closed), theta_c_start and \
 theta_b_start to the temperatures noted in recordings.json, and the inputs to the first row. At every row compare the outputs, then set x_to, T_e_ref and \
@@ -44,7 +44,7 @@ a few per cent different.";
 /// Why no archive was made.
 #[derive(Debug, thiserror::Error)]
 pub enum EvidenceError {
-    /// Nothing to drive the retuned plant with.
+    /// A recording has no position command to drive the retuned plant with.
     #[error(
         "evidence repeats the answer by driving the retuned FMU with x_to_cmd_mm, which {0} does not have; record it, or leave --evidence out"
     )]
@@ -55,12 +55,12 @@ pub enum EvidenceError {
     /// The archive cannot be made.
     #[error(transparent)]
     Fmu(#[from] FmuError),
-    /// A file cannot be read or written on the way.
+    /// A temporary file cannot be read or written.
     #[error("the evidence cannot be put together: {0}")]
     File(#[from] std::io::Error),
 }
 
-/// The bytes of `evidence.ssp`, from the answer's own files: name and bytes of diagnosis.json, report.html, plant.ssv and DrivelinePlant.fmu.
+/// The bytes of `evidence.ssp`. `files` holds the names and bytes of the answer's own files: diagnosis.json, report.html, plant.ssv and DrivelinePlant.fmu.
 ///
 /// # Errors
 /// A recording or the archive that cannot be written.
@@ -112,7 +112,7 @@ fn name(path: &str) -> &str {
     path.rsplit('/').next().unwrap_or(path)
 }
 
-/// The experiment as the contract's files. They go by their names in references, which have no spaces.
+/// The experiment as files of a campaign. Spaces in its name are replaced, because references must not contain any.
 fn written(experiment: &Recording) -> Result<Vec<(String, Vec<u8>)>, EvidenceError> {
     let folder = std::env::temp_dir().join(format!("kisspoint-evidence-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
@@ -199,7 +199,7 @@ fn task(answer: &Value, resources: &[Resource]) -> String {
     )
 }
 
-/// The FMU with what belongs to it, and the manifest of FMI-LS-REF that says what each file is for.
+/// The FMU with the resources and their metadata added, and the FMI-LS-REF manifest that states the purpose of each file.
 fn with_references(fmu: &[u8], resources: &[Resource]) -> Result<Vec<u8>, EvidenceError> {
     let mut manifest =
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiReferences xmlns:fmi-ls=\"http://fmi-standard.org/fmi-ls-manifest\" \

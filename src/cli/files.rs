@@ -11,22 +11,22 @@ use std::io::{ErrorKind, Write};
 use std::path::Path;
 use tempfile::NamedTempFile;
 
-/// What a vehicle file holds.
+/// Content of a vehicle file.
 pub struct VehicleFile {
-    /// All of it.
+    /// The whole document.
     pub document: Value,
-    /// Its numbers.
+    /// The vehicle's numbers.
     pub vehicle: Vehicle,
-    /// The effects that it puts in force.
+    /// Parameters of the effects that it sets.
     pub effects: Parameters,
-    /// What a campaign has found of the car.
+    /// The domain in which a campaign validated the plant, if stated.
     pub validated: Option<Validated>,
 }
 
 /// Reads a vehicle file.
 ///
 /// # Errors
-/// A file that cannot be read, or is not sound.
+/// A file that cannot be read, or is malformed.
 pub fn read_vehicle(path: &Path) -> Result<VehicleFile, CommandError> {
     let text = std::fs::read_to_string(path).map_err(at(path))?;
     let document = crate::json::parse(&text).map_err(VehicleError::Json);
@@ -38,10 +38,10 @@ pub fn read_vehicle(path: &Path) -> Result<VehicleFile, CommandError> {
     document.and_then(parse).map_err(|source| CommandError::Vehicle { path: path.to_owned(), source })
 }
 
-/// Reads a file with faults.
+/// Reads a file of faults.
 ///
 /// # Errors
-/// A file that cannot be read, or is not sound.
+/// A file that cannot be read, or is malformed.
 pub fn read_faults(path: &Path) -> Result<Faults, CommandError> {
     let text = std::fs::read_to_string(path).map_err(at(path))?;
     let wrong = |what: String| CommandError::Faults { path: path.to_owned(), what };
@@ -49,7 +49,7 @@ pub fn read_faults(path: &Path) -> Result<Faults, CommandError> {
     Faults::from_value(&document).map_err(|e| wrong(e.to_string()))
 }
 
-/// Writes a file that is there already only with `force`.
+/// Writes a file; overwrites an existing one only with `force`.
 ///
 /// # Errors
 /// A file that exists, or cannot be written.
@@ -66,10 +66,12 @@ pub fn write_new(path: &Path, text: &str, force: bool) -> Result<(), CommandErro
     }
 }
 
-/// Writes files into a folder as one answer: all are written beside their places first, under names of their own, and put into them when the
-/// last one is complete. A full disk or an interruption before that leaves what was there; of two runs into one folder the later one remains whole.
-/// Each file is whole at any moment. A kill amid the moves leaves files of both answers, and beside them those that were not moved: no system moves
-/// several files at once into a folder that holds others.
+/// Writes files into a folder as one answer. All files are first written completely under temporary names beside their destinations, and renamed when the last one is complete.
+/// A full disk or an interruption before that leaves the old files untouched. If two runs write into one folder, the folder is locked during the renaming where the system
+/// allows it, so that the later answer remains whole.
+///
+/// Each single file is whole at any moment. If the process is killed during the renaming, files of both answers remain, along with temporary files: no system can move several
+/// files at once into a folder that holds others.
 ///
 /// # Errors
 /// A folder or a file that cannot be written.
@@ -81,7 +83,7 @@ pub fn write_all(folder: &Path, files: &[(impl AsRef<str>, Vec<u8>)]) -> Result<
         beside(folder, bytes).map(|file| (file, path.clone())).map_err(at(path))
     };
     let complete: Vec<_> = files.iter().map(complete).collect::<Result<_, _>>()?;
-    // Where a folder can be locked. It is freed when the handle is dropped.
+    // The folder is locked where the system supports it. The lock is released when the handle is dropped.
     let lock = File::open(folder).ok();
     let _ = lock.as_ref().map(File::lock);
     for (file, path) in complete {
@@ -90,12 +92,12 @@ pub fn write_all(folder: &Path, files: &[(impl AsRef<str>, Vec<u8>)]) -> Result<
     Ok(())
 }
 
-/// Finds out whether files can be written into a folder, before the work for them begins. Nothing is left behind, not even the folder.
+/// Checks whether files can be written into a folder, before the work for them begins. Nothing is left behind, and the folder is not created.
 ///
 /// # Errors
 /// A path that is a file or leads through one, or a folder that cannot be written to.
 pub fn writable(folder: &Path) -> Result<(), CommandError> {
-    // What is not there yet will be made in the nearest folder that is.
+    // A folder that does not exist yet will be created in its nearest existing ancestor.
     let there = folder.ancestors().find(|p| p.as_os_str().is_empty() || p.symlink_metadata().is_ok()).unwrap_or(Path::new("."));
     let there = if there.as_os_str().is_empty() { Path::new(".") } else { there };
     if !there.is_dir() {
@@ -104,11 +106,11 @@ pub fn writable(folder: &Path) -> Result<(), CommandError> {
     tempfile::tempfile_in(there).map(drop).map_err(at(there))
 }
 
-/// A complete file in `folder` without a place yet; dropped, it is gone.
+/// A complete temporary file in `folder`; it is deleted if it is dropped before it is renamed.
 fn beside(folder: &Path, bytes: &[u8]) -> std::io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".kisspoint-").suffix(".partial");
-    // As any file that the user makes, not for their eyes alone.
+    // Readable by others as any file that the user creates; temporary files are private by default.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let mut file = builder.tempfile_in(folder)?;

@@ -1,4 +1,4 @@
-//! `kisspoint fleet`: hands over to the Python package, which knows stores, engines and the population.
+//! `kisspoint fleet`: runs the Python package, which implements storage, execution engines and the population model.
 
 use super::error::CommandError;
 use super::output::alarm;
@@ -6,7 +6,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 
-/// What a reader without the package gets to know; the package has the rest.
+/// Usage that is printed if the package is missing; its own help has the rest.
 const USAGE: &str = "Usage: kisspoint fleet [OPTIONS] --out <DIR> <CAMPAIGN>...\n\nExamples:\n  kisspoint fleet 'cars/*' --out out\n  \
     kisspoint fleet 's3://bucket/cars/*' --out s3://bucket/out --workers 8";
 
@@ -19,7 +19,7 @@ pub struct Args {
     arguments: Vec<OsString>,
 }
 
-/// Runs the subcommand: `python3 -m kisspoint.fleet`, with this very command for the diagnoses.
+/// Runs the subcommand: `python3 -m kisspoint.fleet`, which uses this very executable for the diagnoses.
 pub fn run(args: &Args) -> ExitCode {
     let python = std::env::var_os("KISSPOINT_PYTHON").map_or_else(|| PathBuf::from("python3"), PathBuf::from);
     let mut command = Command::new(&python);

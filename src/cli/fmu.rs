@@ -1,4 +1,4 @@
-//! `kisspoint fmu`: writes both FMUs, and their coupling for masters.
+//! `kisspoint fmu`: writes both FMUs and the description of their coupling for co-simulation masters.
 
 use super::error::CommandError;
 use super::files::{read_faults, read_vehicle, write_all};
@@ -41,7 +41,7 @@ pub struct Args {
 /// Runs the subcommand.
 ///
 /// # Errors
-/// A vehicle file that is missing or not sound; no library, or an unsound one; a directory that cannot be written.
+/// A vehicle file that is missing or malformed; a shared library that is missing or unsuitable; a directory that cannot be written.
 pub fn run(args: &Args) -> Result<(), CommandError> {
     let (vehicle, effects, validated) = match &args.vehicle {
         None => (Vehicle::paper(), effects::null(), None),

@@ -65,7 +65,7 @@ pub fn write(out: &Path, title: &str, rows: &[Value], population: &Value) -> Res
 /// Reads an answer.
 ///
 /// # Errors
-/// A file that cannot be read, or is no JSON.
+/// A file that cannot be read, or is not JSON.
 pub fn read(file: &Path) -> Result<Value, CommandError> {
     let text = std::fs::read_to_string(file).map_err(at(file))?;
     serde_json::from_str(&text)
@@ -80,14 +80,14 @@ fn lines(file: &Path) -> Result<Vec<Value>, CommandError> {
     text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()).map(one).collect()
 }
 
-/// The row of a folder with an answer.
+/// The table row of a folder with an answer.
 fn row(answer: &Path, page: &Path) -> Result<Value, CommandError> {
     let diagnosis = read(&answer.join("diagnosis.json"))?;
     let name = std::fs::canonicalize(answer).ok().and_then(|p| p.file_name().map(|n| n.to_string_lossy().into_owned())).unwrap_or_default();
     Ok(fleet::row(&name, &link(&answer.join("report.html"), page), &diagnosis))
 }
 
-/// A link from a page in `folder` to a file.
+/// A relative link from a page in `folder` to a file.
 pub fn link(file: &Path, folder: &Path) -> String {
     let whole = |p: &Path| std::fs::canonicalize(p).or_else(|_| std::path::absolute(p)).unwrap_or_else(|_| p.to_owned());
     let (file, folder) = (whole(file), whole(folder));
@@ -97,7 +97,7 @@ pub fn link(file: &Path, folder: &Path) -> String {
     up.chain(down).collect::<Vec<_>>().join("/")
 }
 
-/// A part of a path in a link: what is no letter, digit, `-`, `.`, `_` or `~` stands as bytes in hexadecimal digits.
+/// A path component, percent-encoded for a link: every byte other than ASCII letters, digits, `-`, `.`, `_` and `~` is escaped.
 pub fn escaped(part: &str) -> String {
     let plain = |b: u8| b.is_ascii_alphanumeric() || b"-._~".contains(&b);
     part.bytes().map(|b| if plain(b) { char::from(b).to_string() } else { format!("%{b:02X}") }).collect()

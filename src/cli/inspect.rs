@@ -1,4 +1,4 @@
-//! `kisspoint inspect`: what a measurement file holds, and drafts of the channel map and the list of recordings for it.
+//! `kisspoint inspect`: lists the content of a measurement file, and drafts a channel map and a list of recordings for it.
 
 use std::path::PathBuf;
 
@@ -64,7 +64,7 @@ pub fn run(args: &InspectArgs) -> Result<(), CommandError> {
     print(&said)
 }
 
-/// The channels as a table for people.
+/// The channels as a text table.
 fn table(inspection: &Inspection) -> String {
     let head = ["channel", "unit", "group", "rate/Hz", "samples", "invalid", "min", "max", "seems to be"];
     let mut rows: Vec<[String; 9]> = vec![head.map(str::to_string)];
@@ -106,7 +106,7 @@ fn row(channel: &ChannelInfo) -> [String; 9] {
     ]
 }
 
-/// Six digits at most.
+/// A number with at most six significant digits.
 fn short(value: f64) -> String {
     if value != 0.0 && !(1e-3..1e7).contains(&value.abs()) {
         return format!("{value:.4e}");

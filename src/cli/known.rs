@@ -1,4 +1,4 @@
-//! What the report shows of how well the retuned plant knows its clutch torque: a free replay of the held-out recording.
+//! Data for the report on how well the retuned plant knows its clutch torque: a free replay of the held-out recording.
 
 use super::laws::{SLOPE_S, source};
 use crate::campaign::Campaign;
@@ -11,7 +11,7 @@ use crate::plant::config::Config;
 use crate::report::known::Known;
 use crate::validated::Place;
 
-/// The retuned plant along the held-out recording, or its first engagement; none if the plant was validated nowhere.
+/// The retuned plant along the held-out recording (or the first held-out engagement of a drive); `None` if the plant was validated nowhere.
 pub fn known(campaign: &Campaign, found: &Diagnosis) -> Option<Known> {
     let validated = &found.validated;
     let o = found.overlays.iter().find(|o| o.held_out).filter(|_| !validated.places().is_empty())?;
@@ -34,7 +34,7 @@ pub fn known(campaign: &Campaign, found: &Diagnosis) -> Option<Known> {
     known.real = match channel("T_fc_Nm") {
         Some(measured) => measured[..n].to_vec(),
         None => {
-            // What the engine gives behind its report is part of what was retuned.
+            // Gain and bias of the reported engine torque are among the retuned parameters.
             let constants = Config::new(&found.vehicle, &found.effects).constants;
             let reach = ((0.5 * SLOPE_S / o.dt).round() as usize).max(1);
             let balance = |i: usize| {

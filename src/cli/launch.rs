@@ -1,4 +1,4 @@
-//! `kisspoint launch`: the coupled start-up beside Table II, the paper's figures, hot launches, and many drawn cars.
+//! `kisspoint launch`: the coupled start-up compared with Table II, the paper's figures, hot launches, and the Monte Carlo study of drawn cars.
 
 use super::error::CommandError;
 use super::files::{read_faults, read_vehicle, write_all};
@@ -41,7 +41,7 @@ pub struct Args {
     seed: u64,
 }
 
-/// A launch of Table II, and how the slip really vanished.
+/// A launch of Table II, and the state at which the slip actually vanished.
 struct Found {
     column: Column,
     performance: Option<Performance>,
@@ -51,7 +51,7 @@ struct Found {
 /// Runs the subcommand.
 ///
 /// # Errors
-/// A file of a vehicle or of faults that is missing or not sound; a directory that cannot be written.
+/// A vehicle file or a file of faults that is missing or malformed; a directory that cannot be written.
 pub fn run(args: &Args) -> Result<(), CommandError> {
     let vehicle = args.vehicle.as_deref().map_or(Ok(Vehicle::paper()), |path| read_vehicle(path).map(|file| file.vehicle))?;
     if let Some(count) = args.monte_carlo {
@@ -75,7 +75,7 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
     print(&(as_text(&found) + &hot_as_text(&cases) + &wrote))
 }
 
-/// Writes figures if a folder is named; the lines that say so.
+/// Writes the figures if a folder is given. Returns the lines that report them.
 pub fn write_figures(folder: Option<&Path>, figures: Vec<(&'static str, String)>) -> Result<String, CommandError> {
     let Some(folder) = folder else { return Ok(String::new()) };
     let figures: Vec<_> = figures.into_iter().map(|(name, svg)| (name, svg.into_bytes())).collect();
@@ -83,7 +83,7 @@ pub fn write_figures(folder: Option<&Path>, figures: Vec<(&'static str, String)>
     Ok(figures.iter().map(|(name, _)| format!("wrote {}\n", folder.join(name).display())).collect())
 }
 
-/// The three figures under their JSON names, with decimals for the table.
+/// The three figures of merit under their JSON names, with the number of decimals for the table.
 fn figures(p: &Performance) -> [(&'static str, f64, usize); 3] {
     [("t_f_s", p.time, 3), ("e_d_j", p.energy, 0), ("slip_acceleration_rad_s2", p.slip_acceleration, 3)]
 }
@@ -128,7 +128,7 @@ fn as_text(found: &[Found]) -> String {
     text
 }
 
-/// Each hot launch: what the controller knows, without and with feedback.
+/// Rows of the hot launches: temperature case, torque feedback (no, yes) and launch.
 fn rows(cases: &[Case; 3]) -> impl Iterator<Item = (&'static str, &'static str, &Launch)> {
     cases.iter().flat_map(|c| [(c.name, "no", &c.open_loop), (c.name, "yes", &c.closed_loop)])
 }

@@ -1,4 +1,4 @@
-//! `kisspoint launch --monte-carlo N`: many drawn cars under several controllers.
+//! `kisspoint launch --monte-carlo N`: randomly drawn cars under several controllers.
 
 use super::error::CommandError;
 use super::launch::write_figures;
@@ -10,7 +10,7 @@ use crate::vehicle::Vehicle;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Numbers whose spread is printed: name, JSON name, decimals, and where to find them.
+/// A quantity whose quantiles are printed: name, JSON name, decimals, and accessor.
 type Spread = (&'static str, &'static str, usize, fn(&Outcome) -> f64);
 
 const SPREADS: [Spread; 5] = [
@@ -23,7 +23,7 @@ const SPREADS: [Spread; 5] = [
 
 const QUANTILES: [f64; 3] = [0.05, 0.5, 0.95];
 
-/// Draws, launches, prints and writes the figure.
+/// Draws the cars, simulates the launches, prints the results and writes the figure.
 pub fn run(vehicle: &Vehicle, count: usize, seed: u64, plots: Option<&Path>, as_json: bool) -> Result<(), CommandError> {
     let (columns, left_out) = monte_carlo::run(vehicle, count, seed);
     let spread = monte_carlo::learning(vehicle, Settings::robust().learning_rate);

@@ -1,4 +1,4 @@
-//! What the report shows beside the answer: the clutch's laws, nominal and identified, and what drove each recording.
+//! Data that the report shows beside the answer: the clutch's laws, nominal and identified, and the inputs of each recording.
 
 use crate::campaign::{Campaign, Recording};
 use crate::effects::Subsystem;
@@ -24,11 +24,11 @@ use crate::vehicle::Vehicle;
 const LOCKED: f64 = 1.5;
 /// Slip at which torque over position and friction over temperature are drawn, rad/s.
 const SLIP: f64 = 50.0;
-/// Torque per unit of friction below which a measured friction is mostly noise, N·m.
+/// Torque per unit of friction coefficient below which a measured friction coefficient is mostly noise, N·m.
 const PRESSED: f64 = 60.0;
-/// Points of a curve.
+/// Number of points of a curve.
 const POINTS: usize = 121;
-/// Time over which the flywheel's acceleration is taken, s.
+/// Time span over which the acceleration is computed as a difference quotient, s.
 pub const SLOPE_S: f64 = 0.1;
 
 /// One sample of a recording in which the clutch slips.
@@ -40,7 +40,7 @@ struct Sample {
     modelled: Option<f64>,
 }
 
-/// The recording of an overlay, and the row at which it begins.
+/// The recording of an overlay, and the row at which the overlay begins.
 pub fn source<'a>(campaign: &'a Campaign, o: &Overlay) -> Option<(&'a Recording, usize)> {
     if let Some(r) = campaign.recordings.iter().find(|r| r.name == o.recording) {
         return Some((r, 0));
@@ -49,7 +49,7 @@ pub fn source<'a>(campaign: &'a Campaign, o: &Overlay) -> Option<(&'a Recording,
     let begin: f64 = at.strip_suffix(" s")?.parse().ok()?;
     let r = campaign.recordings.iter().find(|r| r.name == name)?;
     let real = o.channels.iter().find(|c| c.column == "omega_f_rad_s")?;
-    // The name has one digit; the samples tell the row.
+    // The overlay's name states its time with one decimal only; the row is found by comparing samples.
     let near = (0..r.time.len()).filter(|&k| (r.time[k] - begin).abs() < 0.06);
     let off = |k: usize| real.real.iter().zip(&r.omega_f[k..]).take(20).map(|(a, b)| (a - b).abs()).filter(|d| d.is_finite()).sum::<f64>();
     near.min_by(|&a, &b| off(a).total_cmp(&off(b))).map(|k| (r, k))
@@ -62,7 +62,7 @@ pub fn traces(campaign: &Campaign, found: &Diagnosis) -> Vec<Trace> {
     found.overlays.iter().map(one).collect()
 }
 
-/// Disc temperature of the retuned model along an overlay, in a free replay.
+/// Disc temperature of the retuned model along an overlay, from a free replay.
 fn warmed(found: &Diagnosis, r: &Recording, begin: usize, o: &Overlay) -> Vec<f64> {
     let track = Track::new(r);
     let car = Car { effects: found.effects, ..Car::nominal(&found.vehicle) };
@@ -112,7 +112,7 @@ fn trace(car: &Config, r: &Recording, begin: usize, o: &Overlay, warmed: Vec<f64
     Trace { signals, phases, theta: warmed }
 }
 
-/// Torque over position, friction over slip and over temperature; and what was learned where the library ends.
+/// Torque over position, friction over slip and over temperature, and the learned laws of effects outside the library.
 pub fn laws(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law> {
     let cars = [Config::new(&found.nominal, &crate::effects::null()), Config::new(&found.vehicle, &found.effects)];
     let measured = found.overlays.iter().any(|o| o.channels.iter().any(|c| c.column == "T_fc_Nm"));
@@ -129,7 +129,7 @@ pub fn laws(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law
     let actuator = &found.nominal.actuator;
     let mut xs: Vec<f64> = all.iter().map(|s| s.x).collect();
     xs.sort_by(f64::total_cmp);
-    // As far as the recordings slip, and a little farther.
+    // Up to the positions at which the recordings slip, and slightly beyond.
     let reached = xs.get(xs.len().saturating_sub(1) * 98 / 100).map_or(actuator.x_cls_0, |x| x + 0.4);
     let (first, last) = (actuator.x_cnt_0 - 0.3, reached.min(actuator.x_cls_0).max(actuator.x_cnt_0 + 0.5));
     let x = |k: usize| first + (last - first) * k as f64 / (POINTS - 1) as f64;
@@ -148,7 +148,7 @@ pub fn laws(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law
         band: Vec::new(),
         learned: false,
     }];
-    // The friction that the data show needs the temperature for the force; without a thermocouple it is the retuned model's.
+    // Computing friction from the data requires the temperature, since the force depends on it; without a thermocouple the retuned model's temperature is used.
     let warm = |s: &Sample| if thetas.is_empty() { s.modelled } else { s.theta };
     let friction = |s: &Sample| {
         let force = clutch::force(&cars[1], &Found::NOTHING, s.x, Branch { x: s.x, z: 0.0 }, &motion::warm(warm(s)?));
@@ -192,7 +192,7 @@ pub fn laws(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law
         band: Vec::new(),
         learned: false,
     });
-    // A learned law of friction may follow the work done, of which these curves know nothing.
+    // A learned friction law may depend on the friction work, which these curves leave at zero.
     if found.learned.as_ref().is_some_and(|l| l.refused.is_none() && l.laws.contains(&Subsystem::Friction)) {
         laws.iter_mut().for_each(|l| l.note += "; identified: before any friction work");
     }
@@ -200,22 +200,22 @@ pub fn laws(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law
     laws
 }
 
-/// Torque that the model transmits below which a relative change is mostly noise, N·m.
+/// Modelled torque below which a relative change is mostly noise, N·m.
 const LOADED: f64 = 15.0;
 
-/// What the recordings show of a law's sum at one sample, and where on each of the law's axes.
+/// Sum of a law's curves as the recordings show it at one sample, and the abscissa of each of the curves.
 struct Shown {
     sum: f64,
     at: Vec<f64>,
 }
 
-/// Curves of a law that was learned and taken, each with its band and what the recordings show of it once the other curves are taken off.
+/// Curves of a learned law that was adopted, each with its band and with what the recordings show of it after subtracting the other curves.
 fn learned(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law> {
     let Some(l) = found.learned.as_ref().filter(|l| l.refused.is_none()) else { return Vec::new() };
     l.laws.iter().flat_map(|&law| learned_in(law, l, campaign, found, traces)).collect()
 }
 
-/// The curves of one of the laws.
+/// The curves of one law.
 fn learned_in(law: Subsystem, l: &Tried, campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law> {
     let all: Vec<&'static Curve> = curves(law).collect();
     let mut without = found.effects;
@@ -224,7 +224,7 @@ fn learned_in(law: Subsystem, l: &Tried, campaign: &Campaign, found: &Diagnosis,
     let with_data = found.overlays.iter().zip(traces);
     let shown: Vec<Shown> =
         with_data.flat_map(|(o, t)| source(campaign, o).map_or_else(Vec::new, |(r, _)| law_shown(&car, law, o, t, r.theta_c0))).collect();
-    // What is a factor on its curve, or a time constant, the recordings hardly show by itself.
+    // Curves that multiply another curve, and time constants, are hardly visible in the recordings by themselves.
     let apart = |c: &Curve| ["force_direction", "engine_time", "engine_slowing"].contains(&c.name);
     l.learned
         .curves
@@ -272,13 +272,13 @@ fn learned_in(law: Subsystem, l: &Tried, campaign: &Campaign, found: &Diagnosis,
         .collect()
 }
 
-/// Pace of a bearing in mm/s under which its distance to the command tells no time constant.
+/// Speed of the bearing below which its distance to the command yields no time constant, mm/s.
 const MOVING: f64 = 2.0;
-/// Speed in rad/s under which a ratio of speeds is mostly noise.
+/// Speed below which a ratio of speeds is mostly noise, rad/s.
 const TURNING: f64 = 5.0;
 
-/// What an overlay shows of one curve of an actuator or a sensor, beside the replay with all of them: a time constant by the measured position's pace, an offset, or a scale. Nothing is seen
-/// of the others by themselves.
+/// Samples of one curve of the actuator or the sensors, as an overlay shows them with all other effects at their identified sizes: a time constant from the speed of the
+/// measured bearing position, an offset, or a scale. The remaining curves cannot be seen by themselves, and give no samples.
 fn by_itself(c: &Curve, effects: &crate::effects::Parameters, vehicle: &Vehicle, o: &Overlay, t: &Trace) -> Vec<(f64, f64)> {
     let channel = |column: &str| o.channels.iter().find(|c| c.column == column);
     let seen =
@@ -307,7 +307,7 @@ fn by_itself(c: &Curve, effects: &crate::effects::Parameters, vehicle: &Vehicle,
     all.into_iter().filter(|(x, y)| x.is_finite() && y.is_finite()).collect()
 }
 
-/// What an overlay shows of a law, by the balances: torque over that of the car without it, or torque that is left.
+/// Samples of a law from the torque balances: relative deviation of the torque from that of the car without the law, or residual torque.
 fn law_shown(car: &Config, law: Subsystem, o: &Overlay, t: &Trace, theta_0: f64) -> Vec<Shown> {
     let of = |column: &str| o.channels.iter().find(|c| c.column == column).map(|c| c.real.as_slice());
     let (Some(f), Some(c)) = (of("omega_f_rad_s"), of("omega_c_rad_s")) else { return Vec::new() };
@@ -320,7 +320,7 @@ fn law_shown(car: &Config, law: Subsystem, o: &Overlay, t: &Trace, theta_0: f64)
     let mut all = Vec::new();
     for i in reach..n.saturating_sub(reach) {
         let slope = |v: &[f64]| (v[i + reach] - v[i - reach]) / (2.0 * reach as f64 * o.dt);
-        // Without a thermocouple the disc is as warm as the retuned model says.
+        // Without a thermocouple, the retuned model's disc temperature is used.
         let theta = of("theta_c_degC").or((!t.theta.is_empty()).then_some(&t.theta)).and_then(|v| v.get(i)).copied().unwrap_or(theta_0);
         let slip = f[i] - c[i];
         let engine = car.constants.engine_gain * t_e[i] + car.constants.engine_bias;
@@ -341,7 +341,7 @@ fn law_shown(car: &Config, law: Subsystem, o: &Overlay, t: &Trace, theta_0: f64)
                 let at = if law == Subsystem::Friction { vec![slip, theta, force / closed, 1e-3 * work] } else { vec![xi, xi, theta] };
                 (modelled > LOADED).then(|| Shown { sum: torque / modelled - 1.0, at })
             }
-            // The clutch's torque has to be known: nothing, or measured.
+            // The clutch torque must be known: the clutch is open, or its torque is measured.
             Subsystem::Engine if t.phases[i] == 0 || measured.is_some() => {
                 Some(Shown { sum: measured.filter(|_| t.phases[i] != 0).unwrap_or(0.0) - balance, at: vec![f[i], t_e[i]] })
             }
@@ -367,7 +367,7 @@ fn capacity(car: &Config, x: f64, slip: f64, theta: f64) -> f64 {
     clutch::capacity(car, x, Branch { x, z: 0.0 }, slip, &motion(theta))
 }
 
-/// Effective friction coefficient: torque over what a unit of friction makes of the same force.
+/// Effective friction coefficient: torque divided by the torque that the same force gives with a friction coefficient of 1.
 fn mu(car: &Config, slip: f64, theta: f64) -> f64 {
     let force = 1000.0;
     clutch::capacity_under(car, &Found::NOTHING, force, slip, &motion(theta)) / torque_of(&car.vehicle.friction, force, 1.0)

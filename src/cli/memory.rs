@@ -1,16 +1,18 @@
-//! Whether a diagnosis has room: told before hours of work, and not by the kernel amid them.
+//! Memory check: a diagnosis that does not fit is refused before hours of work, instead of being killed by the kernel halfway.
 
 use super::error::CommandError;
 use crate::campaign::Campaign;
 use crate::gap::enough::most_rows;
 use std::path::Path;
 
-/// What a row of a campaign takes in a diagnosis at most, bytes, once it is read, and where it is fitted: 2.5 to 5 kB were measured on bench campaigns and drives of 8 000 to 800 000 rows
-/// (`benches/scale.sh`).
+/// Upper bounds of the memory that a diagnosis takes per row of the campaign, bytes: for a row that is only read, and for a row that is fitted. On bench campaigns and drives
+/// of 8 000 to 800 000 rows, 2.5 to 5 kB per row were measured (`benches/scale.sh`).
 const BYTES_PER_ROW: [u64; 2] = [1_000, 5_000];
 
+/// Checks that a diagnosis of this campaign fits into the free memory.
+///
 /// # Errors
-/// A campaign whose diagnosis would take more memory than the machine has free.
+/// A campaign whose diagnosis would take more memory than is free.
 pub(super) fn has_room(path: &Path, campaign: &Campaign) -> Result<(), CommandError> {
     let rows = campaign.recordings.iter().map(|r| r.time.len() as u64).sum();
     let fitted = most_rows(campaign) as u64;
@@ -34,7 +36,7 @@ fn fits(rows: u64, fitted: u64, free: u64) -> Result<(), String> {
     ))
 }
 
-/// Bytes that are free: of the machine, and of the container that this runs in. None where neither says.
+/// Free memory in bytes: the smaller of that of the machine and that of the container. `None` if neither is known.
 fn free() -> Option<u64> {
     let read = |path: &str| std::fs::read_to_string(path).ok();
     let machine = read("/proc/meminfo").and_then(|text| available(&text));
@@ -44,7 +46,7 @@ fn free() -> Option<u64> {
     [machine, container].into_iter().flatten().min()
 }
 
-/// The line `MemAvailable: 123 kB` of Linux, in bytes.
+/// The line `MemAvailable: 123 kB` of Linux's /proc/meminfo, in bytes.
 fn available(meminfo: &str) -> Option<u64> {
     let line = meminfo.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
     let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;

@@ -1,7 +1,7 @@
 //! The command `kisspoint`: one file per subcommand.
 //!
-//! Every subcommand is a struct of arguments and a function `run` that returns an error whose message says what is wrong, where,
-//! and what to do. Here are only the choice between them, the help that they share, and the exit codes.
+//! Every subcommand is a struct of arguments and a function `run` that returns an error whose message says what is wrong, where, and what to do. This file holds only the
+//! dispatch, the shared help and the exit codes.
 
 pub mod blind;
 pub mod compare;
@@ -159,7 +159,7 @@ mod tests {
         Cli::command().debug_assert();
     }
 
-    /// Every subcommand, also of subcommands, with its words.
+    /// Every subcommand, nested ones included, with the words that call it.
     fn all(command: &clap::Command, words: &str) -> Vec<(String, clap::Command)> {
         let one = |c: &clap::Command| {
             let words = format!("{words} {}", c.get_name());

@@ -1,13 +1,13 @@
-//! Results on standard output.
+//! Output of results to standard output and of errors to standard error.
 
 use super::error::CommandError;
 use serde_json::Value;
 use std::io::{ErrorKind, IsTerminal, Write};
 
-/// Prints `text` as it stands.
+/// Prints `text` unchanged.
 ///
 /// # Errors
-/// Output that cannot be written. A reader that closes the pipe early, such as `head`, has what it wants: that is no error.
+/// Output that cannot be written. A closed pipe is no error, because its reader, such as `head`, has what it wants.
 pub fn print(text: &str) -> Result<(), CommandError> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
@@ -24,18 +24,18 @@ pub fn print_json(document: &Value) -> Result<(), CommandError> {
     print(&format!("{document:#}\n"))
 }
 
-/// How a piece of text stands out on a terminal.
+/// Colour of a piece of text on a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Colour {
-    /// What may be taken as it stands.
+    /// Reliable as it stands.
     Green,
-    /// What is in doubt.
+    /// In doubt.
     Yellow,
-    /// What is wrong.
+    /// Wrong.
     Red,
 }
 
-/// `text` in bold and colour on a terminal, as it stands elsewhere and where NO_COLOR is set.
+/// `text` in bold and colour on a terminal; unchanged elsewhere, or if NO_COLOR is set.
 pub fn coloured(text: &str, colour: Colour, terminal: bool) -> String {
     if !terminal || std::env::var_os("NO_COLOR").is_some_and(|v| !v.is_empty()) {
         return text.to_owned();
@@ -52,12 +52,12 @@ pub fn coloured(text: &str, colour: Colour, terminal: bool) -> String {
 pub fn alarm(error: &CommandError) {
     const NAME: &str = "kisspoint:";
     let terminal = std::io::stderr().is_terminal();
-    // Folded with its name before that is coloured, since codes have no width.
+    // Folded together with the name, before the name is coloured, because escape codes have no width.
     let text = folded(&in_words(&format!("{NAME} {error}")), width(terminal), "");
     eprintln!("{}{}", coloured(NAME, Colour::Red, terminal), &text[NAME.len()..]);
 }
 
-/// What the system says, in words and without the number that it has for itself.
+/// Replaces messages of the operating system by plain words and removes its error numbers.
 fn in_words(text: &str) -> String {
     let text = text
         .replace("No such file or directory (os error 2)", "no such file or folder")
@@ -68,14 +68,14 @@ fn in_words(text: &str) -> String {
     }
 }
 
-/// Columns of the terminal, or as many as $COLUMNS says; what is no terminal has no end of a line.
+/// Line width in columns: $COLUMNS or the width of the terminal; unlimited if the output is not a terminal.
 pub fn width(terminal: bool) -> usize {
     let asked = || std::env::var("COLUMNS").ok().and_then(|c| c.parse().ok());
     let found = || terminal_size::terminal_size().map(|(width, _)| usize::from(width.0));
     if terminal { asked().or_else(found).unwrap_or(usize::MAX) } else { usize::MAX }
 }
 
-/// Lines that are broken between words where they would be longer than `width`; what continues one is indented as it is, and by `more`.
+/// Breaks lines longer than `width` between words. Continuation lines have the indentation of the line and `more` in addition.
 pub fn folded(text: &str, width: usize, more: &str) -> String {
     let fold = |line: &str| {
         if line.chars().count() <= width {

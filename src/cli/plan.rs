@@ -1,4 +1,4 @@
-//! `kisspoint plan`: before measuring, what a campaign will show; after it, what to measure next.
+//! `kisspoint plan`: predicts before measuring what a campaign will show, and says after a diagnosis what to measure next.
 
 use super::error::{CommandError, at};
 use super::files::{read_vehicle, write_all};
@@ -116,7 +116,7 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
     }
 }
 
-/// Manoeuvres of the file, or the built-in ones, as far as they are asked for.
+/// Manoeuvres of the file, or the built-in ones, restricted to those that --drive names.
 fn manoeuvres(args: &Args, vehicle: &Vehicle) -> Result<Vec<Manoeuvre>, CommandError> {
     let all = match &args.manoeuvres {
         Some(path) => read(path)?,
@@ -237,7 +237,7 @@ fn after(args: &Args, path: &Path, pool: &rayon::ThreadPool) -> Result<(), Comma
     print(&format!("{headline}\n\n{}{}{}{}", open(outlook), folded(&shown, wide, ""), table(&rows, "shown from"), hidden(&rows)))
 }
 
-/// What is open, and what each manoeuvre would do about it.
+/// The rivals that are still open, and the expected effect of each manoeuvre.
 fn open(outlook: &Outlook) -> String {
     let ranked = outlook.ranked_for_all();
     if ranked.is_empty() {
@@ -267,7 +267,7 @@ fn open(outlook: &Outlook) -> String {
     )
 }
 
-/// One effect with its limit.
+/// One effect with its limit of detection, and the manoeuvre that shows it best.
 struct Row {
     limit: Limit,
     best: Option<(String, Limit)>,
@@ -285,7 +285,7 @@ impl Row {
     }
 }
 
-/// A row for each effect, the worst shown first.
+/// A row for each effect, the one with the largest relative limit first.
 fn rows(limits: &[Limit], reach: Option<&Reach>, manoeuvres: &[Manoeuvre]) -> Vec<Row> {
     let row = |l: &Limit| {
         let best = reach.and_then(|r| {
@@ -318,7 +318,7 @@ fn table(rows: &[Row], what: &str) -> String {
     text
 }
 
-/// Says which effects stay hidden.
+/// Lists the effects that stay hidden.
 fn hidden(rows: &[Row]) -> String {
     let names = |least: f64, most: f64| -> Vec<&str> {
         let within = rows.iter().filter(|r| r.limit.in_sizes() > least && r.limit.in_sizes() <= most);

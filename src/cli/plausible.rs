@@ -1,4 +1,4 @@
-//! What is implausible in a vehicle that can be used: contradictions that a simulation would carry on with.
+//! Plausibility checks of a usable vehicle: contradictions that a simulation would not notice.
 
 use crate::physics::cushion::{self, CushionSpring};
 use crate::physics::driveline::Driveline;
@@ -6,20 +6,20 @@ use crate::physics::{friction, map};
 use crate::vehicle::Vehicle;
 use serde_json::{Value, json};
 
-/// Temperatures that a clutch disc sees, °C.
+/// Temperatures that a clutch disc reaches, °C.
 const TEMPERATURES: [f64; 10] = [-20.0, 0.0, 25.0, 60.0, 90.0, 120.0, 150.0, 180.0, 210.0, 240.0];
 
-/// Slip speeds that a launch sees, rad/s.
+/// Slip speeds that occur in a launch, rad/s.
 const SLIPS: [f64; 7] = [0.0, 1.0, 5.0, 20.0, 60.0, 120.0, 250.0];
 
-/// One thing that is implausible.
+/// One implausible number or group.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     /// The number or group that it concerns.
     pub number: String,
-    /// What is implausible, with the values.
+    /// The implausibility, with the values.
     pub what: String,
-    /// What to do.
+    /// Suggested remedy.
     pub remedy: String,
 }
 
@@ -30,7 +30,7 @@ impl Finding {
     }
 }
 
-/// A quantity that follows from the numbers.
+/// A quantity derived from the vehicle's numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fact {
     /// Name in JSON.
@@ -43,7 +43,7 @@ pub struct Fact {
     pub unit: &'static str,
 }
 
-/// Everything implausible in `vehicle`, read from `document`, with the gains ℓ_1, ℓ_2 of the observer (9).
+/// All implausibilities of `vehicle`, which was read from `document`, with the gains ℓ_1, ℓ_2 of the observer (9).
 pub fn findings(document: &Value, vehicle: &Vehicle, gains: (f64, f64)) -> Vec<Finding> {
     let mut all = Vec::new();
     spring(&mut all, &vehicle.cushion_spring);
@@ -57,7 +57,7 @@ pub fn findings(document: &Value, vehicle: &Vehicle, gains: (f64, f64)) -> Vec<F
     all
 }
 
-/// What an engineer knows of the car, to compare with what follows from the file.
+/// Derived quantities that an engineer can compare with what is known of the car.
 pub fn facts(vehicle: &Vehicle, gains: (f64, f64)) -> Vec<Fact> {
     let spring = &vehicle.cushion_spring;
     let xi_0 = cushion::contact_point(spring);
@@ -81,7 +81,7 @@ fn add(all: &mut Vec<Finding>, number: &str, what: String, remedy: &str) {
     all.push(Finding { number: number.to_owned(), what, remedy: remedy.to_owned() });
 }
 
-/// The inverse of the torque map needs a force that grows from the contact point on.
+/// Checks that the force increases from the contact point on, as the inverse of the torque map requires.
 fn spring(all: &mut Vec<Finding>, p: &CushionSpring) {
     let xi_0 = cushion::contact_point(p);
     let places: Vec<f64> = (0..=1000).map(|k| xi_0 + (1.0 - xi_0) * f64::from(k) / 1000.0).collect();
@@ -165,7 +165,7 @@ fn driveline(all: &mut Vec<Finding>, d: &Driveline) {
     }
 }
 
-/// Slow and fast pole of the observer (9) in 1/s, and the imaginary part of a pair.
+/// Slow and fast pole of the observer (9) in 1/s, and the imaginary part if they are a complex pair.
 fn poles(d: &Driveline, (l_1, l_2): (f64, f64)) -> (f64, f64, f64) {
     let half = -0.5 * (d.b_f + l_1) / d.J_f;
     let discriminant = half * half + l_2 / d.J_f;
@@ -194,7 +194,7 @@ fn tolerances(all: &mut Vec<Finding>, document: &Value) {
         return add(all, "tolerance", what, "Give one standard deviation each, as `kisspoint vehicle new` does");
     };
     for (name, size) in entries {
-        // What cannot be read was refused before.
+        // Entries that cannot be read were refused earlier.
         if let Some(rel) = size.get("rel").and_then(Value::as_f64).filter(|rel| *rel > 0.3) {
             let what = format!("one standard deviation of {:.0} % forgives almost everything", 100.0 * rel);
             add(all, &format!("tolerance of {name}"), what, "rel is a share: 0.02 is 2 %");
@@ -206,7 +206,7 @@ fn tolerances(all: &mut Vec<Finding>, document: &Value) {
 mod tests {
     use super::*;
 
-    /// What is found after a change to the paper's vehicle.
+    /// Findings after a change to the paper's vehicle.
     fn after(change: impl Fn(&mut Value), gains: (f64, f64)) -> Vec<String> {
         let mut document = Vehicle::paper().to_value();
         document["tolerance"] = json!({});

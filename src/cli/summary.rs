@@ -9,7 +9,7 @@ use serde_json::Value;
 use std::io::IsTerminal;
 use std::path::Path;
 
-/// The headline, how far off a free replay is, the effects with their parameters, what is in doubt, what was taken for granted of all recordings, and where the files are.
+/// The headline, the error of a free replay, the effects with their parameters, the doubts, the notes that concern all recordings, and the path of the report.
 pub fn summary(diagnosis: &Diagnosis, out: Option<&Path>) -> String {
     let terminal = std::io::stdout().is_terminal();
     let json = &diagnosis.json;
@@ -41,7 +41,7 @@ pub fn summary(diagnosis: &Diagnosis, out: Option<&Path>) -> String {
     }
     rest.extend(verdict::confidence(json).map(|said| format!("  {said}")));
     rest.extend(doubts.iter().map(|d| format!("  {} {}", if d.grave { "!" } else { "-" }, d.text())));
-    // What was done to a recording was said when it was read.
+    // Notes on single recordings were printed when the recordings were read.
     let of_all = diagnosis.answer.notes.iter().filter(|note| of_recording(note).is_none());
     rest.extend(of_all.map(|note| format!("  - {}.", capitalised(note).trim_end_matches('.'))));
     rest.extend(out.map(|out| format!("  written: {}", out.join("report.html").display())));
@@ -49,7 +49,7 @@ pub fn summary(diagnosis: &Diagnosis, out: Option<&Path>) -> String {
     lines.join("\n") + "\n"
 }
 
-/// One line for people: name, estimate, interval, unit.
+/// One line of text: name, estimate, interval, unit.
 fn parameter(name: &str, p: &Value) -> String {
     let unit = unit(p["unit"].as_str().unwrap_or_default());
     match ["value", "low", "high"].map(|key| p[key].as_f64()) {

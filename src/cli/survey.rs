@@ -1,4 +1,4 @@
-//! `kisspoint survey`: what a log is worth, which gears, launches and shifts it shows, what its torque can be.
+//! `kisspoint survey`: quality of a log, the gears, launches and shifts it shows, and which channels may be the engine torque.
 
 use super::error::CommandError;
 use super::files::write_all;
@@ -97,7 +97,7 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
     Ok(())
 }
 
-/// Writes the survey and, with a torque, the campaign; says where.
+/// Writes the survey and, if a torque channel is given, the campaign. Returns the lines that say where.
 fn write(out: &Path, found: &Survey, args: &Args) -> Result<String, CommandError> {
     let mut files = vec![("survey.json", format!("{:#}\n", found.to_json()).into_bytes())];
     files.extend(picture::svg(found).map(|svg| ("survey.svg", svg.into_bytes())));
@@ -126,7 +126,7 @@ fn write(out: &Path, found: &Survey, args: &Args) -> Result<String, CommandError
     Ok(text)
 }
 
-/// The vehicle file as it is, or the paper's with a word.
+/// The vehicle file unchanged, or the paper's vehicle with a note.
 fn vehicle(path: Option<&Path>) -> Result<Value, CommandError> {
     if let Some(path) = path {
         return Ok(super::files::read_vehicle(path)?.document);

@@ -1,4 +1,4 @@
-//! `kisspoint vehicle`: drafts a vehicle file, explains what is implausible in one, and applies what a fleet has taught of it.
+//! `kisspoint vehicle`: drafts a vehicle file, explains what is implausible in one, and applies corrections learned from a fleet.
 
 use super::error::{CommandError, at};
 use super::files::{VehicleFile, read_vehicle, write_new};
@@ -26,7 +26,7 @@ pub struct Args {
 }
 
 impl Args {
-    /// Words of the command, for messages.
+    /// Words of the command line, for messages.
     pub fn name(&self) -> &'static str {
         match self.action {
             Action::New { .. } => "vehicle new",
@@ -132,7 +132,7 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
     }
 }
 
-/// The document with its corrections, and those (in standard deviations) that have no number in it.
+/// The corrected document, and the corrections (in standard deviations) of quantities that it holds no number for.
 fn correct(path: &Path, by: &Path) -> Result<(Value, BTreeMap<String, f64>), CommandError> {
     let VehicleFile { mut document, vehicle, .. } = read_vehicle(path)?;
     let refused = |what: String| CommandError::Refused(format!("{}: {what}", by.display()));
@@ -163,7 +163,7 @@ fn correct(path: &Path, by: &Path) -> Result<(Value, BTreeMap<String, f64>), Com
         }
     }
     car.vehicle.check().map_err(|source| CommandError::Vehicle { path: path.to_owned(), source })?;
-    // Only what moved is written: everything else stays as its author wrote it.
+    // Only numbers that moved are written; all others stay as their author wrote them.
     let (old, new) = (vehicle.to_value(), car.vehicle.to_value());
     for (group, content) in new.as_object().into_iter().flatten() {
         for (key, value) in content.as_object().into_iter().flatten().filter(|(key, value)| old[group][key.as_str()] != **value) {
@@ -174,11 +174,11 @@ fn correct(path: &Path, by: &Path) -> Result<(Value, BTreeMap<String, f64>), Com
     Ok((document, not_in_file))
 }
 
-/// How a number is corrected.
+/// Correction of a number.
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Correction {
-    /// By how many standard deviations of its tolerance the number moves.
+    /// Shift of the number, in standard deviations of its tolerance.
     #[serde(default)]
     sigmas: f64,
     /// Factor on the tolerance.
@@ -197,7 +197,7 @@ fn check(path: &Path, gains: (f64, f64), as_json: bool) -> Result<(), CommandErr
         print_json(&json!({"file": name, "usable": false, "error": source.to_string(), "findings": []}))?;
     }
     let VehicleFile { document, vehicle, .. } = file?;
-    // A tolerance that a diagnosis would refuse is no matter of plausibility.
+    // A tolerance that a diagnosis would refuse makes the file unusable, not just implausible.
     let tolerances = tolerance::read(&document, Logger::UNIFORM);
     if let (Err(e), true) = (&tolerances, as_json) {
         print_json(&json!({"file": name, "usable": false, "error": e.to_string(), "findings": []}))?;
@@ -226,10 +226,10 @@ fn as_text(file: &Path, findings: &[Finding], facts: &[plausible::Fact]) -> Stri
     text
 }
 
-/// Name, `rel` or `abs`, size, why.
+/// Name, kind (`rel` or `abs`), standard deviation, reason.
 type Tolerance = (&'static str, &'static str, f64, &'static str);
 
-/// Standard deviations that an engineer usually has.
+/// Standard deviations that are usual for an engineer's knowledge of each number.
 const TOLERANCES: [Tolerance; 12] = [
     ("driveline.J_f", "rel", 0.01, "from CAD data and a run-down test"),
     ("driveline.J_c", "rel", 0.02, "vehicle mass with an unknown load"),
@@ -245,14 +245,14 @@ const TOLERANCES: [Tolerance; 12] = [
     ("engine.T_e_gain", "rel", 0.005, "factor on the reported torque"),
 ];
 
-/// The paper's vehicle with usual tolerances.
+/// The paper's vehicle with the usual tolerances.
 fn bare() -> Value {
     let mut document = Vehicle::paper().to_value();
     document["tolerance"] = TOLERANCES.iter().map(|(name, kind, size, _)| ((*name).to_owned(), json!({*kind: size}))).collect();
     document
 }
 
-/// The same with a comment on each number; keys that begin with `_` are comments.
+/// The same document with a comment on each number; keys that begin with `_` are comments.
 fn draft() -> String {
     let document = bare();
     let mut text = String::from(
@@ -295,7 +295,7 @@ fn keys(group: &str, content: &serde_json::Map<String, Value>) -> Vec<String> {
     keys
 }
 
-/// Whether the number of this flat name stands in the file under `group.key`, alone or in the array of that name.
+/// Whether the number with this flat name is stored in the file under `group.key`, alone or as an element of that array.
 fn belongs(flat: &str, group: &str, key: &str) -> bool {
     let Some(name) = flat.strip_prefix(group).and_then(|rest| rest.strip_prefix('.')) else { return false };
     let stem = if group == "friction" && key == "mu_d" { "m" } else { key };

@@ -1,4 +1,4 @@
-//! What the report's "what if" replays: the plant as a module and what drove each recording, or replays made beforehand.
+//! Data of the report's "What if": the plant as a WebAssembly module with the inputs of each recording, or replays made beforehand.
 
 use super::laws::source;
 use crate::campaign::Campaign;
@@ -12,12 +12,12 @@ use crate::gap::model::track::{Channel, Track};
 use crate::plant::{Start, sensed};
 use crate::report::what_if::{Drive, Effect, Plant, Player, Replays, Size, WhatIf};
 
-/// Stops of a slider.
+/// Number of steps of a slider.
 const STOPS: f64 = 200.0;
-/// Sizes of replays made beforehand, as shares of what was found.
+/// Sizes of the replays made beforehand, as shares of the identified size.
 const SHARES: [f64; 9] = [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0];
 
-/// What the page of a diagnosis can replay. Without a `module` it is the named effects at [`SHARES`] of what was found.
+/// What the page of a diagnosis can replay. Without a `module`, these are the named effects at [`SHARES`] of their identified sizes.
 pub fn of(campaign: &Campaign, found: &Diagnosis, module: Option<Vec<u8>>) -> WhatIf {
     let named: Vec<usize> = found.answer.which.effects.iter().filter_map(|e| find(e.id)).collect();
     let drives: Vec<Option<(Track, Drive)>> = found.overlays.iter().map(|o| drive(campaign, found, o)).collect();
@@ -46,7 +46,7 @@ pub fn of(campaign: &Campaign, found: &Diagnosis, module: Option<Vec<u8>>) -> Wh
     WhatIf { player: Player::Plant(plant), effects }
 }
 
-/// An effect with all its parameters, those that switch it on first.
+/// An effect with all its parameters, the amplitudes (whose null values switch it off) first.
 fn effect(entry: &'static Entry, named: bool, found: &Parameters) -> Effect {
     let amplitude = |k: &usize| entry.effect.amplitudes.contains(k);
     let (first, then): (Vec<usize>, Vec<usize>) = entry.parameters.clone().partition(amplitude);
@@ -73,9 +73,9 @@ fn share() -> Size {
     Size { reference: 0, name: "size", unit: "% of what was found", null: 0.0, found: 100.0, range, step: 100.0 * (SHARES[1] - SHARES[0]) }
 }
 
-/// What drove an overlay. Its first sample is where its replay starts.
+/// Inputs of an overlay, starting at the sample at which the overlay's replay starts.
 fn drive(campaign: &Campaign, found: &Diagnosis, o: &Overlay) -> Option<(Track, Drive)> {
-    // The plant in the page is driven by a position.
+    // The plant in the page is driven by a position command.
     let (recording, begin) = source(campaign, o).filter(|(r, _)| !r.x_to_cmd.is_empty())?;
     let track = Track::new(recording);
     let first = |channel: Channel| o.channels.iter().find(|c| c.column == channel.column()).and_then(|c| c.after.first()).copied();
@@ -97,12 +97,12 @@ fn car(found: &Diagnosis, effects: &Parameters) -> Car {
     Car { effects: *effects, ..Car::nominal(&found.vehicle) }
 }
 
-/// Each overlay with each named effect at each of the sizes.
+/// Replays of each overlay with each named effect at each of [`SHARES`].
 fn replays(found: &Diagnosis, named: &[usize], drives: &[Option<(Track, Drive)>]) -> Vec<Replays> {
     let mut all = Vec::new();
     for (overlay, (o, known)) in found.overlays.iter().zip(drives).enumerate() {
         let Some((track, drive)) = known else { continue };
-        // The times of the ticks are the track's own.
+        // Ticks and rows of a track share one time base, so the time of the first tick gives the row.
         let begin = track.time.iter().position(|t| *t >= drive.time[0]).unwrap_or(0);
         for &e in named {
             let curves = SHARES.map(|share| replayed(found, o, track, drive, begin, &scaled(&REGISTRY[e], &found.effects, share))).to_vec();
@@ -112,7 +112,7 @@ fn replays(found: &Diagnosis, named: &[usize], drives: &[Option<(Track, Drive)>]
     all
 }
 
-/// What was found, with the amplitudes of one effect at a share of their departure from null.
+/// The identified parameters, with the amplitudes of one effect at a share of their departure from null.
 fn scaled(entry: &Entry, found: &Parameters, share: f64) -> Parameters {
     let mut changed = *found;
     for &k in entry.effect.amplitudes {

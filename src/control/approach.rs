@@ -1,13 +1,13 @@
-//! Until the facings bite: how much may be asked of a clutch that is not felt yet, and what the bite tells of the bearing.
+//! Phase before the facings bite: limit of the torque request while no clutch torque is observed, and the speed of the bearing from the time of the bite.
 //!
-//! T ≤ T_s + r_s (t − t_s) until T_m, then + r_m (t − t_s). At the bite v = (x_touch − x_open)/(t_b − A − O), and the command goes no faster than
-//! [`FOLLOWED`] v from then on: neither a bearing that is slow nor a touch point that lies late is asked for what it will only deliver later.
+//! T ≤ T_s + min(r_s (t − t_s), T_m − T_s) + r_m (t − t_s) for t > t_s, and T ≤ T_s before. At the bite v = (x_touch − x_open)/(t_b − A − O), and from then on the command
+//! moves no faster than [`FOLLOWED`] v, so that a slow bearing or a late touch point is not commanded further than it can follow.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
 //! | t, t_b | time since the engagement began, and that of the bite | s |
-//! | T_s, t_s | torque asked for at first, and how long a bearing as planned needs | N·m, s |
-//! | r_s, T_m, r_m | rise after that, where it ends, and the rise beyond | N·m/s, N·m |
+//! | T_s, t_s | torque limit at first, and the time that a bearing as planned needs | N·m, s |
+//! | r_s, T_m, r_m | rate of its rise after that, level at which that rise ends, and rate of a second, unbounded rise | N·m/s, N·m, N·m/s |
 //! | v | speed of the bearing on its way to the touch point | mm/s |
 //! | A, O | lags of actuator and torque observer | s |
 
@@ -17,22 +17,22 @@ const FIRST: (f64, f64) = (20.0, 0.22);
 /// r_s and T_m − T_s: a touch point that is 0.4 mm late is found with them.
 const SEEKING: (f64, f64) = (100.0, 25.0);
 
-/// r_m: a clutch that is not felt after a quarter of a second more has a slow bearing.
+/// r_m: if no clutch torque is observed after another quarter of a second, the bearing is slow.
 const WAITING: f64 = 5.0;
 
-/// Share of the bearing's speed that the command takes.
+/// Maximum speed of the command as a share of the bearing's speed.
 pub const FOLLOWED: f64 = 0.7;
 
-/// Time of the bite in s from which the bearing must be slow: its command is then ahead of it, and comes back.
+/// Time of the bite in s beyond which the bearing must be slow: its command is then ahead of it and is taken back.
 pub const SLOW: f64 = 0.9;
 
-/// Greatest torque in N·m that is asked for `elapsed` s after the engagement began, while nothing has bitten.
+/// Greatest torque request in N·m `elapsed` s after the engagement began, while the facings have not bitten.
 pub fn most(elapsed: f64) -> f64 {
     let late = (elapsed - FIRST.1).max(0.0);
     FIRST.0 + (SEEKING.0 * late).min(SEEKING.1) + WAITING * late
 }
 
-/// Speed of the bearing in mm/s that has gone `way` mm in `elapsed` s, of which `lags` s are those of the chain; infinite if it has not been slow.
+/// Speed in mm/s of a bearing that has moved `way` mm in `elapsed` s, of which `lags` s are the lags of the chain; infinite if `elapsed` is not longer than those.
 pub fn speed(way: f64, elapsed: f64, lags: f64) -> f64 {
     if elapsed > lags { way / (elapsed - lags) } else { f64::INFINITY }
 }

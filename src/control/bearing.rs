@@ -1,4 +1,4 @@
-//! Where the governed law sends the bearing: inverse map, torque feedback, learning, and the soft close after lock-up.
+//! Position command of the governed law: inverse map, torque feedback, learning, and the soft close after lock-up.
 
 use super::controller::Controller;
 use super::filter;
@@ -7,33 +7,33 @@ use super::guard::Inputs;
 use super::state::Mode;
 use crate::physics::map;
 
-/// Bandwidth of the torque feedback when the facings bite, 1/s, and that times the time since, until it has come down to `torque_bandwidth`.
+/// Upper bound of the torque feedback's bandwidth, 1/s, and product of the bandwidth and the time since the clutch was open: the bandwidth falls in inverse proportion to that
+/// time until it reaches `torque_bandwidth`.
 const BITE_BANDWIDTH: f64 = 5.0;
 const TORQUE_FORGETTING: f64 = 2.0;
 
-/// Fastest move of the torque feedback, mm/s.
+/// Maximum rate of the torque feedback, mm/s.
 const FEEDBACK_RATE: f64 = 1.0;
 
-/// Share of the torque asked for that suffices while it falls.
+/// Share of the requested torque beyond which the observed torque suffices during a landing, so that the feedback does not raise it.
 const SUFFICIENT: f64 = 0.6;
 
-/// Slope of the map in N·m/mm below which the feedback takes it for this.
+/// Lower bound of the map's slope where a torque is converted to a position, N·m/mm.
 const LEAST_SLOPE: f64 = 15.0;
 
-/// Step in temperature over which the touch point's change is taken, K.
+/// Temperature step of the difference quotient for the touch point's change with temperature, K.
 const KELVIN: f64 = 1.0;
 
-/// Time over which the change of the torque that is lacking is taken, and time ahead for which it counts, s.
+/// Time constant over which the change of the torque deficit is determined, and horizon over which the deficit is extrapolated, s.
 const LOOK_BACK: f64 = 0.1;
 const LOOK_AHEAD: f64 = 0.3;
 
-/// Time after lock-up for which the torque rises at `closing_rate` alone, s, and speed of the position after it, mm/s.
+/// Time after lock-up for which the torque rises at `closing_rate` alone (which itself is ramped up over this time), s, and minimum speed of the position after it, mm/s.
 const GENTLY: f64 = 0.25;
 const CLOSING_SPEED: f64 = 20.0;
 
 impl Controller {
-    /// Sends the bearing where the clutch carries `t_c` N·m at a slip of `slip` rad/s, corrected by the torque feedback, but at
-    /// least at `least` mm.
+    /// Commands the position at which the clutch carries `t_c` N·m at a slip of `slip` rad/s, corrected by the torque feedback and what was learned, but at least `least` mm.
     pub(super) fn place(&mut self, t_c: f64, direction: f64, slip: f64, least: f64, h: f64) {
         let v = &self.vehicle;
         let (theta, learned) = (self.state.temperatures.theta_c, self.state.learning);
@@ -46,7 +46,7 @@ impl Controller {
         let observed = direction * state.estimate.t_fc;
         let lacking_now = g.expected.advance(t_c.abs(), [a, a, o]) - observed;
         let lacking_before = g.lacking.advance(lacking_now, [filter::share(LOOK_BACK, h)]);
-        // A torque that is on its way needs no push: what will be lacking counts, unless it is of the other sign.
+        // Torque that is already building up needs no correction: the deficit is extrapolated, but does not exceed the present one, and is zero if it would change its sign.
         let lacking = lacking_now + LOOK_AHEAD * (lacking_now - lacking_before) / LOOK_BACK;
         let lacking = if lacking * lacking_now > 0.0 { lacking.abs().min(lacking_now.abs()).copysign(lacking_now) } else { 0.0 };
         let integral = &mut state.feedback.integral;
@@ -59,7 +59,7 @@ impl Controller {
             let place = |t: f64| map::inverse_above(f, &v.actuator, &v.cushion_spring, self.xi_0, at(t), slip, theta);
             *integral += place(g.landing.torque - departs) - place(g.landing.torque);
         }
-        // What is not felt yet says nothing, and while the torque falls one that suffices is not to rise again.
+        // Before the bite the observed torque says nothing, and in a landing a torque that suffices is not to rise again.
         let suffices = g.landing.has_begun() && observed > g.floor.max(SUFFICIENT * t_c);
         let most = if g.bitten_for == 0.0 || suffices { 0.0 } else { FEEDBACK_RATE };
         let least_rate = if g.bitten_for == 0.0 { 0.0 } else { -FEEDBACK_RATE };
@@ -75,14 +75,14 @@ impl Controller {
         self.move_to((x + learned.touch_point + fb).max(least), h);
     }
 
-    /// What the launch has taught, at its lock-up.
+    /// Adopts what the launch has taught, at its lock-up.
     pub(super) fn conclude_learning(&mut self) {
         let theta = self.state.temperatures.theta_c;
         let per_kelvin = (self.contact_at(theta + KELVIN) - self.contact_at(theta)) / KELVIN;
         self.state.temperatures.theta_c += self.state.learning.conclude(self.settings.learning_rate, per_kelvin);
     }
 
-    /// Locked: the torque that the clutch can carry rises until it is the greatest, then the position goes to its maximum.
+    /// After lock-up: raises the torque capacity until the position has reached its maximum; the clutch then counts as closed.
     pub(super) fn close_softly(&mut self, inputs: &Inputs, h: f64) {
         let fb = self.state.outputs.x_to_fb;
         self.hold_speed(inputs, h);
@@ -108,7 +108,7 @@ mod tests {
     use super::*;
     use crate::vehicle::Vehicle;
 
-    /// ẋ_fb = p (expected − observed)/K, with the bandwidth of 2 over the time since the clutch was open and what has been delivered of it.
+    /// ẋ_fb = p (expected − observed)/K, where p is 2 over the time since the clutch was open, times the share of the torque that has been delivered.
     #[test]
     fn the_feedback_follows_what_is_lacking_and_rests_in_a_landing_that_has_enough() {
         let (asked, h, before) = (50.0, 1e-2, 0.1);
@@ -136,7 +136,7 @@ mod tests {
         }
     }
 
-    /// What the clutch carries beyond the map as the landing begins goes into the feedback, where the map takes it from: x(T − d) − x(T).
+    /// The torque d that the clutch carries beyond the map at the beginning of a landing is moved to the feedback: x(T − d) − x(T).
     #[test]
     fn the_torque_that_a_landing_takes_over_moves_to_the_feedback() {
         let mut c = Controller::new(&Vehicle::paper(), &Settings::robust());
@@ -151,7 +151,7 @@ mod tests {
         assert_eq!(c.state.governed.takes_over, 0.0, "once");
     }
 
-    /// Locked, the torque rises at `closing_rate`, which itself begins softly; after a quarter of a second the position goes at 20 mm/s at least.
+    /// After lock-up the torque rises at `closing_rate`, which itself is ramped up; after a quarter of a second the position moves at 20 mm/s or more.
     #[test]
     fn a_locked_clutch_closes_softly() {
         let h = 1e-2;
@@ -174,7 +174,7 @@ mod tests {
         }
     }
 
-    /// A touch point that moves by −0.01 mm/K: of 0.2 mm that a launch shows nine tenths are a temperature, −18 K.
+    /// With a touch point that moves by −0.01 mm/K, nine tenths of the 0.2 mm that a launch shows are attributed to the temperature: −18 K.
     #[test]
     fn a_launch_corrects_the_temperature_along_the_touch_point_s_slope() {
         let mut vehicle = Vehicle::paper();
@@ -182,13 +182,13 @@ mod tests {
         (a.x_cnt_1, a.x_cls_1, a.x_cnt_2, a.x_cls_2) = (-0.01, -0.01, 0.0, 0.0);
         let mut c = Controller::new(&vehicle, &Settings { learning_rate: 1.0, ..Settings::robust() });
         c.state.temperatures.theta_c = 80.0;
-        // The sums outweigh what was known.
+        // The sums outweigh the prior.
         c.state.learning.sums = [1e12, 0.0, 0.0, -0.2e12, 0.0];
         c.conclude_learning();
         assert!((c.state.temperatures.theta_c - 62.0).abs() < 1e-6, "{} °C", c.state.temperatures.theta_c);
     }
 
-    /// What was learned moves the bearing as far as it says; only a clutch that slips teaches, and only one that is to learn.
+    /// A learned touch point shifts the bearing by its value. Only a slipping clutch teaches, and only with a learning rate above 0.
     #[test]
     fn a_learned_touch_point_moves_the_bearing_and_only_slip_teaches() {
         let placed = |touch_point: f64, learning_rate: f64, slip: f64| {

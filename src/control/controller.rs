@@ -1,4 +1,4 @@
-//! Phases and estimates of the sampled controller; what it does while engaging is in [`super::figure_3`] and [`super::governed`].
+//! Phases and estimates of the sampled controller; the laws while engaging are in [`super::figure_3`] and [`super::governed`].
 //!
 //! ```text
 //!            engage, engine fast enough, inputs trusted
@@ -10,12 +10,12 @@
 //!                engage drops, stall           full torque
 //! ```
 //!
-//! A clutch torque has the sign of the slip: with the engine slower than the clutch, a torque that would have to drive is none, so
-//! the clutch waits at its contact point for the engine. Closed, the position goes to its maximum and the engine controller holds the
-//! reference speed of both.
+//! A clutch torque has the sign of the slip: while the engine is slower than the clutch disc, the clutch cannot transmit a driving torque, so the request is limited to zero
+//! and the clutch waits at its contact point for the engine. When the clutch is closed, the position goes to its maximum and the engine controller holds the reference speed of
+//! both sides.
 //!
-//! A step is cut into samples of at most [`MAX_SAMPLE`], with the inputs held: integrators, references and estimates run on
-//! between the importer's steps, so that its step size changes nothing but the age of the measurements.
+//! A step is cut into samples of at most [`MAX_SAMPLE`], with the inputs held: integrators, references and estimates continue between the importer's steps, so that its step
+//! size affects nothing but the age of the measurements.
 
 use super::guard::{Fault, Inputs};
 use super::learning::Learning;
@@ -33,13 +33,13 @@ use crate::vehicle::Vehicle;
 /// Longest sample, s.
 pub const MAX_SAMPLE: f64 = 1e-3;
 
-/// Samples in one step at most: a longer step has longer samples, which the exact estimators stand.
+/// Maximum number of samples in one step: a longer step has longer samples, at which the exact estimators remain stable.
 pub const MAX_SAMPLES: usize = 1000;
 
-/// Times the engine controller's gains with which the governed law holds the filtered speed of a locked driveline.
+/// Factor on the engine controller's gains with which the governed law holds the filtered speed of a locked driveline.
 const FIRMNESS: f64 = 2.0;
 
-/// Relative length under which what remains of a step is rounding.
+/// Relative length below which the remainder of a step is rounding.
 const SLIVER: f64 = 1e-9;
 
 /// The clutch engagement controller of one vehicle: a plain value without heap memory.
@@ -66,18 +66,18 @@ impl Controller {
         }
     }
 
-    /// Back to the start; vehicle and settings stay.
+    /// Resets the controller to its start; vehicle and settings are kept.
     pub fn restart(&mut self) {
         self.state = start(&self.settings);
     }
 
-    /// Takes other settings while running: states are kept, start values act at the next restart.
+    /// Replaces the settings, also while the controller runs: states are kept, start values take effect at the next restart.
     pub fn set_settings(&mut self, settings: &Settings) {
         self.settings = *settings;
         self.observer = Observer::new(&self.vehicle.driveline, settings.l_1, settings.l_2);
     }
 
-    /// The vehicle that the controller takes its car for.
+    /// The vehicle that the controller's models are based on.
     pub fn vehicle(&self) -> &Vehicle {
         &self.vehicle
     }
@@ -98,7 +98,7 @@ impl Controller {
         &self.state
     }
 
-    /// Takes up a state that [`Controller::state`] gave.
+    /// Restores a state from [`Controller::state`].
     pub fn set_state(&mut self, state: &State) {
         self.state = *state;
     }
@@ -125,7 +125,7 @@ impl Controller {
         self.hold_on_hill(&inputs);
         match self.state.mode {
             Mode::Open => self.open(&inputs, h),
-            // Bridging: with measurements that stand still, only the position and torques reached so far are safe.
+            // Bridging a fault: while the measurements stand still, only the position and torques reached so far are safe.
             Mode::Engaging if !self.state.guard.believed => (),
             Mode::Engaging if self.settings.is_figure_3() => self.engage_by_figure_3(&inputs, slip, h),
             Mode::Engaging => self.engage_governed(&inputs, h),
@@ -166,13 +166,13 @@ impl Controller {
         }
     }
 
-    /// The clutch torque is no input any more: what it contributed goes on as the engine controller's own.
+    /// Hands over to a locked mode: the clutch torque is no longer an input of the engine controller, so its contribution is moved into the controller's integral.
     fn hand_over(&mut self, to: Mode) {
         let (s, state) = (&self.settings, &mut self.state);
         state.engine.integral = if s.is_figure_3() {
             state.engine.integral + state.outputs.t_c_ref
         } else {
-            // The torque goes on where it is, under the gains and the speed that count from now on.
+            // The engine torque continues without a step under the gains and the speed that apply from now on.
             let error = reference::references(&state.plan, state.elapsed).omega_f - state.governed.speed_of_both();
             state.outputs.t_e_ref - FIRMNESS * s.kp_engine * error
         };
@@ -214,8 +214,8 @@ impl Controller {
             state.estimate = self.observer.advance(state.estimate, inputs.omega_f, inputs.t_e, h);
         }
         let slipping = state.outputs.phase == Phase::Slipping;
-        // Means over the sample, the torque without the observer's lag. Its noise is the rate of that of ω̂_f: against a slip that is
-        // measured with the same ω̂_f it adds up to nothing, where against the raw slip it would look like work.
+        // Means over the sample, with the observer's lag removed from the torque. The noise of this torque is the rate of change of the noise of ω̂_f: multiplied by a slip
+        // from the same ω̂_f it averages out, whereas with the raw slip it would look like work.
         let now = state.estimate;
         let torque = 0.5 * (before.t_fc + now.t_fc) + self.observer.lag() * (now.t_fc - before.t_fc) / h;
         let mean_slip = 0.5 * (before.omega_f + now.omega_f) - 0.5 * (state.last_omega_c + inputs.omega_c);
@@ -229,12 +229,12 @@ impl Controller {
         }
     }
 
-    /// Opens at a bounded rate; the engine idles, and is relieved of the clutch's torque as that vanishes.
+    /// Opens the clutch at a bounded rate. The engine controller holds idle speed, with the clutch torque that remains as feedforward.
     fn open(&mut self, inputs: &Inputs, h: f64) {
         let s = &self.settings;
         let touching = self.state.outputs.x_to > self.contact();
         let feed = if touching { self.state.estimate.t_fc } else { 0.0 };
-        // An engine this slow does not run: more torque than idling takes would only race one whose speed signal has dropped to nothing.
+        // An engine this slow is not running, or its speed signal has dropped to nothing: more torque than idling takes would only race it.
         let runs = inputs.omega_f > 0.5 * s.stall_speed;
         self.state.outputs.t_e_ref = if self.state.guard.believed && runs {
             let gains = Gains { p: s.kp_engine, i: s.ki_engine };
@@ -253,14 +253,14 @@ impl Controller {
         self.move_to(self.settings.x_max, h);
     }
 
-    /// Both inertias at the reference speed. The governed law takes the filtered speed: the raw one would shake the shafts.
+    /// Holds both inertias at the reference speed. The governed law uses the filtered speed, because the raw one would excite the shafts.
     pub(super) fn hold_speed(&mut self, inputs: &Inputs, h: f64) {
         let (s, state) = (&self.settings, &mut self.state);
         if state.guard.believed {
             state.elapsed += h;
             let wanted = reference::references(&state.plan, state.elapsed);
             let d = &self.vehicle.driveline;
-            // The same damping with the driveline's inertia on top needs less integral gain.
+            // With the driveline's inertia added, the same damping needs less integral gain.
             let i = s.ki_engine * d.J_f / (d.J_f + d.J_c);
             let (gains, speed) = if s.is_figure_3() {
                 (Gains { p: s.kp_engine, i }, inputs.omega_f)
@@ -352,7 +352,7 @@ mod tests {
         }
     }
 
-    /// An engine that is too slow to launch is a fault once a launch is asked for.
+    /// An engine that is too slow to launch is reported as a fault once a launch is requested.
     #[test]
     fn a_slow_engine_is_a_fault_of_a_clutch_that_is_to_engage() {
         for (engage, speed, fault) in [(true, 0.0, Fault::Stall), (false, 0.0, Fault::None), (true, 100.0, Fault::None)] {
@@ -364,7 +364,8 @@ mod tests {
         }
     }
 
-    /// A locked driveline is held by twice the gains, and its inertia on top lessens the integral one's; the paper's law has the gains as they are.
+    /// The governed law holds a locked driveline with twice the gains, the paper's law with the gains as they are; in both, the added inertia of the driveline reduces the
+    /// integral gain.
     #[test]
     fn a_locked_driveline_is_held_by_gains_for_its_inertia() {
         let (d, h) = (Vehicle::paper().driveline, 1e-3);
@@ -394,7 +395,7 @@ mod tests {
         }
     }
 
-    /// An engine whose speed signal has dropped, or is not believed, gets the torque of idling and no more.
+    /// An engine whose speed signal has dropped out, or is not believed, gets the torque of idling and no more.
     #[test]
     fn an_engine_that_seems_to_stand_is_not_raced() {
         let idling = Vehicle::paper().driveline.b_f * Settings::robust().idle_speed;

@@ -32,8 +32,8 @@ impl Controller {
     }
 }
 
-/// Direction of slip, and the clutch torques that it allows. Driving the vehicle, the torque fades before the engine stalls; driven
-/// by the vehicle, it helps the engine.
+/// Direction of slip, and the limits of the clutch torque at this slip. While the engine drives the vehicle, the upper limit fades to zero before the engine stalls; while the
+/// vehicle drives the engine, the clutch torque supports the engine.
 pub(super) fn clutch_limits(s: &Settings, omega_f: f64, slip: f64) -> (f64, Limits) {
     if slip < 0.0 {
         return (-1.0, Limits { low: -s.torque_max, high: 0.0 });

@@ -1,8 +1,8 @@
-//! First-order lags in series: what is compared with a measurement is delayed as the measurement is.
+//! First-order lags in series, which delay a reference in the same way as the measurement that it is compared with.
 //!
 //! τ ẏ = u − y, by the implicit step y += (u − y) h/(τ + h), which is stable at every τ and h.
 
-/// Share of the way to its input that a lag of `time` s makes in `h` s.
+/// Share of the way to its input that a lag with the time constant `time` s covers in `h` s.
 #[inline]
 pub fn share(time: f64, h: f64) -> f64 {
     h / (time + h)
@@ -19,17 +19,17 @@ impl<const N: usize> Default for Lags<N> {
 }
 
 impl<const N: usize> Lags<N> {
-    /// All at rest at `value`.
+    /// All lags settled at `value`.
     pub fn at(value: f64) -> Self {
         Self([value; N])
     }
 
-    /// Moves all of them by `by`.
+    /// Shifts the states of all lags by `by`.
     pub fn shift(&mut self, by: f64) {
         self.0.iter_mut().for_each(|y| *y += by);
     }
 
-    /// Output after a sample, each lag with its `shares`.
+    /// Advances by one sample and returns the output; `shares` has the [`share`] of each lag.
     #[inline]
     pub fn advance(&mut self, input: f64, shares: [f64; N]) -> f64 {
         let mut u = input;
@@ -40,7 +40,7 @@ impl<const N: usize> Lags<N> {
         u
     }
 
-    /// Output now.
+    /// Current output.
     #[inline]
     pub fn out(&self) -> f64 {
         self.0[N - 1]
@@ -56,7 +56,7 @@ mod tests {
         assert_eq!((share(0.03, 0.01), share(0.0, 0.01)), (0.25, 1.0));
         let mut lags = Lags::<2>::at(1.0);
         assert_eq!(lags.out(), 1.0);
-        // From 1 half of the way to 5, then a quarter of the way to that.
+        // The first lag goes half of the way from 1 to 5, the second a quarter of the way to the first.
         assert_eq!((lags.advance(5.0, [0.5, 0.25]), lags.out()), (1.5, 1.5));
         assert_eq!(lags.0, [3.0, 1.5]);
         lags.shift(-2.0);

@@ -13,16 +13,17 @@
 //! | F | two lags of `filter_time`, which roll the feedback off below the shafts' frequency | |
 //! | O | lag of the torque observer | |
 //! | d̂ | load of the observer in [`super::load`] | N·m |
-//! | s | slip that will be there when the bearing has moved | rad/s |
+//! | s | slip predicted for the time when the bearing will have moved | rad/s |
 //! | K | slope of the torque map | N·m/mm |
 //!
 //! - **Reference governor**: where the plan asks for more than T_lim, or the clutch falls behind, the plan's time runs slower.
-//! - **Filtered references**: each reference is compared with its measurement behind the same lags, so a perfect map is left alone.
-//! - **Approach** ([`super::approach`]): until the facings bite little is asked for; the bite tells how fast the bearing is. An engine that is late imitates a bite; that one is not felt for long,
-//!   and is taken back.
-//! - **Landing** ([`super::landing`]): from half of the slip on the torque goes down with the slip, and what the map is off by is taken over.
-//!   When the filtered slip is gone, the torque rises at `closing_rate` before the position goes to its maximum.
-//! - **Hill** ([`super::hill`]): brakes hold the car until the clutch carries its grade; without a sensor of it the load is observed also while the clutch is open and the car rolls; **creep**: a ramp to `creep_speed` in slip.
+//! - **Filtered references**: each reference is compared with its measurement behind the same lags, so a perfect map is not corrected.
+//! - **Approach** ([`super::approach`]): until the facings bite, the torque request is small; the time of the bite gives the bearing's speed. An engine whose torque is late
+//!   imitates a bite, but such a bite does not last and is withdrawn.
+//! - **Landing** ([`super::landing`]): once half of the slip is gone, the torque falls with the slip, and the torque feedback takes over the map's error. When the filtered
+//!   slip is gone, the torque rises at `closing_rate` before the position goes to its maximum.
+//! - **Hill** ([`super::hill`]): brakes hold the car until the clutch carries the torque of the grade; without an inclination sensor the load is observed also while the clutch
+//!   is open and the car rolls; **creep**: a ramp to `creep_speed` in slip.
 
 use super::approach;
 use super::controller::{Controller, engine_limits};
@@ -36,65 +37,65 @@ use super::settings::Settings;
 use super::state::{Mode, State};
 use crate::physics::driveline;
 
-/// Bandwidth of the load observer while the clutch is open: it closes no loop then, 1/s.
+/// Bandwidth of the load observer while the clutch is open, when the observer is in no feedback loop, 1/s; later it is the upper bound.
 const OPEN_LOAD_BANDWIDTH: f64 = 20.0;
 
-/// Bandwidth of the load observer times the time since the engagement began, until it has come down to `load_bandwidth`: as the gain of a
-/// Kalman filter falls while it learns a constant.
+/// Product of the load observer's bandwidth and the time since the car was released or the clutch was open: the bandwidth falls in inverse proportion to that time until it
+/// reaches `load_bandwidth`, like the gain of a Kalman filter that estimates a constant.
 const LOAD_FORGETTING: f64 = 3.0;
 
-/// Hold-back that holds nothing back, N·m.
+/// Value at which a bound has no influence: hold-back in N·m, speed of the command in mm/s.
 const OUT_OF_THE_WAY: f64 = 1e6;
 
-/// Observed torque at which the facings have bitten, N·m.
+/// Observed torque above which the facings count as having bitten, N·m.
 const BITE: f64 = 8.0;
 
-/// Observed torque in N·m under which a bite is taken back, and how many times as fast as it was felt.
+/// Observed torque in N·m below which a bite is withdrawn, and factor by which its duration is counted down faster than it was counted up.
 const RELEASED: f64 = 2.0;
 const FORGOTTEN: f64 = 4.0;
 
-/// Time in s for which the bite must have been felt before a landing begins.
+/// Time in s for which the bite must have lasted before a landing begins.
 const FELT_FOR: f64 = 0.1;
 
-/// Slip in rad/s by which one that grows again ends a landing: it began on a torque that the clutch never carried.
+/// Increase of the slip in rad/s, over its value at the beginning of a landing, that ends the landing: it began with a torque that the clutch never carried.
 const MISSED: f64 = 10.0;
 
-/// Share of the engine's speed that a slip may have which is taken for an error of a sensor.
+/// Slip that is attributed to a sensor error, as a share of the engine speed.
 const SENSOR_ERROR: f64 = 0.06;
 
-/// Torque in N·m, and share of that asked for, by which the observed torque may be short before the bearing counts as not there yet.
+/// Deviation between observed and expected torque, in N·m and as a share of the expected one, beyond which the bearing counts as not there yet.
 const UNDELIVERED: f64 = 10.0;
 const UNDELIVERED_SHARE: f64 = 0.25;
 
-/// Least share of its bandwidth that the torque feedback keeps while the bearing is not there.
+/// Least share of its bandwidth that the torque feedback keeps, and of its rate of rise that the torque request keeps, while the bearing is not there.
 pub(super) const LEAST_DELIVERY: f64 = 0.1;
 
-/// Share of what the observed torque departs from the expected one that counts as the clutch's, not as a load.
+/// Share of the deviation between observed and expected torque that the load observer attributes to the clutch, not to a load.
 const BELIEVED: f64 = 1.0;
 
-/// Acceleration kept for the landing over `reference_slope`, and the share of it that the clutch must carry for the feedback to leave it alone.
+/// Acceleration retained for the landing over `reference_slope`, and the share of the corresponding torque that the clutch must carry for the feedback not to raise it.
 const LANDING: f64 = 3.0;
 const ENOUGH: f64 = 0.13;
 
-/// Slope of the map in N·m/mm under which the touch point is near.
+/// Lower bound of the map's slope near the touch point, N·m/mm.
 const TOUCHING: f64 = 15.0;
 
-/// Time constants of the slip's filter over `filter_time`: no feedback of any gain hangs on it.
+/// Time constant of each lag of the slip's filter over `filter_time`: no feedback with a considerable gain depends on the filtered slip.
 const SLIP_FILTER: f64 = 0.6;
 
-/// Fastest fall of the torque asked for, unless the engine or the direction of slip limits it, N·m/s.
+/// Maximum rate of fall of the torque request, unless the engine or the direction of slip limits the torque, N·m/s.
 const FALL: f64 = 400.0;
 
-/// Fastest rise of the torque asked for, N·m/s.
+/// Maximum rate of rise of the torque request, N·m/s.
 const RISE: f64 = 150.0;
 
-/// Share of the torque of a while ago from which the torque asked for has not been taken back.
+/// Ratio of the torque request to the lagged request (the expected torque) above which the request counts as not taken back.
 const SOUND: f64 = 0.7;
 
-/// Rise of the torque asked for while a held car waits for it, N·m/s.
+/// Rate of rise of the torque request while the hill holder holds the car, N·m/s.
 const SEEK: f64 = 50.0;
 
-/// Share of what the observed torque departs from the expected one that the engine is told: all of it would make a slow engine swing.
+/// Share of the deviation between observed and expected torque that is passed to the engine controller as feedforward: all of it would make a slow engine oscillate.
 const CARRIED_SHARE: f64 = 0.3;
 
 /// State of the governed law.
@@ -102,7 +103,7 @@ const CARRIED_SHARE: f64 = 0.3;
 pub struct Governed {
     /// Load observer.
     pub load: Load,
-    /// Inertia of the car.
+    /// Estimate of the car's inertia.
     pub inertia: Inertia,
     /// Clutch speed behind F, rad/s.
     pub speed: Lags<2>,
@@ -110,15 +111,15 @@ pub struct Governed {
     pub slip: Lags<2>,
     /// Clutch speed reference behind A and F, rad/s.
     pub wanted: Lags<4>,
-    /// Torque asked for behind A and F, N·m.
+    /// Torque request behind A and F, N·m.
     pub carried: Lags<4>,
-    /// Torque asked for behind A and O, N·m.
+    /// Torque request behind A and O: the expected torque, N·m.
     pub expected: Lags<3>,
-    /// Torque that is lacking, a while ago, N·m.
+    /// Torque deficit behind a lag, for its rate of change, N·m.
     pub lacking: Lags<1>,
-    /// Hold-back of the clutch torque, N·m.
+    /// Hold-back: limit of the clutch torque that protects the engine speed, N·m.
     pub hold_back: f64,
-    /// Time for which the filtered slip has been gone, s.
+    /// Time for which the filtered slip has been within `slip_lock` or has changed its sign, s.
     pub near_for: f64,
     /// Time since lock-up, s.
     pub closing_for: f64,
@@ -128,33 +129,33 @@ pub struct Governed {
     pub bitten_for: f64,
     /// Time since the clutch was open, s.
     pub engaged_for: f64,
-    /// The hill holder holds the car.
+    /// Whether the hill holder holds the car.
     pub held: bool,
-    /// Time since the car was let go, or the clutch was open, s.
+    /// Time since the car was released or the clutch was open, s.
     pub free_for: f64,
-    /// Side that the slip came from, ±1.
+    /// Sign of the slip at the beginning of the engagement, ±1.
     pub from: f64,
-    /// Speed of the command that the bearing follows, mm/s.
+    /// Maximum speed of the command, which the bearing can follow, mm/s.
     pub rate: f64,
-    /// Slope of the map where the bearing was sent, N·m/mm.
+    /// Slope of the map at the commanded position, N·m/mm.
     pub slope: f64,
-    /// Second half of the launch.
+    /// Landing: the second half of the launch.
     pub landing: Landing,
-    /// Torque in N·m beyond the map's that the torque feedback takes up as the landing begins.
+    /// Torque beyond the map's, in N·m, that the torque feedback takes over at the beginning of the landing.
     pub takes_over: f64,
-    /// Torque in N·m that load and landing need at least.
+    /// Least torque that load and landing need, N·m.
     pub floor: f64,
 }
 
 impl Governed {
-    /// Filters begin at the first measurement.
+    /// Initialises the filters with the first measurement.
     pub(super) fn settle(&mut self, omega_c: f64, slip: f64) {
         self.speed = Lags::at(omega_c);
         self.slip = Lags::at(slip);
         self.load.omega = omega_c;
     }
 
-    /// An engagement begins.
+    /// Prepares the state for a new engagement.
     pub(super) fn begin(&mut self, omega_c: f64, slip: f64) {
         self.wanted = Lags::at(omega_c);
         self.expected = Lags::default();
@@ -173,13 +174,13 @@ impl Governed {
         self.speed.out() + 0.5 * self.slip.out()
     }
 
-    /// Whether the slip is gone: within `slip_lock` for `lock_time`, or small and unmoved long after the plan's end.
+    /// Whether the slip is gone: it has been within `slip_lock` for `lock_time`, or it is within `slip_lock` plus a sensor error more than `landing_time` after the plan's end.
     pub(super) fn has_locked(&self, s: &Settings, omega_f: f64) -> bool {
         let unmoved = self.landing_for > s.landing_time && self.slip.out().abs() <= s.slip_lock + SENSOR_ERROR * omega_f.abs();
         self.near_for > s.lock_time || unmoved
     }
 
-    /// 1 while the observed torque `t_fc` in N·m is near the one expected, falling to 0 as the bearing is not there yet.
+    /// Delivered share: 1 while the observed torque `t_fc` in N·m is near the expected one, falling to 0 with their deviation, when the bearing is not there yet.
     pub(super) fn delivery(&self, t_fc: f64) -> f64 {
         let expected = self.expected.out();
         (2.0 - (expected - t_fc).abs() / (UNDELIVERED + UNDELIVERED_SHARE * expected)).clamp(0.0, 1.0)
@@ -193,7 +194,7 @@ impl Governed {
 }
 
 impl Controller {
-    /// Filters and load observer, in every mode.
+    /// Advances filters, load observer and inertia estimate, in every mode.
     pub(super) fn observe_load(&mut self, inputs: &Inputs, slip: f64, h: f64) {
         let (s, state) = (&self.settings, &mut self.state);
         let (a, f) = (filter::share(0.5 * s.actuator_time, h), filter::share(s.filter_time, h));
@@ -206,7 +207,7 @@ impl Controller {
         let omega = g.speed.advance(inputs.omega_c, [f; 2]);
         g.slip.advance(slip, [filter::share(SLIP_FILTER * s.filter_time, h); 2]);
         let t = g.carried.advance(torque, [a, a, f, f]);
-        // What the bearing has not brought yet is no load.
+        // Torque that the bearing has not delivered yet must not count as a load.
         let departs = if state.mode == Mode::Engaging { BELIEVED * (state.estimate.t_fc - g.expected.out()) } else { 0.0 };
         let t = (t + departs).min(state.estimate.t_fc.max(0.0) + UNDELIVERED + UNDELIVERED_SHARE * t);
         g.engaged_for = if state.mode == Mode::Open { 0.0 } else { g.engaged_for + h };
@@ -254,7 +255,8 @@ impl Controller {
         let wanted = if g.landing.has_begun() {
             g.landing.torque_at(slip_there, resist + landing)
         } else {
-            // Before the landing the torque does not fall: a car that runs ahead lets the plan run faster instead. One that is held waits for what the map owes.
+            // Before the landing the torque request does not fall: if the car runs ahead, the plan runs faster instead. While the car is held, the request rises until the
+            // clutch delivers what the map promised.
             let last = if g.held { last + SEEK * h } else { last };
             (j * slopes.omega_c + resist + s.kp_clutch * error).max(if rising { last } else { 0.0 })
         };
@@ -265,7 +267,7 @@ impl Controller {
         let t_c = limits.bound(wanted.max(last - FALL * h).min(last + rise * h)).min(most);
         let gains = Gains { p: s.kp_engine, i: s.ki_engine };
         let bites = g.bitten_for == 0.0 && direction * state.estimate.t_fc > BITE;
-        // A bite that is not felt any more was none: an engine that is late takes as much away.
+        // A bite whose torque is no longer observed was none: an engine whose torque is late imitates one and then takes it away again.
         let lost = !g.landing.has_begun() && direction * state.estimate.t_fc < RELEASED && g.expected.out() > 2.0 * BITE;
         if g.bitten_for > 0.0 && lost {
             g.bitten_for = (g.bitten_for - FORGOTTEN * h).max(0.0);
@@ -273,7 +275,7 @@ impl Controller {
         } else if bites || g.bitten_for > 0.0 {
             g.bitten_for += h;
         }
-        // What is not felt yet is not there, and what is seen of it may be an engine that is late.
+        // Before the bite the expected torque is not there yet and is subtracted in full; what is observed of it may come from an engine whose torque is late.
         let there = if g.bitten_for > 0.0 { CARRIED_SHARE } else { 1.0 };
         let carried = t_c + direction * (CARRIED_SHARE * state.estimate.t_fc.abs() - there * g.expected.out());
         state.outputs.t_e_ref = state.engine.step(gains, references.omega_f - inputs.omega_f, carried, engine_limits(s), h);
@@ -281,30 +283,30 @@ impl Controller {
         if bites {
             let lags = s.actuator_time + lag;
             let speed = approach::speed(touch - s.x_open, g.engaged_for, lags);
-            // A state holds finite numbers alone.
+            // States must be finite, but the speed may be infinite.
             g.rate = (approach::FOLLOWED * speed).min(OUT_OF_THE_WAY);
             if g.engaged_for > approach::SLOW {
-                // It is still on its way to where it was sent: it is sent to where it is.
+                // The bearing is still on its way to the commanded position: the command is taken back to where the bearing is.
                 state.outputs.t_c_ref = t_c.min(BITE + g.slope.max(TOUCHING) * speed * lags);
             }
         }
         let t_c = state.outputs.t_c_ref;
-        // While the torque rises, the bearing does not go back for an early bite alone: the feedback takes effect on what is added.
+        // While the torque rises, an early bite alone does not move the bearing back: the feedback only reduces what is added.
         let least = if rising && t_c < limits.high { state.outputs.x_to } else { s.x_open };
         self.place(t_c, direction, slip_there.max(2.0 * self.settings.slip_lock), least, h);
     }
 }
 
-/// Begins the landing where half of the slip will be gone; returns by how much the limit of the torque rises with it, N·m.
+/// Begins the landing when half of the slip will be gone; returns by how much the limit of the torque rises with it, N·m.
 fn begin_landing(state: &mut State, slip_there: f64) -> f64 {
     let (g, last) = (&mut state.governed, state.outputs.t_c_ref.max(0.0));
     let half = 0.5 * (state.plan.end - state.plan.omega_c_start);
-    // A slip that is small because the engine was dragged down, and the clutch taken back for it, is no landing.
+    // If the slip is small because the engine was dragged down and the torque request was taken back for it, no landing begins.
     let carries = g.bitten_for > FELT_FOR && last > SOUND * g.expected.out();
     if g.landing.has_begun() || slip_there >= half || !carries {
         return 0.0;
     }
-    // What the clutch carries more or less than was asked of it is the map's error: it is taken over without a step.
+    // The difference between observed and expected torque is the map's error: it is taken over without a step.
     let departs = state.estimate.t_fc - g.expected.out();
     g.landing = Landing { slip: slip_there, torque: last + departs };
     g.expected.shift(departs);
@@ -324,7 +326,7 @@ mod tests {
 
     const H: f64 = 1e-2;
 
-    /// A controller that engages at 60 rad/s of the disc, whose car has 7 N·m of load beyond the file's.
+    /// A controller that is engaging at a disc speed of 60 rad/s, with a load of 7 N·m in addition to the vehicle file's.
     fn engaging() -> Controller {
         let mut c = Controller::new(&Vehicle::paper(), &Settings::robust());
         c.state.mode = Mode::Engaging;
@@ -345,7 +347,7 @@ mod tests {
         Inputs { omega_f, omega_c, wish: Wish::default(), ..Guard::new(25.0).good }
     }
 
-    /// T = T_l + (T_h − T_l) u (2 − u) at the slip that will be there once actuator and filter have moved.
+    /// T = T_l + (T_h − T_l) u (2 − u) at the slip predicted for the time when actuator and filter will have responded.
     #[test]
     fn a_landing_asks_for_the_torque_of_the_slip_to_come() {
         for last in [55.0, 70.0] {
@@ -357,7 +359,7 @@ mod tests {
             let needed = resistance() + 3.0 * j * c.state.plan.slope;
             let u = there / 50.0;
             assert!(there > 5.0 && needed < last);
-            // One N·m less than before, which its rate allows.
+            // 1 N·m less than before, which the maximum rate of fall allows.
             let wanted = last - 1.0;
             let g = &mut c.state.governed;
             g.landing = Landing { slip: 50.0, torque: needed + (wanted - needed) / (u * (2.0 - u)) };
@@ -369,7 +371,8 @@ mod tests {
         }
     }
 
-    /// From half of the slip on, with facings that have been felt and a torque that has not been taken back; what the clutch carries beyond what was asked of it is taken over.
+    /// A landing begins from half of the slip on, if the bite has lasted and the torque request has not been taken back; torque that the clutch carries beyond the request is
+    /// taken over.
     #[test]
     fn a_landing_begins_at_half_of_the_slip_with_the_torque_that_is_there() {
         for (bitten_for, last, expected, slip_there, begins) in [
@@ -393,7 +396,7 @@ mod tests {
         }
     }
 
-    /// The bite tells the bearing's speed; one that was slow is sent back to where it is.
+    /// The time of the bite gives the bearing's speed; the command of a slow bearing is taken back to where the bearing is.
     #[test]
     fn a_late_bite_sends_the_command_back_to_the_bearing() {
         for (engaged_for, late) in [(0.5, false), (2.0, true)] {
@@ -407,12 +410,12 @@ mod tests {
             c.engage_governed(&told(120.0, 60.0), H);
             let (g, asked) = (&c.state.governed, c.state.outputs.t_c_ref);
             assert!(g.bitten_for == H && (g.rate - 0.7 * speed).abs() < 1e-9, "{} against 0.7 · {speed} mm/s", g.rate);
-            // 8 N·m have bitten, and what lies within the lags at 15 N·m/mm is still to come.
+            // 8 N·m at the bite, plus what the bearing adds within the lags at 15 N·m/mm.
             assert!(if late { (asked - 8.0 - 15.0 * speed * lags).abs() < 1e-9 } else { asked >= 40.0 }, "{asked} N·m");
         }
     }
 
-    /// An engine that is late imitates a bite: one that is not felt any more is forgotten four times as fast as it was felt.
+    /// An engine whose torque is late imitates a bite: the duration of a bite that is no longer observed is counted down four times as fast as it was counted up.
     #[test]
     fn a_bite_that_is_not_felt_any_more_is_taken_back() {
         let out = OUT_OF_THE_WAY;
@@ -434,7 +437,7 @@ mod tests {
         }
     }
 
-    /// 5 N·m more than the model's are a load of 5 N·m, of which a sample takes (p h/(1 + p h))²; p is 3 over the time, between 20 1/s and the set's.
+    /// 5 N·m more than the model's torque are a load of 5 N·m, of which one sample adopts the share (p h/(1 + p h))²; p is 3 over the time, between the setting and 20 1/s.
     #[test]
     fn the_load_observer_is_quick_at_first() {
         let set = Settings::robust().load_bandwidth;
@@ -450,7 +453,7 @@ mod tests {
             let carried = if mode == Mode::Open { 0.0 } else { resistance() + 5.0 };
             let g = &mut c.state.governed;
             (g.carried, g.free_for) = (Lags::at(carried), free_for);
-            // An open clutch carries nothing: a load that is so much less explains it.
+            // An open clutch carries nothing: the load is set lower by as much, so that the deviation is 5 N·m here as well.
             g.load.torque = if mode == Mode::Open { 7.0 - resistance() - 5.0 } else { 7.0 };
             let before = g.load.torque;
             c.state.estimate.t_fc = carried;
@@ -461,7 +464,7 @@ mod tests {
         }
     }
 
-    /// 30 N·m are expected: within 10 N·m and a quarter of them all is well, at twice as much nothing has come.
+    /// 30 N·m are expected: up to a deviation of 10 N·m plus a quarter of them all is delivered, at twice as much nothing is.
     #[test]
     fn a_torque_is_delivered_while_it_is_near_the_one_expected() {
         let g = Governed { expected: Lags::at(30.0), ..Governed::default() };

@@ -10,17 +10,17 @@ use crate::physics::driveline;
 /// Errors of the clutch speed in rad/s at which the governor begins to slow the plan, and stops it.
 const FALLING_BEHIND: (f64, f64) = (8.0, 20.0);
 
-/// Times its rate that the plan runs at most to catch up with a car that is ahead of it.
+/// Maximum factor by which the plan's time runs faster in order to catch up with a car that is ahead of it.
 const MOST_HASTE: f64 = 3.0;
 
-/// Torque in N·m by which the hold-back stands above what is asked for while it is not needed.
+/// Margin in N·m of the hold-back above the torque request while it is not needed.
 const DROOP_STANDBY: f64 = 20.0;
 
-/// Rise of the hold-back over the square of the engine speed to spare, N·m·s/rad²: it is out of the way of an engine that keeps its speed.
+/// Rate of rise of the hold-back per square of the engine's speed margin, N·m·s/rad²: it does not limit an engine that keeps its speed.
 const RECOVERY: f64 = 15.0;
 
 impl Controller {
-    /// Greatest clutch torque that leaves the engine its speed, N·m.
+    /// Greatest clutch torque at which the engine keeps its speed, N·m.
     pub(super) fn torque_limit(&mut self, inputs: &Inputs, h: f64) -> f64 {
         let (s, state) = (&self.settings, &mut self.state);
         let (references, slopes) = reference::governed(&state.plan, state.elapsed);
@@ -34,7 +34,7 @@ impl Controller {
         available.min(g.hold_back + s.kp_droop * spare.min(0.0)).max(0.0)
     }
 
-    /// Lets the plan's time run as fast as `limit` N·m and the clutch allow; the references and their slopes now.
+    /// Advances the plan's time as fast as the torque limit `limit` in N·m and the clutch allow; returns the current references and their slopes.
     pub(super) fn advance_plan(&mut self, inputs: &Inputs, limit: f64, h: f64) -> (References, References) {
         let (s, state) = (&self.settings, &mut self.state);
         let d = &self.vehicle.driveline;
@@ -51,7 +51,7 @@ impl Controller {
         let by_error = ((stops - error) / (stops - begins)).clamp(0.0, 1.0);
         let held = if g.held { 0.0 } else { 1.0 };
         let rate = held * by_torque.min(by_error).min(g.delivery(state.estimate.t_fc)) * inputs.wish.aggressiveness.exp2();
-        // A car that runs ahead takes its plan along, without more torque.
+        // If the car runs ahead, the plan's time runs faster, without a higher torque request.
         state.elapsed += rate * h * (1.0 - error / begins).clamp(1.0, MOST_HASTE);
         if state.elapsed >= state.plan.duration {
             g.landing_for += h;
@@ -61,7 +61,7 @@ impl Controller {
     }
 }
 
-/// A ramp to `creep_speed`; the launch that may follow is planned from where it has come to.
+/// Reference ramp to `creep_speed`; a launch that may follow is planned from the speed that the ramp has reached.
 fn creep(s: &Settings, state: &mut State, h: f64) -> (References, References) {
     let from = state.plan.omega_c_start;
     let to = if from < s.creep_speed {
@@ -83,7 +83,7 @@ mod tests {
 
     const H: f64 = 1e-2;
 
-    /// Sets with round numbers.
+    /// Settings with round numbers.
     fn settings() -> Settings {
         Settings {
             engine_torque_max: 150.0,
@@ -100,7 +100,7 @@ mod tests {
         }
     }
 
-    /// A controller that has been engaging for `share` of its plan from 100 and 20 rad/s.
+    /// A controller that has been engaging for `share` of its plan, which began at 100 and 20 rad/s.
     fn engaging(share: f64) -> Controller {
         let mut c = Controller::new(&Vehicle::paper(), &settings());
         c.state.plan = reference::plan(&c.settings, 100.0, 20.0);
@@ -157,7 +157,7 @@ mod tests {
         close("the plan's own fall", c.torque_limit(&told(105.0, Wish::default()), H), 50.0 - 20.0 * H - 3.0);
     }
 
-    /// State of a plan at half of its time, whose clutch is `behind` rad/s behind it.
+    /// A controller half-way through its plan, whose clutch speed is `behind` rad/s behind the reference.
     fn half_way(behind: f64) -> Controller {
         let mut c = engaging(0.5);
         let g = &mut c.state.governed;
@@ -166,7 +166,7 @@ mod tests {
         c
     }
 
-    /// Rate at which the plan's time runs for a limit that is `share` of what the plan asks for over the resistance.
+    /// Rate of the plan's time for a torque limit that exceeds the resistance by `share` of the plan's accelerating torque.
     fn rate(c: &mut Controller, share: f64, wish: Wish) -> f64 {
         let d = Vehicle::paper().driveline;
         let resist = d.b_c * 60.0 + d.T_L0 * (60.0 / d.omega_L).tanh() + d.k_L * 3600.0 + 7.0;

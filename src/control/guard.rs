@@ -1,4 +1,4 @@
-//! What the controller believes of its inputs: implausible ones never reach its states.
+//! Plausibility check of the controller's inputs: implausible ones never reach its states.
 //!
 //! | fault | what is seen | what the controller does |
 //! |---|---|---|
@@ -7,11 +7,10 @@
 //! | frozen | both speeds keep every bit for `freeze_time` while the clutch slips | opens |
 //! | stall | the engine is below `stall_speed` | asks for no torque and opens (see the controller) |
 //!
-//! A clutch that is closed stays closed while its inputs are implausible: opening a driving car without need is the greater
-//! risk. An implausible `theta_h` is replaced by its last good value without further action, and so is an implausible `t_grade`,
-//! which is reported as invalid: brakes that hold a car go on holding it. Of the other wishes a number that is none is no wish. A fault that was bridged is over
-//! at once; after an opening, inputs have to be plausible for `fault_recover`, then an engagement may begin anew. A jump whose
-//! new level stays for as long is believed.
+//! A closed clutch stays closed while its inputs are implausible: opening the clutch of a moving car without need is the greater risk. An implausible `theta_h` is replaced by
+//! its last good value without further action. So is an implausible `t_grade`, but it is reported as invalid: brakes that hold a car continue to hold it. Any other wish that
+//! is NaN counts as no wish. A fault that was bridged is over at once; after an opening, inputs must be plausible for `fault_recover` before a new engagement may begin. A jump
+//! whose new level persists for as long is believed.
 
 use super::settings::Settings;
 
@@ -28,32 +27,32 @@ pub struct Inputs {
     pub theta_h: f64,
     /// Engage the clutch; false opens it.
     pub engage: bool,
-    /// What else the car around wishes.
+    /// Further requests of the car around the controller.
     pub wish: Wish,
 }
 
-/// Wishes that an importer may leave unconnected: all zero is a launch as tuned.
+/// Requests that an importer may leave unconnected: all zero means a launch as tuned.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Wish {
-    /// Greatest torque that the engine can give now, N·m; 0 if nobody says.
+    /// Greatest torque that the engine can give at present, N·m; 0 if unknown.
     pub t_e_max: f64,
-    /// The launch takes 2^−aggressiveness of its time; −1 to 1.
+    /// The launch takes 2^−aggressiveness of its nominal time; −1 to 1.
     pub aggressiveness: f64,
-    /// Torque of the grade as an inclination sensor has it, N·m, positive where the car would roll back; 0 if there is none.
+    /// Torque of the grade according to an inclination sensor, N·m, positive where the car would roll back; 0 if there is no sensor.
     pub t_grade: f64,
     /// Creep instead of launching.
     pub creep: bool,
-    /// Set what was learned back.
+    /// Resets what was learned to its start values.
     pub forget: bool,
 }
 
 impl Wish {
-    /// Whether the grade is a measurement.
+    /// Whether the torque of the grade is a plausible measurement.
     fn has_grade(&self) -> bool {
         self.t_grade.abs() <= ABSURD
     }
 
-    /// What of it makes sense: a number that is none is no wish, and in place of a grade that is none stands the last `good` one.
+    /// The plausible part of the wishes: NaN becomes 0, values are limited to their ranges, and an implausible torque of the grade is replaced by the last `good` one.
     fn sane(self, good: &Self) -> Self {
         let sane = |x: f64, low: f64, high: f64| if x.is_nan() { 0.0 } else { x.max(low).min(high) };
         Self {
@@ -65,51 +64,51 @@ impl Wish {
     }
 }
 
-/// What is wrong, numbered as the FMU's enumeration.
+/// Fault of the inputs, numbered as in the FMU's enumeration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Fault {
     /// Nothing.
     #[default]
     None = 1,
-    /// An input is not finite or absurd.
+    /// An input is not finite, or beyond the plausible range.
     Invalid = 2,
     /// A speed jumped.
     Jump = 3,
-    /// Both speeds stand still to the last bit.
+    /// Both speeds are unchanged to the last bit.
     Frozen = 4,
     /// The engine is about to stall.
     Stall = 5,
 }
 
-/// A speed or torque beyond this is no measurement, in rad/s or N·m.
+/// Magnitude beyond which a speed in rad/s or a torque in N·m is not a plausible measurement.
 const ABSURD: f64 = 1e4;
 
-/// Air at a temperature beyond this is no measurement, °C.
+/// Magnitude beyond which an air temperature is not a plausible measurement, °C.
 const ABSURD_TEMPERATURE: f64 = 1e3;
 
-/// Memory of the guard.
+/// State of the guard.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Guard {
     /// Last inputs that were believed.
     pub good: Inputs,
     /// Last speeds that came in, believed or not, rad/s.
     pub last: [f64; 2],
-    /// Some inputs have been believed.
+    /// Whether any inputs have been believed so far.
     pub started: bool,
     /// Time for which inputs have been implausible, s.
     pub bad_for: f64,
-    /// Time for which inputs have agreed with each other since, s.
+    /// Time for which consecutive inputs have been consistent with each other, s.
     pub agree_for: f64,
-    /// Time for which both speeds have kept their bits, s.
+    /// Time for which both speeds have been unchanged to the last bit, s.
     pub unchanged_for: f64,
-    /// The inputs of this step are believed.
+    /// Whether the inputs of this step are believed.
     pub believed: bool,
-    /// What is wrong.
+    /// Current fault.
     pub fault: Fault,
 }
 
 impl Guard {
-    /// Before the first input; `theta` in °C stands for the air until one comes.
+    /// Guard before the first input; `theta` in °C is used as air temperature until one arrives.
     pub fn new(theta: f64) -> Self {
         Self {
             good: Inputs { omega_f: 0.0, omega_c: 0.0, t_e: 0.0, theta_h: theta, engage: false, wish: Wish::default() },
@@ -123,12 +122,12 @@ impl Guard {
         }
     }
 
-    /// Whether an engagement may go on, or begin.
+    /// Whether an engagement may begin or continue.
     pub fn trusted(&self, s: &Settings) -> bool {
         self.started && (self.fault == Fault::None || (self.fault != Fault::Frozen && self.bad_for <= s.fault_hold))
     }
 
-    /// Takes in the inputs of a step of `h` seconds; `slipping` says that the speeds should be moving.
+    /// Checks the inputs of a step of `h` seconds; `slipping` means that the speeds should be changing.
     pub fn take(&mut self, s: &Settings, raw: &Inputs, slipping: bool, h: f64) {
         let reach = s.speed_jump + s.acceleration_max * h;
         let near = |from: [f64; 2]| (raw.omega_f - from[0]).abs() <= reach && (raw.omega_c - from[1]).abs() <= reach;
@@ -160,7 +159,7 @@ impl Guard {
         }
         self.good.engage = raw.engage;
         self.good.wish = wish;
-        // It is reported, and that is all: speeds and torque stay trusted.
+        // An implausible torque of the grade is only reported: speeds and torque stay trusted.
         if self.fault == Fault::None && !raw.wish.has_grade() {
             self.fault = Fault::Invalid;
         }
@@ -182,7 +181,7 @@ impl Guard {
 mod tests {
     use super::*;
 
-    /// Takes the same speeds, or such that move, for `seconds`.
+    /// Feeds the guard with constant or with changing speeds for `seconds`.
     fn told(guard: &mut Guard, s: &Settings, slipping: bool, moving: bool, seconds: f64) {
         for k in 0..(seconds / 1e-3).round() as u32 {
             let omega_f = 100.0 + if moving { 0.01 * f64::from(k % 7 + 1) } else { 0.0 };
@@ -200,7 +199,7 @@ mod tests {
         assert_eq!(guard.fault, Fault::None);
         told(&mut guard, &s, true, false, 0.02);
         assert!(guard.fault == Fault::Frozen && !guard.believed && !guard.trusted(&s));
-        // Open again, they still do not move.
+        // With the clutch open again, the speeds still do not change.
         told(&mut guard, &s, false, false, 1.0);
         assert!(guard.fault == Fault::Frozen && !guard.believed);
         told(&mut guard, &s, false, true, 0.49);

@@ -8,13 +8,13 @@
 //! | b | input, constant over the step | state per s |
 //! | h | step, s, of any length | s |
 //!
-//! A stable A stays stable at every step, which an explicit step of the printed observer would not beyond 1 ms. φ_1 comes
-//! from its series for a small fraction of h and from doubling, which serves a singular A as well.
+//! A stable A stays stable at every step, whereas an explicit step of the printed observer would be unstable beyond 1 ms. φ_1 is computed from its series for a small fraction
+//! of h and then by doubling, which works for a singular A as well.
 
 /// A row-major 2×2 matrix.
 pub type Matrix = [[f64; 2]; 2];
 
-/// A system with the transition of its last step length.
+/// A linear system with the transition matrices of its last step length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Held {
     a: Matrix,
@@ -25,10 +25,10 @@ pub struct Held {
 
 const IDENTITY: Matrix = [[1.0, 0.0], [0.0, 1.0]];
 
-/// Terms of the series of φ_1 at a norm of at most 1/2: the next one is below 1e-17.
+/// Number of terms of the series of φ_1 at a norm of at most 1/2: the next one is below 2e-15.
 const TERMS: usize = 13;
 
-/// Doublings at most; 2^60 of the shortest time constant in one step is beyond any use.
+/// Maximum number of doublings; 2^60 of the shortest time constant in one step is beyond any use.
 const DOUBLINGS: i32 = 60;
 
 impl Held {
@@ -37,7 +37,7 @@ impl Held {
         Self { a, h: 0.0, phi: IDENTITY, gamma: [[0.0; 2]; 2] }
     }
 
-    /// State after `h` seconds with `b` held. The transition is computed anew only when `h` changes.
+    /// State after `h` seconds with `b` held. The transition matrices are recomputed only when `h` changes.
     #[inline]
     pub fn advance(&mut self, x: [f64; 2], b: [f64; 2], h: f64) -> [f64; 2] {
         if h != self.h {

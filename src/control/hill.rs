@@ -1,23 +1,23 @@
-//! Hill holder: the brakes hold a standing car until the clutch carries its grade.
+//! Hill holder: the brakes hold a standing car until the clutch carries the torque of the grade.
 //!
 //! T_brake = 2 T_grade while held, else 0. `T_grade` comes from the car's inclination sensor; without one (0) nothing is held.
-//! While the car is held its load cannot be observed, so the sensor's counts and the plan waits.
+//! While the car is held, its load cannot be observed, so the load is taken from the sensor and the plan waits.
 
 use super::controller::Controller;
 use super::guard::Inputs;
 use super::state::Mode;
 
-/// Brakes over the torque of the grade.
+/// Brake torque over the torque of the grade.
 const BRAKES: f64 = 2.0;
 
-/// Share of the grade's torque from which the clutch is trusted with the car: the bearing is on its way to the rest.
+/// Share of the grade's torque from which the car is left to the clutch: the bearing is on its way to provide the rest.
 const CARRIED: f64 = 0.85;
 
-/// Disc speed up to which a car stands, rad/s.
+/// Disc speed up to which a car counts as standing, rad/s.
 const STANDS: f64 = 3.0;
 
 impl Controller {
-    /// Holds the car, or lets it go; what is asked of the brakes goes to the outputs.
+    /// Holds the car or releases it, and writes the requested brake torque to the outputs.
     pub(super) fn hold_on_hill(&mut self, inputs: &Inputs) {
         let state = &mut self.state;
         let (grade, g) = (inputs.wish.t_grade, &mut state.governed);
@@ -25,7 +25,7 @@ impl Controller {
         g.held = grade > 0.0
             && match state.mode {
                 Mode::Open => speed.abs() <= STANDS,
-                // One that was let go and rolls back is caught again.
+                // A released car that rolls back is held again.
                 Mode::Engaging => speed < -STANDS || speed <= STANDS && g.held && state.estimate.t_fc < CARRIED * grade,
                 Mode::Closing | Mode::Closed => false,
             };
@@ -50,7 +50,7 @@ mod tests {
     fn brakes_hold_a_standing_car_until_the_clutch_carries_its_grade() {
         use Mode::{Closed, Closing, Engaging, Open};
         let grade = 40.0;
-        // Mode, speed, held before, observed clutch torque, grade: held.
+        // Mode, speed, held before, observed clutch torque, grade, and whether the car is then held.
         for (k, (mode, speed, before, carried, grade, held)) in [
             (Open, 0.0, false, 0.0, grade, true),
             (Open, 3.0, false, 0.0, grade, true),

@@ -1,33 +1,33 @@
-//! The second half of a governed launch: the torque goes down with the slip that is left.
+//! The second half of a governed launch: the torque falls with the remaining slip.
 //!
 //! T = T_l + (T_h − T_l) u (2 − u), u = s/s_h within [0, 1], T_l = b_c ω̂ + T_L(ω̂) + d̂ + J_c ω̇_l.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
-//! | s, s_h | slip that will be there when the bearing has moved; its value where the landing began | rad/s |
-//! | T_h | torque that the clutch carried there, whatever the map takes it for | N·m |
+//! | s, s_h | slip predicted for the time when the bearing will have moved; its value at the beginning of the landing | rad/s |
+//! | T_h | torque that the clutch actually carried at that point, regardless of the map | N·m |
 //! | T_l | torque that the load and the landing need | N·m |
-//! | ω̇_l | acceleration of the disc that is kept for the landing | rad/s² |
+//! | ω̇_l | acceleration of the disc that is retained for the landing | rad/s² |
 //!
-//! While the slip closes, the torque falls and never rises: a plan in time would ask for more again wherever car, map or load are not as planned.
+//! While the slip closes, the torque falls and never rises: a plan over time would request more again wherever car, map or load are not as planned.
 
-/// Where the landing began.
+/// Slip and torque at the beginning of the landing.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Landing {
-    /// s_h, rad/s; 0 while it has not begun.
+    /// s_h, rad/s; 0 while no landing has begun.
     pub slip: f64,
     /// T_h, N·m.
     pub torque: f64,
 }
 
 impl Landing {
-    /// Whether it has begun.
+    /// Whether the landing has begun.
     #[inline]
     pub fn has_begun(&self) -> bool {
         self.slip > 0.0
     }
 
-    /// Torque in N·m at a slip of `slip` rad/s, where `last` N·m are needed at its end.
+    /// Torque in N·m at a slip of `slip` rad/s, where `last` is T_l, the torque at the end of the slip, N·m.
     #[inline]
     pub fn torque_at(&self, slip: f64, last: f64) -> f64 {
         let u = (slip / self.slip).clamp(0.0, 1.0);

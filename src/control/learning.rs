@@ -1,27 +1,27 @@
-//! What launches teach of the torque map: its touch point and its friction.
+//! Learning of the torque map from launches: its touch point and its friction.
 //!
-//! While the clutch slips, the observed torque departs from the map's by r = T̂_fc − T_map. To first order r = −K Δx + T_map Δμ, with
-//! K = dT/dx; the sums of a launch give both by least squares with a prior, and a share of them is taken up at lock-up.
+//! While the clutch slips, the observed torque deviates from the map's by r = T̂_fc − T_map. To first order r = −K Δx + T_map Δμ, with K = dT/dx; least squares over a launch
+//! with a prior gives both, and a share of them is adopted at lock-up.
 //!
 //! | symbol | meaning | unit | prior standard deviation |
 //! |---|---|---|---|
-//! | Δx | touch point over the one believed | mm | 0.3 |
-//! | Δμ | friction over the one believed, minus 1 | 1 | 0.2 |
-//! | r | residual of the torque, of 4 N·m, independent after 0.1 s | N·m | |
+//! | Δx | touch point minus the current estimate | mm | 0.3 |
+//! | Δμ | friction over the current estimate, minus 1 | 1 | 0.2 |
+//! | r | residual of the torque, with a standard deviation of 4 N·m, independent after 0.1 s | N·m | |
 //!
-//! Where the vehicle file says that the touch point moves with temperature, that part of Δx which 30 K can explain corrects the
-//! estimated temperature instead: a wear of 0.1 mm between two launches is rare.
+//! If the touch point depends on temperature according to the vehicle file, the part of Δx that a temperature error of 30 K can explain corrects the estimated temperature
+//! instead: a wear of 0.1 mm between two launches is rare.
 
 use super::filter::Lags;
 use super::settings::Settings;
 
-/// Least and greatest touch point over the vehicle file's, mm.
+/// Least and greatest learned touch point relative to the vehicle file's, mm.
 pub const TOUCH_POINT: (f64, f64) = (-3.0, 3.0);
-/// Least and greatest friction over the vehicle file's.
+/// Least and greatest learned friction as a factor on the vehicle file's.
 pub const FRICTION: (f64, f64) = (0.3, 3.0);
-/// Greatest step of a launch: mm, and relative.
+/// Greatest correction by one launch at a learning rate of 1: touch point in mm, and relative friction.
 const STEP: (f64, f64) = (0.5, 0.3);
-/// Greatest correction of the temperature by a launch, K.
+/// Greatest correction of the estimated temperature by one launch, K.
 const TEMPERATURE_STEP: f64 = 50.0;
 
 const PRIOR: (f64, f64) = (0.3, 0.2);
@@ -30,26 +30,26 @@ const INDEPENDENT_AFTER: f64 = 0.1;
 const TEMPERATURE: f64 = 30.0;
 const WEAR: f64 = 0.1;
 
-/// Torque in N·m below which the observed torque says nothing of the map.
+/// Torque in N·m below which a sample says nothing about the map.
 const LEAST_TORQUE: f64 = 3.0;
 
-/// What is learned, and the sums of the launch that runs.
+/// Learned values, and the least-squares sums of the current launch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Learning {
-    /// Touch point over the vehicle file's, mm.
+    /// Learned touch point relative to the vehicle file's, mm.
     pub touch_point: f64,
-    /// Friction over the vehicle file's.
+    /// Learned friction as a factor on the vehicle file's.
     pub friction: f64,
-    /// Torque of the map at the position asked for, behind actuator and observer.
+    /// Torque of the map at the commanded position, behind the lags of actuator and observer, N·m.
     pub torque: Lags<3>,
-    /// Its slope, behind the same.
+    /// Slope of the map there, behind the same lags, N·m/mm.
     pub slope: Lags<3>,
-    /// Sums of K², K T, T², K r, T r, each times the time over the residual's variance.
+    /// Sums of K², K T, T², K r, T r, each weighted with the sample time over the correlation time and variance of the residual.
     pub sums: [f64; 5],
 }
 
 impl Learning {
-    /// What the settings say was learned before.
+    /// Starts from what was learned before according to the settings.
     pub fn new(s: &Settings) -> Self {
         let (touch_point, friction) = (s.touch_point_offset_start, s.friction_factor_start);
         Self { touch_point, friction, torque: Lags::default(), slope: Lags::default(), sums: [0.0; 5] }
@@ -60,7 +60,7 @@ impl Learning {
         *self = Self { torque: Lags::default(), slope: Lags::default(), sums: [0.0; 5], ..*self };
     }
 
-    /// Takes in a sample of `h` s: the map's `torque` in N·m and `slope` in N·m/mm at the position asked for, and the `observed` torque.
+    /// Adds a sample of `h` s: the map's `torque` in N·m and `slope` in N·m/mm at the commanded position, and the `observed` torque in N·m; `shares` are those of the lags.
     #[inline]
     pub fn observe(&mut self, torque: f64, slope: f64, observed: f64, shares: [f64; 3], h: f64) {
         let (t, k) = (self.torque.advance(torque, shares), self.slope.advance(slope, shares));
@@ -73,8 +73,8 @@ impl Learning {
         }
     }
 
-    /// Ends a launch that has locked. `per_kelvin` is what the vehicle file says of the touch point over temperature, mm/K; the correction
-    /// of the temperature in K is returned.
+    /// Ends a launch that has locked and adopts its result. `per_kelvin` is the change of the touch point with temperature according to the vehicle file, mm/K. Returns the
+    /// correction of the estimated temperature in K.
     pub fn conclude(&mut self, rate: f64, per_kelvin: f64) -> f64 {
         let [kk, kt, tt, kr, tr] = self.sums;
         let (a, b) = (kk + PRIOR.0.powi(-2), tt + PRIOR.1.powi(-2));
@@ -98,7 +98,7 @@ impl Learning {
 mod tests {
     use super::*;
 
-    /// A launch whose true map is off by `x` mm and by the factor `mu`, seen without lag.
+    /// A launch whose true map is off by `x` mm and by the factor `mu`, observed without lag.
     fn launch(learning: &mut Learning, x: f64, mu: f64) {
         learning.begin();
         for k in 0..1000 {
@@ -130,7 +130,7 @@ mod tests {
         assert!(kelvin < -10.0 && learning.touch_point.abs() < 0.1, "{kelvin} K, {learning:?}");
     }
 
-    /// 16 ms weigh 0.01 at a residual of 4 N·m that is independent after 0.1 s.
+    /// A sample of 16 ms has a weight of 0.01 with a residual of 4 N·m that is independent after 0.1 s.
     #[test]
     fn samples_count_by_their_time_unless_there_is_no_torque() {
         let mut learning = Learning::new(&Settings::robust());
@@ -163,19 +163,19 @@ mod tests {
             let (x, mu) = (found.0 / 0.5, found.1 / 0.5);
             assert!((a * x - kt * mu + kr).abs() < 1e-9 && (b * mu - kt * x - tr).abs() < 1e-9, "{x} mm and {mu}");
         }
-        // No launch takes more than a step.
+        // No launch corrects by more than one step.
         assert!((concluded([1e3, 0.0, 0.0, -1e3, 0.0], 0.5).0 - 0.25).abs() < 1e-12);
         assert!((concluded([0.0, 0.0, 1e3, 0.0, 1e3], 0.5).1 - 0.15).abs() < 1e-12);
-        // Sums that contradict each other teach nothing.
+        // Inconsistent sums change nothing.
         assert_eq!(concluded([1.0, 1e3, 1.0, -5.0, 6.0], 0.5), (0.0, 0.0));
     }
 
-    /// 30 K at 0.01 mm/K are 0.3 mm, beside a wear of 0.1 mm: nine tenths are the temperature's.
+    /// 30 K at 0.01 mm/K are 0.3 mm, against a wear of 0.1 mm: nine tenths are attributed to the temperature.
     #[test]
     fn temperature_takes_its_share_of_the_touch_point_and_no_more_than_its_step() {
         let mut learning = Learning::new(&Settings::robust());
         let before = learning.touch_point;
-        // 0.2 mm to the last place: the sums outweigh what was known.
+        // Exactly 0.2 mm: the sums outweigh the prior.
         learning.sums = [1e12, 0.0, 0.0, -0.2e12, 0.0];
         let kelvin = learning.conclude(1.0, -0.01);
         assert!((kelvin + 18.0).abs() < 1e-6 && (learning.touch_point - before - 0.02).abs() < 1e-9, "{kelvin} K, {learning:?}");

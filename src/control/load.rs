@@ -1,16 +1,15 @@
-//! What the vehicle is beyond its file: its load, and its inertia.
+//! Estimates of what the vehicle file does not know: additional load, and inertia.
 //!
-//! Load observer: the torque that the driveline needs beyond what the vehicle file says – a grade, a trailer, and whatever the torque map
-//! or the mass is off by.
+//! Load observer: estimates the torque that the driveline needs beyond the vehicle file's – a grade, a trailer, and the errors of torque map and mass.
 //!
-//! J_c ω̂̇ = T − b_c ω̂ − T_L(ω̂) − d̂ + …, d̂̇ = …, both corrected by the error of ω̂ with a double pole at −p (an observer of Luenberger
-//! with the load as a constant state; in the sampled form of an α–β filter, which is stable at every step).
+//! J_c ω̂̇ = T − b_c ω̂ − T_L(ω̂) − d̂ + …, d̂̇ = …, both corrected by the error of ω̂ with a double pole at −p (a Luenberger observer with the load as a constant state, in
+//! the sampled form of an α–β filter, which is stable at every step).
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
-//! | T | clutch torque asked for, behind the model of the actuator and the filter of the speed | N·m |
+//! | T | requested clutch torque, behind the model of the actuator and the filter of the speed | N·m |
 //! | ω̂ | disc speed behind the same filter | rad/s |
-//! | d̂ | load beyond the vehicle file's | N·m |
+//! | d̂ | load in addition to the vehicle file's | N·m |
 //! | p | bandwidth | 1/s |
 
 use crate::physics::driveline::{self, Driveline};
@@ -25,7 +24,8 @@ pub struct Load {
 }
 
 impl Load {
-    /// Advances by `h` s a driveline of inertia `j` kg·m² with the filtered torque `t` in N·m and the filtered speed `omega` in rad/s; `most` bounds d̂ in N·m.
+    /// Advances the observer by `h` s for a driveline of inertia `j` kg·m², with the filtered torque `t` in N·m and the filtered speed `omega` in rad/s; `most` bounds d̂ in
+    /// N·m.
     #[expect(clippy::too_many_arguments, reason = "one for each quantity of the equation")]
     #[inline]
     pub fn advance(&mut self, d: &Driveline, j: f64, t: f64, omega: f64, bandwidth: f64, most: f64, h: f64) {
@@ -37,21 +37,20 @@ impl Load {
     }
 }
 
-/// Inertia of the car over the vehicle file's, by least squares over an engagement: what is left of the torque, r = T − T_L(ω) − J_c ω̇, goes
-/// with J_c ω̇ if the inertia is off, and is constant if the load is.
+/// Inertia of the car relative to the vehicle file's, by least squares over an engagement: the residual torque r = T − T_L(ω) − J_c ω̇ is proportional to J_c ω̇ if the inertia
+/// is wrong, and constant if the load is.
 ///
-/// Sums of (J_c ω̇)², J_c ω̇, 1, J_c ω̇ r and r, each times the time over the residual's variance.
+/// Sums of (J_c ω̇)², J_c ω̇, 1, J_c ω̇ r and r, each weighted with the sample time over the correlation time and variance of the residual.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Inertia(pub [f64; 5]);
 
 impl Inertia {
-    /// Standard deviations of the inertia (relative) and the load (N·m) that are known before, and of the residual (N·m), which is
-    /// independent after some time (s).
+    /// Prior standard deviations of inertia (relative) and load (N·m), standard deviation of the residual (N·m), and the time after which the residual is independent (s).
     const PRIOR: (f64, f64) = (0.2, 50.0);
     const RESIDUAL: f64 = 6.0;
     const INDEPENDENT_AFTER: f64 = 0.1;
 
-    /// Takes in a sample of `h` s: `a` = J_c ω̇ and the residual `r`, N·m.
+    /// Adds a sample of `h` s: `a` = J_c ω̇ and the residual `r`, N·m.
     #[inline]
     pub fn take(&mut self, a: f64, r: f64, h: f64) {
         let w = h / (Self::INDEPENDENT_AFTER * Self::RESIDUAL * Self::RESIDUAL);
@@ -60,7 +59,7 @@ impl Inertia {
         }
     }
 
-    /// Inertia over the vehicle file's, between 0.6 and 1.6.
+    /// Estimated inertia over the vehicle file's, between 0.6 and 1.6.
     #[inline]
     pub fn factor(&self) -> f64 {
         let [aa, a, one, ar, r] = self.0;
@@ -79,7 +78,7 @@ mod tests {
         (Driveline { omega_L: 1.0, ..Driveline::default() }, 0.5)
     }
 
-    /// A double pole at −p: a load that begins is found as d (1 − (1 + p t) e^(−p t)).
+    /// With a double pole at −p, a load step d is estimated as d (1 − (1 + p t) e^(−p t)).
     #[test]
     fn a_load_that_begins_is_found_at_the_bandwidth() {
         let ((d, j), h, p) = (free(), 1e-5, 10.0);
@@ -92,7 +91,7 @@ mod tests {
             if k % 5_000 == 0 {
                 let found = load * (1.0 - (1.0 + p * t) * (-p * t).exp());
                 assert!((observer.torque - found).abs() < 2e-3, "{} against {found} N·m at {t} s", observer.torque);
-                // The model, which does not know all of it yet, is ahead by d t e^(−p t)/J.
+                // The model, which does not know the whole load yet, is ahead by d t e^(−p t)/J.
                 let ahead = load * t * (-p * t).exp() / j;
                 assert!((observer.omega - speed - ahead).abs() < 2e-3, "{} against {speed} + {ahead} rad/s", observer.omega);
             }
@@ -114,21 +113,21 @@ mod tests {
     fn inertia_and_load_are_told_apart_by_the_acceleration() {
         for (factor, load, found) in [(1.3, 20.0, 1.3), (0.8, -15.0, 0.8), (1.0, 40.0, 1.0), (2.5, 0.0, 1.6), (0.2, 5.0, 0.6)] {
             let mut inertia = Inertia::default();
-            // r = (m − 1) a + d, for so long that what was known before counts for nothing.
+            // r = (m − 1) a + d, for so long that the prior is negligible.
             (0..10).for_each(|k| inertia.take(10.0 + 5.0 * f64::from(k), (factor - 1.0) * (10.0 + 5.0 * f64::from(k)) + load, 1e8));
             assert!((inertia.factor() - found).abs() < 1e-6, "{} against {found}", inertia.factor());
         }
         assert_eq!(Inertia::default().factor(), 1.0);
     }
 
-    /// Two samples of 0.36 s weigh 0.1 each; a ± 20 with r ± 6 leave the load at nothing: x (2 · 0.1 · 400 + 1/0.2²) = 2 · 0.1 · 120.
+    /// Two samples of 0.36 s have a weight of 0.1 each. With a = ±20 and r = ±6 the load estimate is zero, so x (2 · 0.1 · 400 + 1/0.2²) = 2 · 0.1 · 120.
     #[test]
     fn a_few_samples_of_inertia_are_weighed_against_what_was_known() {
         let mut inertia = Inertia::default();
         inertia.take(20.0, 6.0, 0.36);
         inertia.take(-20.0, -6.0, 0.36);
         assert!((inertia.factor() - (1.0 + 24.0 / 105.0)).abs() < 1e-12, "{}", inertia.factor());
-        // One sample of acceleration 0 tells of the load alone.
+        // One sample with an acceleration of 0 informs about the load alone.
         let mut still = Inertia::default();
         still.take(0.0, 6.0, 0.36);
         assert_eq!(still.factor(), 1.0);

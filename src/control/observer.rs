@@ -10,7 +10,7 @@
 //! | T_e, T_L | engine torque, load torque | N·m | eq. (7) |
 //! | ℓ_1, ℓ_2 | observer gains | N·m·s/rad, N·m/rad | Table I, read as 300 and −4252 |
 //!
-//! With the signs as printed the poles are +1601 and −14.1 1/s; swapped they are −1573 and −14.3 1/s. (8b) is printed with
+//! With the signs as printed the poles are +1601 and −14.1 1/s; with both signs reversed they are −1573 and −14.3 1/s. (8b) is printed with
 //! −b_c ω_c, but follows from (7b) with a plus. (9) is discretised exactly, so the fast pole is stable at every step.
 
 use super::held::Held;
@@ -54,7 +54,7 @@ impl Observer {
         Self { j_f: p.J_f, l_1, l_2, lag: (p.b_f + l_1) / -l_2, system }
     }
 
-    /// Time in s by which T̂_fc trails T_fc: (b_f + ℓ_1)/(−ℓ_2), the slow pole. T̂_fc + lag · T̂̇_fc does not trail, but is noisy;
+    /// Time in s by which T̂_fc lags T_fc: (b_f + ℓ_1)/(−ℓ_2), the slow pole. T̂_fc + lag · T̂̇_fc does not lag, but is noisy;
     /// where it is integrated, as in (10), the noise averages out.
     pub fn lag(&self) -> f64 {
         self.lag

@@ -22,8 +22,7 @@ pub struct Performance {
     pub slip_acceleration: f64,
 }
 
-/// Friction power in W that heats the clutch: the integrand of (10). Of an estimated torque it may be negative for a moment;
-/// cutting that off would turn noise into heat.
+/// Friction power in W that heats the clutch: the integrand of (10). With an estimated torque it may be negative for a moment; clipping it would turn noise into heat.
 #[inline]
 pub fn dissipated_power(t_fc: f64, slip: f64) -> f64 {
     t_fc * slip

@@ -1,4 +1,4 @@
-//! Proportional-integral controller with feed, limits and anti-windup: u = sat(k_P e + I + u_0), İ = k_I e.
+//! Proportional-integral controller with feedforward, limits and anti-windup: u = sat(k_P e + I + u_0), İ = k_I e.
 //!
 //! | symbol | meaning |
 //! |---|---|
@@ -6,7 +6,7 @@
 //! | u_0 | what another path contributes to the same output (decoupling) |
 //! | I | integral part, in the unit of u |
 //!
-//! The integral rests while the output is at a limit and the error pushes further, and never exceeds what the limits leave.
+//! The integral is held while the output is at a limit and the error pushes further, and never exceeds the range that the limits leave.
 
 /// Gains of one controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,7 +42,7 @@ pub struct Pi {
 }
 
 impl Pi {
-    /// Output for the error `e` and the feed `u_0`, after the integral has run on for `h` seconds.
+    /// Advances the integral by `h` seconds and returns the output for the error `e` and the feedforward `u_0`.
     #[inline]
     pub fn step(&mut self, gains: Gains, e: f64, u_0: f64, limits: Limits, h: f64) -> f64 {
         let wanted = gains.p * e + self.integral + u_0;

@@ -6,8 +6,8 @@
 //! |---|---|---|---|
 //! | ω_c0, ω_f0 | speeds when the engagement begins | rad/s | measured |
 //! | ω_end | speed at which both end | rad/s | `reference_speed`; the clutch's own if it is faster |
-//! | t_r | duration | s | `reference_time`, less when less is left to accelerate |
-//! | s | slope of the clutch reference at its end: the slip acceleration asked for at lock-up | rad/s² | `reference_slope` |
+//! | t_r | duration | s | `reference_time`, shortened when the clutch has less left to accelerate |
+//! | s | slope of the clutch reference at its end: the intended slip acceleration at lock-up | rad/s² | `reference_slope` |
 //!
 //! The paper gives no references; this cubic reproduces its Figure 4 and Table II.
 
@@ -28,7 +28,7 @@ pub struct Plan {
     pub slope: f64,
 }
 
-/// Speeds asked for, rad/s.
+/// Reference speeds, rad/s.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct References {
     /// Of the engine.
@@ -37,8 +37,8 @@ pub struct References {
     pub omega_c: f64,
 }
 
-/// Plans an engagement from the speeds that engine and clutch have: a launch from standstill takes the whole
-/// `reference_time`, a re-engagement the share of it that is left.
+/// Plans an engagement from the present speeds of engine and clutch: a launch from standstill takes the whole `reference_time`, a re-engagement a share of it in proportion to
+/// the speed that is left to gain, at least `reference_least_share`.
 pub fn plan(s: &Settings, omega_f: f64, omega_c: f64) -> Plan {
     let end = s.reference_speed.max(omega_c);
     let left = ((end - omega_c) / s.reference_speed).min(1.0);
@@ -65,11 +65,10 @@ pub fn references(plan: &Plan, elapsed: f64) -> References {
     }
 }
 
-/// Speed in rad/s by which the governed clutch reference may run past the end of both: it closes what slip is left.
+/// Maximum speed in rad/s by which the governed clutch reference may run past the common end speed, in order to close the remaining slip.
 pub const OVERRUN: f64 = 12.0;
 
-/// References of the governed law and their slopes in rad/s²: as [`references`], but the clutch's goes on with its last slope until the
-/// slip is gone.
+/// References of the governed law and their slopes in rad/s²: as [`references`], but the clutch reference continues with its final slope until the slip is gone.
 #[inline]
 pub fn governed(plan: &Plan, elapsed: f64) -> (References, References) {
     let a = elapsed / plan.duration;

@@ -1,15 +1,15 @@
-//! The controller's settings: every number that is the designer's choice, named once in the model description.
+//! The controller's settings: all design parameters, each named once in the model description.
 //!
 //! | set | law | made for |
 //! |---|---|---|
 //! | [`Settings::robust`] | governed launch | the start values of `modelDescription/ClutchController.xml`: real cars and actuators |
-//! | [`Settings::figure_3`] | the paper's Figure 3 | the paper's law with gains that stand an actuator of 30 ms lag and 15 ms delay |
-//! | [`Settings::plain_pi`] | the same without torque feedback | speed controllers and inverse map alone, to compare with |
+//! | [`Settings::figure_3`] | the paper's Figure 3 | the paper's law with gains that tolerate an actuator with 30 ms lag and 15 ms delay |
+//! | [`Settings::plain_pi`] | the same without torque feedback | speed controllers and inverse map alone, for comparison |
 //! | [`Settings::paper`] | the paper's Figure 3 | an ideal actuator: reproduces Table II |
 
 use crate::vehicle::{Number, defaults};
 
-/// Settings under the names that the FMU gives them (there `controller.` stands before all but the start values).
+/// Settings under the names of the FMU's parameters (where all but the start values have the prefix `controller.`).
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 #[allow(missing_docs)]
 pub struct Settings {
@@ -70,7 +70,7 @@ include!(concat!(env!("OUT_DIR"), "/settings.rs"));
 /// Value of `scheme` that stands for the paper's law.
 const FIGURE_3: f64 = 1.0;
 
-/// A rate of the command that limits nothing, mm/s: the paper's actuator is ideal.
+/// Rate of the command that is never a limit, mm/s: the paper's actuator is ideal.
 const UNLIMITED_RATE: f64 = 1e6;
 
 impl Settings {
@@ -97,7 +97,7 @@ impl Settings {
         Self { kp_torque: 0.0, ki_torque: 0.0, ..Self::figure_3() }
     }
 
-    /// Whether the paper's law is asked for.
+    /// Whether the paper's law is selected.
     #[inline]
     pub fn is_figure_3(&self) -> bool {
         self.scheme < 1.5

@@ -1,4 +1,4 @@
-//! What the controller gives out, and all that changes while it runs.
+//! Outputs of the controller, and everything that changes while it runs.
 
 use super::governed::Governed;
 use super::guard::{Fault, Guard};
@@ -13,33 +13,33 @@ use crate::physics::phase::Phase;
 /// Outputs after the last step.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Outputs {
-    /// Throwout position commanded, mm.
+    /// Commanded throwout position, mm.
     pub x_to: f64,
-    /// Clutch torque observed, N·m.
+    /// Observed clutch torque, N·m.
     pub t_fc_hat: f64,
-    /// Disc temperature estimated, °C.
+    /// Estimated disc temperature, °C.
     pub theta_c: f64,
-    /// Body temperature estimated, °C.
+    /// Estimated body temperature, °C.
     pub theta_b: f64,
-    /// Engine torque asked for, N·m.
+    /// Requested engine torque, N·m.
     pub t_e_ref: f64,
-    /// Share of the position that the torque feedback adds, mm.
+    /// Contribution of the torque feedback to the position, mm.
     pub x_to_fb: f64,
-    /// Clutch torque asked for; the observed one once closed, N·m.
+    /// Requested clutch torque, or the observed one once the clutch is closed, N·m.
     pub t_c_ref: f64,
     /// Energy dissipated in this engagement, J.
     pub e_d: f64,
     /// Phase as the controller sees it.
     pub phase: Phase,
-    /// What is wrong with the inputs.
+    /// Fault of the inputs.
     pub fault: Fault,
-    /// Load observed beyond the vehicle file's, N·m.
+    /// Observed load in addition to the vehicle file's, N·m.
     pub t_load_hat: f64,
-    /// Touch point learned, over the vehicle file's, mm.
+    /// Learned touch point relative to the vehicle file's, mm.
     pub touch_point_offset: f64,
-    /// Friction learned, over the vehicle file's.
+    /// Learned friction as a factor on the vehicle file's.
     pub friction_factor: f64,
-    /// Torque asked of the brakes, N·m.
+    /// Requested brake torque, N·m.
     pub t_brake: f64,
 }
 
@@ -53,7 +53,7 @@ pub enum Mode {
     Engaging = 1,
     /// Handed over after lock-up.
     Closed = 2,
-    /// Locked; the torque that the clutch can carry rises softly.
+    /// Locked; the torque capacity is being raised softly.
     Closing = 3,
 }
 
@@ -64,7 +64,7 @@ pub struct State {
     pub mode: Mode,
     /// Time since the engagement began, s.
     pub elapsed: f64,
-    /// Its references.
+    /// References of the engagement.
     pub plan: Plan,
     /// Engine speed controller.
     pub engine: Pi,
@@ -72,21 +72,21 @@ pub struct State {
     pub clutch: Pi,
     /// Torque feedback.
     pub feedback: Pi,
-    /// The observer has begun at the first measurement.
+    /// Whether the observer has been initialised with the first measurement.
     pub observing: bool,
     /// Torque observer.
     pub estimate: Estimate,
     /// Thermal estimate.
     pub temperatures: Temperatures,
-    /// Slip of the sample before, rad/s.
+    /// Slip of the previous sample, rad/s.
     pub last_slip: f64,
-    /// Disc speed of the sample before, rad/s.
+    /// Disc speed of the previous sample, rad/s.
     pub last_omega_c: f64,
-    /// The clutch has cooled for `soak_time`.
+    /// Whether the cooling over `soak_time` has been taken into account.
     pub soaked: bool,
-    /// The governed law.
+    /// State of the governed law.
     pub governed: Governed,
-    /// What launches have taught.
+    /// What has been learned from launches.
     pub learning: Learning,
     /// Guard of the inputs.
     pub guard: Guard,

@@ -1,7 +1,7 @@
 //! Estimate of disc and body temperature: paper eq. (6) with the observed torque, (5) while the clutch is open.
 //!
-//! The model is linear in both temperatures, so it is advanced exactly over a step of any length; its coefficients are read
-//! off [`thermal::single_rates`], where the equations stand.
+//! The model is linear in both temperatures, so it is advanced exactly over a step of any length; its coefficients are derived
+//! from [`thermal::single_rates`], which implements the equations.
 //!
 //! | symbol | meaning | unit | source |
 //! |---|---|---|---|
@@ -21,7 +21,7 @@ pub struct Temperatures {
     pub theta_b: f64,
 }
 
-/// Thermal model ready to be advanced.
+/// Thermal model with its exact solutions for the engaged and the open clutch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimator {
     thermal: Thermal,

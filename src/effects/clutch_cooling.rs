@@ -1,4 +1,4 @@
-//! Another exchange between disc, body and air: factors on γ_1 and γ_2.
+//! Changed heat exchange between disc, body and air: factors on γ_1 and γ_2.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|

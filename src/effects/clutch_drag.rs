@@ -1,7 +1,7 @@
 //! Torque is transmitted with the clutch open: (torque · tanh(ω_fc/ω_0) + viscosity · ω_fc) · s(F), ω_0 = 3 rad/s.
 //!
-//! s falls from 1 to `engaged_share` as the force F presses the faces together, with e^(−F/200 N). At zero slip the drag
-//! vanishes. It churns air and oil, which carry its heat away: no part of it warms the clutch.
+//! s falls from 1 to `engaged_share` as the force F presses the faces together, with e^(−F/200 N). At zero slip the drag vanishes. The drag churns air and oil, which carry its
+//! heat away, so it does not warm the clutch.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
@@ -24,10 +24,10 @@ pub const EFFECT: Effect = Effect {
     shown_by: "an open-clutch rev, where no torque should pass",
 };
 
-/// Slip over which the drag takes its sign, rad/s.
+/// Slip speed ω_0 over which the drag changes its sign, rad/s.
 const SIGN_SPEED: f64 = 3.0;
 
-/// Force that presses the drag away, N.
+/// Force on the faces over which the drag decays to `engaged_share`, N.
 const PRESSING_FORCE: f64 = 200.0;
 
 fn apply(p: &Parameters, slip: f64, force: f64) -> f64 {

@@ -2,7 +2,7 @@
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
-//! | `gain` | speed sensed over speed | 1 |
+//! | `gain` | sensed over actual speed | 1 |
 
 use super::{Act, Constants, Effect, Parameters, Subsystem, param};
 use crate::vehicle::Vehicle;

@@ -1,7 +1,7 @@
 //! Shafts between disc and vehicle twist: J_c splits in two, with a spring and a damper between them.
 //!
-//! T_s = (φ − (1 − q) φ_a)/compliance + damping (ω_c − ω_v), φ̇ = ω_c − ω_v, φ_a being φ cut to ±a; the disc keeps disc_share · J_c and its
-//! load acts on the rest. A pre-damper is soft within ±a; with q = 0 that is lash.
+//! T_s = (φ − (1 − q) φ_a)/compliance + damping (ω_c − ω_v), φ̇ = ω_c − ω_v, φ_a being φ limited to ±a; the disc keeps disc_share · J_c, and the
+//! load acts on the rest. A pre-damper is soft within ±a; with q = 0 it is lash.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
@@ -19,7 +19,7 @@ pub const EFFECT: Effect = Effect {
     subsystem: Subsystem::Driveline,
     amplitudes: &[param::driveline_compliance::compliance],
     act: Act::Constants(apply),
-    // Oscillations of another frequency do not lead to each other.
+    // A search that starts at one oscillation frequency does not find its way to another.
     starts: &[
         &[(param::driveline_compliance::compliance, 0.003)],
         &[(param::driveline_compliance::compliance, 0.006)],

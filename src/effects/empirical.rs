@@ -1,19 +1,19 @@
-//! What is missing, as curves: a law that was learned from recordings and that nobody has a formula for.
+//! Learned laws: what the model is missing, as curves that were learned from recordings and for which there is no formula.
 //!
-//! It is no cause, and the library of effects does not hold it. Each curve is a table over one variable, linear between its breakpoints and held constant
-//! outside them; the curves of one law are added:
+//! A learned law is not a cause and is not part of the library of effects. Each curve is a table over one variable, linear between its breakpoints and held constant outside
+//! them; the curves of one law are added:
 //!
 //! | law | acts as | curves over |
 //! |---|---|---|
 //! | friction | T (1 + Σ) on the torque of the faces | slip, disc temperature, pressure, friction work since the start |
 //! | clutch force | F (1 + Σ) on the spring's force | normalised position, its direction, disc temperature |
-//! | engine | T_e + Σ at the crankshaft; behind a lag whose τ is by Σ longer | speed, torque asked for; torque still missing, torque asked for |
+//! | engine | T_e + Σ at the crankshaft; a lag whose τ is longer by Σ | speed, requested torque; shortfall of the torque, requested torque |
 //! | driveline | T_L + Σ tanh(ω/ω_L) against the motion | speed |
 //! | actuator | ė = −e/τ of the distance e to the command, τ = Σ; then an offset, then play | distance, position |
 //! | sensors | ω (1 + δ) behind τ ṡ + s = ω, for either speed | speed |
 //!
-//! A factor is never less than [`LEAST_FACTOR`], so that faces that slip always brake; a time constant or a play is never less than none. Parameters are the values at the breakpoints,
-//! `<curve>_1` and on; while all of a law are zero it takes no part.
+//! A factor is at least [`LEAST_FACTOR`], so that slipping faces always brake; a time constant or a play is never negative. The parameters are the values at the breakpoints,
+//! `<curve>_1` and so on; a law whose values are all zero has no influence.
 
 use super::{PARAMETERS, Parameters, Subsystem, param::empirical as at};
 use crate::physics::{approach, driveline};
@@ -22,28 +22,28 @@ use std::ops::Range;
 /// Least factor on friction or force.
 pub const LEAST_FACTOR: f64 = 0.1;
 
-/// Travel in mm over which the bearing's direction is forgotten, where the force hysteresis of the library gives none.
+/// Stroke in mm over which the direction of the bearing reverses in the learned force law, where the force hysteresis of the library is not active and gives none.
 pub const STROKE_MM: f64 = 0.3;
 
 /// One table over one variable.
 #[derive(Debug)]
 pub struct Curve {
-    /// Name: that of its parameters without their number.
+    /// Name: that of its parameters without the number.
     pub name: &'static str,
-    /// Subsystem whose law it is a part of.
+    /// Subsystem to whose law the curve belongs.
     pub subsystem: Subsystem,
-    /// What it is a function of, in words and with its unit.
+    /// Independent variable, in words and with its unit.
     pub over: &'static str,
     /// Breakpoints.
     pub breakpoints: &'static [f64],
-    /// Place of its first value in [`PARAMETERS`].
+    /// Index of its first value in [`PARAMETERS`].
     first: usize,
-    /// Breakpoint at which it is zero in a fit, so that the law's level stands in one of its curves alone.
+    /// Index of the breakpoint at which a fit holds the curve at zero, so that only one curve of the law carries the law's level.
     pub reference: Option<usize>,
 }
 
 impl Curve {
-    /// Places of its values in [`PARAMETERS`].
+    /// Indices of its values in [`PARAMETERS`].
     pub fn parameters(&self) -> Range<usize> {
         self.first..self.first + self.breakpoints.len()
     }
@@ -53,7 +53,7 @@ impl Curve {
         PARAMETERS[self.first].unit
     }
 
-    /// Interval of the breakpoints that holds `x`, and how far in it is: 0 to 1.
+    /// Index of the interval of breakpoints that contains `x`, and the relative position of `x` in it, 0 to 1.
     #[inline]
     pub fn place(&self, x: f64) -> (usize, f64) {
         let b = self.breakpoints;
@@ -72,7 +72,7 @@ impl Curve {
         a + share * (b - a)
     }
 
-    /// Greatest slope of the curve.
+    /// Greatest magnitude of the curve's slope.
     pub fn steepest(&self, p: &Parameters) -> f64 {
         let b = self.breakpoints;
         let slope = |k: usize| ((p[self.first + k + 1] - p[self.first + k]) / (b[k + 1] - b[k])).abs();
@@ -84,7 +84,7 @@ impl Curve {
     }
 }
 
-/// Places in [`CURVES`].
+/// Indices in [`CURVES`].
 const FRICTION: [usize; 4] = [0, 1, 2, 3];
 const FORCE: [usize; 3] = [4, 5, 6];
 const DIRECTION: usize = FORCE[1];
@@ -166,19 +166,19 @@ pub fn curves(of: Subsystem) -> impl Iterator<Item = &'static Curve> {
     CURVES.iter().filter(move |c| c.subsystem == of)
 }
 
-/// Whether parameter `k` is one of a curve's.
+/// Whether parameter `k` is a value of a curve.
 pub fn holds(k: usize) -> bool {
     PARAMETERS[k].effect == "empirical"
 }
 
-/// Which laws take part.
+/// Which learned laws are active.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct Active {
     /// [`friction`].
     pub friction: bool,
     /// [`force`].
     pub force: bool,
-    /// The part of it that asks for the bearing's direction.
+    /// The part of it that depends on the bearing's direction.
     pub direction: bool,
     /// [`engine`].
     pub engine: bool,
@@ -186,7 +186,7 @@ pub struct Active {
     pub engine_time: bool,
     /// [`load`].
     pub load: bool,
-    /// Anything of the actuator.
+    /// Any curve of the actuator.
     pub actuator: bool,
     /// [`approach`].
     pub slow: bool,
@@ -197,7 +197,7 @@ pub struct Active {
 }
 
 impl Active {
-    /// Those of which any value is not zero.
+    /// The laws of which any value is not zero.
     pub fn of(p: &Parameters) -> Self {
         let any = |curves: &[usize]| curves.iter().any(|&c| !CURVES[c].is_null(p));
         Self {
@@ -229,16 +229,16 @@ pub fn force(p: &Parameters, xi: f64, direction: f64, theta: f64) -> f64 {
     (1.0 + sum).max(LEAST_FACTOR)
 }
 
-/// Torque in N·m added at the crankshaft at a speed in rad/s where `torque` N·m is asked for.
+/// Torque in N·m added at the crankshaft at a speed in rad/s and a requested torque of `torque` N·m.
 pub fn engine(p: &Parameters, omega_f: f64, torque: f64) -> f64 {
     let [over_speed, over_torque] = ENGINE.map(|c| &CURVES[c]);
     over_speed.value(p, omega_f) + over_torque.value(p, torque)
 }
 
-/// Share of its longest time constant than which an engine's is nowhere shorter: its torque never leaps on its way.
+/// Lower bound of an engine's time constant, as a share of its longest one: it keeps the torque from jumping on its way.
 const QUICKEST: f64 = 0.02;
 
-/// Time constant in s of an engine that is asked for `torque` N·m and `short` of them; `known` s without a law.
+/// Time constant in s of an engine that is `short` N·m below a requested torque of `torque` N·m; `known` s without the learned law.
 pub fn engine_time(p: &Parameters, short: f64, torque: f64, known: f64) -> f64 {
     let [over_short, over_torque] = ENGINE_TIME.map(|c| &CURVES[c]);
     (known + over_short.value(p, short) + over_torque.value(p, torque)).max(QUICKEST * longest_engine_time(p, known))
@@ -249,7 +249,7 @@ pub fn load(p: &Parameters, omega: f64, omega_l: f64) -> f64 {
     CURVES[LOAD].value(p, omega.abs()) * driveline::tanh(omega / omega_l)
 }
 
-/// Time constant in s of an actuator that is `distance` mm short of its command, at a position as share of the closed clutch's.
+/// Time constant in s of an actuator that is `distance` mm short of its command, at the position `share`, a share of the closed clutch's.
 pub fn time(p: &Parameters, distance: f64, share: f64) -> f64 {
     let (k, along) = CURVES[TIME[0]].place(distance);
     let (a, b) = (time_at(p, k, share), time_at(p, k + 1, share));
@@ -262,12 +262,12 @@ fn time_at(p: &Parameters, k: usize, share: f64) -> f64 {
     (p[over_distance.first + k] + over_share.value(p, share)).max(0.0)
 }
 
-/// Greatest time constant in s that an actuator has anywhere.
+/// Upper bound of the actuator's time constant in s.
 pub fn longest_time(p: &Parameters) -> f64 {
     longest(p, TIME)
 }
 
-/// Greatest time constant in s that an engine has anywhere; `known` s without a law.
+/// Upper bound of the engine's time constant in s; `known` s without the learned law.
 pub fn longest_engine_time(p: &Parameters, known: f64) -> f64 {
     known + longest(p, ENGINE_TIME)
 }
@@ -276,28 +276,28 @@ fn longest(p: &Parameters, curves: [usize; 2]) -> f64 {
     curves.into_iter().map(|c| CURVES[c].parameters().map(|k| p[k]).fold(0.0, f64::max)).sum()
 }
 
-/// Distance in mm that is left after `h` s of `distance` mm, for an actuator that set out at a position as share of the closed clutch's.
+/// Distance in mm that is left of `distance` mm after `h` s, for an actuator that started at the position `share`, a share of the closed clutch's.
 pub fn approach(p: &Parameters, distance: f64, share: f64, h: f64) -> f64 {
     closed_in(TIME[0], distance, |k| time_at(p, k, share), h)
 }
 
-/// Torque in N·m that is still missing after `h` s of `short` N·m, for an engine that is asked for `torque` N·m and whose time constant is `known` s without a law.
+/// Shortfall in N·m that is left of `short` N·m after `h` s, for an engine with a requested torque of `torque` N·m whose time constant is `known` s without the learned law.
 pub fn engine_approach(p: &Parameters, short: f64, torque: f64, known: f64, h: f64) -> f64 {
     let [over_short, over_torque] = ENGINE_TIME.map(|c| &CURVES[c]);
     let (by_torque, least) = (known + over_torque.value(p, torque), QUICKEST * longest_engine_time(p, known));
     closed_in(ENGINE_TIME[0], short, |k| (p[over_short.first + k] + by_torque).max(least), h)
 }
 
-/// What is left of a distance after `h` s whose time constants in s stand at the breakpoints of a curve, none less than none.
+/// What is left of a signed distance after `h` s, where `time` gives the non-negative time constants in s at the breakpoints of the curve with index `curve`.
 fn closed_in(curve: usize, distance: f64, time: impl Fn(usize) -> f64, h: f64) -> f64 {
     let breakpoints = CURVES[curve].breakpoints;
-    // From nothing outwards, on the side on which it is.
+    // Breakpoints from zero outwards, on the side of the distance's sign.
     let place = |steps: usize| if distance > 0.0 { HALF + steps } else { HALF - steps };
     let distances: [f64; HALF + 1] = std::array::from_fn(|k| breakpoints[place(k)].abs());
     approach::left(distances, std::array::from_fn(|k| time(place(k))), distance.abs(), h).copysign(distance)
 }
 
-/// Breakpoints of a time constant on either side of what is followed.
+/// Number of breakpoints of a time constant on either side of a distance of zero.
 const HALF: usize = 3;
 
 /// Offset of the bearing and half of its play, mm, at a position as share of the closed clutch's.
@@ -305,12 +305,12 @@ pub fn offset_and_play(p: &Parameters, share: f64) -> (f64, f64) {
     (CURVES[OFFSET].value(p, share), CURVES[PLAY].value(p, share).max(0.0))
 }
 
-/// Sensed speed over speed: of the flywheel (0) or the disc (1), at a speed in rad/s.
+/// Ratio of sensed to actual speed of the flywheel (0) or the disc (1), at a speed in rad/s.
 pub fn scale(p: &Parameters, side: usize, speed: f64) -> f64 {
     1.0 + CURVES[SCALE[side]].value(p, speed.abs())
 }
 
-/// Time constant in s of the filter behind which a speed is sensed: of the flywheel (0) or the disc (1), at a speed in rad/s.
+/// Learned time constant in s of the filter in the speed sensor of the flywheel (0) or the disc (1), at a speed in rad/s.
 pub fn smoothing(p: &Parameters, side: usize, speed: f64) -> f64 {
     CURVES[FILTER[side]].value(p, speed.abs()).max(0.0)
 }
@@ -320,7 +320,7 @@ pub fn steepest_engine(p: &Parameters) -> f64 {
     CURVES[ENGINE[0]].steepest(p)
 }
 
-/// Slips in rad/s, one within each interval of friction's breakpoints; and the speeds of the load's.
+/// Slips and speeds in rad/s in the middle of each interval of breakpoints, of the learned friction and of the learned load.
 pub fn slips_and_speeds() -> (impl Iterator<Item = f64>, impl Iterator<Item = f64>) {
     let inside = |c: usize| CURVES[c].breakpoints.windows(2).map(|b| 0.5 * (b[0] + b[1]));
     (inside(FRICTION[0]), inside(LOAD))
@@ -335,7 +335,7 @@ mod tests {
         assert!((found - expected).abs() < 1e-12, "{found} against {expected}");
     }
 
-    /// Every curve's values are numbered from 1, stand together, and say their breakpoint in the model description.
+    /// The values of every curve are numbered from 1, are contiguous, and name their breakpoint in the model description.
     #[test]
     fn breakpoints_are_those_that_the_model_description_states() {
         let mut all = Vec::new();
@@ -401,7 +401,7 @@ mod tests {
         (p[at::engine_time_2], p[at::engine_slowing_4]) = (0.08, -0.2);
         close(engine_time(&p, -40.0, 60.0, 0.3), 0.3 + 0.04 - 0.1);
         close(engine_time(&p, -40.0, 45.0, 0.1), QUICKEST * 0.18);
-        // 0.3 s less a tenth: a plain lag. On the other side 0.28 s where 20 N·m are missing, and less on the way.
+        // At 7 N·m τ is 0.3 s minus 0.1 s, a plain lag. On the other side it is 0.28 s at a shortfall of 20 N·m, and less closer to zero.
         close(engine_approach(&p, 7.0, 60.0, 0.3, 0.1), 7.0 * (-0.5_f64).exp());
         let after = |tau: f64| -20.0 * (-0.1 / tau).exp();
         assert!((after(0.28)..after(0.2)).contains(&engine_approach(&p, -20.0, 60.0, 0.3, 0.1)));
@@ -412,14 +412,14 @@ mod tests {
         assert_eq!(load(&p, 0.0, 2.0), 0.0);
     }
 
-    /// Either side has its own time constants; a position adds to both, and none is less than none.
+    /// Either side has its own time constants; the position adds to both, and no time constant is negative.
     #[test]
     fn an_actuator_closes_its_distance_as_its_time_constants_say() {
         let mut p = null();
         p[at::actuator_time_1..=at::actuator_time_7].copy_from_slice(&[0.6, 0.2, 0.05, 0.0, 0.1, 0.1, 0.1]);
         p[at::actuator_time_4] = 0.0;
         close(approach(&p, -5.5, 0.4, 0.2), -3.5);
-        // The first half millimetre is closed at 5 mm/s.
+        // Within half a millimetre of the command the distance is closed at 5 mm/s.
         close(approach(&p, 0.4, 0.4, 0.02), 0.3);
         close(approach(&p, 3.0, 0.4, 0.05), 3.0 * (-0.5_f64).exp());
         (p[at::actuator_slowing_4], p[at::actuator_slowing_5]) = (0.05, -0.2);

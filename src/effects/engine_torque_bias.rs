@@ -3,7 +3,7 @@
 //! | symbol | meaning | unit |
 //! |---|---|---|
 //! | `torque` | bias of the report; a constant load is negative | N·m |
-//! | `accessory_power` | power of a load that the report leaves out, drawn above 50 rad/s | W |
+//! | `accessory_power` | power of a load that the report leaves out; below 50 rad/s its torque is constant | W |
 
 use super::{Act, Constants, Effect, Parameters, Subsystem, param};
 use crate::vehicle::Vehicle;

@@ -1,18 +1,18 @@
-//! Friction depends otherwise on slip speed: μ + (slope · min(ω, reach) + stribeck · e^(−(ω/speed)^n)) · (1 − s + s μ/μ_r).
+//! Friction depends on slip speed in another way: μ + (slope · min(ω, reach) + stribeck · e^(−(ω/speed)^n)) · (1 − s + s μ/μ_r).
 //!
-//! `slope` is the gradient from standstill up to a slip of `reach`, from where friction stays; a negative one excites judder. `stribeck` is what
-//! friction gains towards zero slip, as in Stribeck's curve. A share of both may go with the coefficient, which grows with temperature; the rest
-//! adds to it whatever the temperature. The level of friction is another effect.
+//! `slope` is the gradient from zero slip up to a slip of `reach`, beyond which its contribution is constant; a negative one excites judder. `stribeck` is the increase of
+//! friction towards zero slip, as in the Stribeck curve. The share s of both is proportional to the friction coefficient, which grows with temperature; the rest is independent
+//! of temperature. The level of friction is an effect of its own.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
 //! | `slope` | change of the friction coefficient per slip speed | s/rad |
-//! | `reach` | slip speed up to which the gradient goes on | rad/s |
+//! | `reach` | slip speed up to which the gradient applies | rad/s |
 //! | `stribeck` | friction coefficient added at zero slip | 1 |
 //! | `speed` | Stribeck speed | rad/s |
-//! | n | `exponent` of Stribeck's curve: 2 rounded, 1 exponential | 1 |
+//! | n | `exponent` of the Stribeck curve: 2 rounded, 1 exponential | 1 |
 //! | s | `proportional_share` | 1 |
-//! | μ_r | a usual friction coefficient, [`USUAL_MU`] | 1 |
+//! | μ_r | a typical friction coefficient, [`USUAL_MU`] | 1 |
 //! | ω | slip speed, ≥ 0 | rad/s |
 
 use super::{Act, Effect, Parameters, Subsystem, param};
@@ -33,7 +33,7 @@ pub const EFFECT: Effect = Effect {
     shown_by: "slip from high speed down to lock-up at constant position",
 };
 
-/// Friction coefficient of the paper's facings at working temperature, at which both shares are worth the same.
+/// Friction coefficient of the paper's facings at working temperature, at which the proportional and the constant share are equal.
 const USUAL_MU: f64 = 0.3;
 
 fn apply(p: &Parameters, omega: f64, mu: f64) -> f64 {

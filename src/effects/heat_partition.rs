@@ -1,4 +1,4 @@
-//! Another share of the friction heat enters the disc: γ_3 + share_change, in 0..1.
+//! Changed share of the friction heat that enters the disc: γ_3 + share_change, in 0..1.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|

@@ -1,6 +1,6 @@
 //! Torque pulsates with the slip angle: T (1 + (cosine · cos(n φ) + sine · sin(n φ)) / (1 + fading · ω²)).
 //!
-//! `fading` is 0 for a pulsation of the geometry, and 1/ω_h² for one of which half is left at a slip of ω_h.
+//! `fading` is 0 for a geometric pulsation, and 1/ω_h² for one whose amplitude has fallen to half at a slip of ω_h.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|

@@ -1,4 +1,4 @@
-//! Contact begins elsewhere: x_cnt + offset, x_cls + closed_offset (wear, adjustment).
+//! Shifted kiss point and closed point: x_cnt + offset, x_cls + closed_offset (wear, adjustment).
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|

@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | `slope` | shift per kelvin | mm/K |
 //! | `curvature` | quadratic shift | mm/K² |
-//! | `closed_share` | share of the shift that the closed point takes | 1 |
+//! | `closed_share` | share of the shift that applies to the closed point | 1 |
 
 use super::{Act, Effect, Parameters, Subsystem, param};
 use crate::physics::map::{Contact, THETA_REFERENCE};

@@ -4,11 +4,11 @@
 //! every `effect.<id>.<parameter>` there belongs to `src/effects/<id>.rs`, and `build.rs` derives [`REGISTRY`] from it. A new
 //! effect is therefore one new file and its line there.
 //!
-//! An effect whose file stands in `src/effects/simulated/` is in [`SIMULATED`] instead: the plant has it, and no diagnosis searches for it.
-//! [`empirical`] alone is in neither: a law that was learned is no cause.
+//! An effect whose file is in `src/effects/simulated/` is listed in [`SIMULATED`] instead: the plant can simulate it, but no diagnosis searches for it. [`empirical`] alone is
+//! in neither list, because a learned law is not a cause.
 //!
-//! An effect does one of a few things to the plant ([`Act`]). While all its amplitudes are at their null values it takes no part at all,
-//! which leaves the plant bit-identical.
+//! An effect acts on the plant in one of a few ways ([`Act`]). While all its amplitudes are at their null values it has no influence at all, which leaves the plant
+//! bit-identical to the nominal one.
 
 use crate::physics::driveline::Driveline;
 use crate::physics::lag::Lag;
@@ -54,15 +54,15 @@ impl Subsystem {
 /// Values of all effect parameters, in the order of [`PARAMETERS`].
 pub type Parameters = [f64; N_PARAMETERS];
 
-/// Every effect at its null value.
+/// Parameters with every effect at its null value.
 pub fn null() -> Parameters {
     std::array::from_fn(|k| PARAMETERS[k].null)
 }
 
-/// Effect parameters in the `effects` object of a vehicle document, by the FMU's variable names; what is not named is null.
+/// Effect parameters from the `effects` object of a vehicle document, by the FMU's variable names; parameters that are not named keep their null values.
 ///
 /// # Errors
-/// A name that is no effect parameter, or a value that is no number within its bounds.
+/// If a name is not that of an effect parameter, or a value is not a number within its bounds.
 pub fn from_value(document: &Value) -> Result<Parameters, VehicleError> {
     let mut parameters = null();
     for (name, value) in document.get("effects").and_then(Value::as_object).into_iter().flatten() {
@@ -78,13 +78,13 @@ pub fn from_value(document: &Value) -> Result<Parameters, VehicleError> {
     Ok(parameters)
 }
 
-/// The `effects` object of a vehicle document: every parameter that is not null.
+/// The `effects` object of a vehicle document: every parameter that is not at its null value.
 pub fn to_value(parameters: &Parameters) -> Value {
     let set = PARAMETERS.iter().zip(parameters).filter(|(p, v)| **v != p.null);
     Value::Object(set.map(|(p, v)| (p.variable.to_owned(), Value::from(*v))).collect())
 }
 
-/// One parameter of an effect, as the model description has it.
+/// One parameter of an effect, as the model description defines it.
 pub struct Parameter {
     /// Id of the effect.
     pub effect: &'static str,
@@ -96,13 +96,13 @@ pub struct Parameter {
     pub unit: &'static str,
     /// Meaning in words.
     pub meaning: &'static str,
-    /// Value that stands for no effect (of an amplitude), or a usual value (of a shape).
+    /// Null value: for an amplitude the value without effect, for a shape parameter a usual value.
     pub null: f64,
     /// Least value accepted.
     pub min: f64,
     /// Greatest value accepted.
     pub max: f64,
-    /// Size that a noticeable effect has.
+    /// Size of a noticeable effect.
     pub nominal: f64,
     /// Value reference in `DrivelinePlant`.
     pub value_reference: u32,
@@ -114,12 +114,12 @@ pub struct Entry {
     pub id: &'static str,
     /// The effect.
     pub effect: &'static Effect,
-    /// Where its parameters stand in [`PARAMETERS`].
+    /// Index range of its parameters in [`PARAMETERS`].
     pub parameters: std::ops::Range<usize>,
 }
 
 impl Entry {
-    /// Largest departure of parameter `k` from its null value among the starts, or its nominal size.
+    /// Scale of parameter `k`: its largest deviation from the null value among the starts, or else its nominal size.
     pub fn scale(&self, k: usize) -> f64 {
         let departures =
             self.effect.starts.iter().flat_map(|s| s.iter()).filter(|(p, _)| *p == k).map(|(_, v)| (v - PARAMETERS[k].null).abs());
@@ -127,7 +127,7 @@ impl Entry {
         if largest > 0.0 { largest } else { PARAMETERS[k].nominal }
     }
 
-    /// Whether every amplitude is at its null value, so that the effect takes no part.
+    /// Whether every amplitude is at its null value, so that the effect has no influence.
     pub fn is_null(&self, p: &Parameters) -> bool {
         self.effect.amplitudes.iter().all(|&k| p[k] == PARAMETERS[k].null)
     }
@@ -138,7 +138,7 @@ pub fn all() -> impl Iterator<Item = &'static Entry> {
     REGISTRY.iter().chain(&SIMULATED)
 }
 
-/// Entry that owns parameter `k`; none of a learned law's.
+/// Entry that owns parameter `k`; `None` for a parameter of a learned law.
 pub fn owner(k: usize) -> Option<&'static Entry> {
     all().find(|entry| entry.parameters.contains(&k))
 }
@@ -148,21 +148,21 @@ pub fn find(id: &str) -> Option<usize> {
     REGISTRY.iter().position(|entry| entry.id == id)
 }
 
-/// What an effect is.
+/// Definition of an effect.
 pub struct Effect {
-    /// Where it lies.
+    /// Subsystem in which it lies.
     pub subsystem: Subsystem,
-    /// Parameters whose null values switch it off; the others only shape it.
+    /// Parameters whose null values switch the effect off; the others only shape it.
     pub amplitudes: &'static [usize],
-    /// What it does.
+    /// How it acts on the plant.
     pub act: Act,
-    /// Sizes that a noticeable effect has, each a list of (parameter, value): where a search for it starts.
+    /// Sizes of a noticeable effect, each a list of (parameter, value), from which a search for the effect starts.
     pub starts: &'static [&'static [(usize, f64)]],
-    /// Manoeuvre or channel that shows it best.
+    /// Manoeuvre or channel that shows the effect best.
     pub shown_by: &'static str,
 }
 
-/// What an effect does to the plant.
+/// How an effect acts on the plant.
 pub enum Act {
     /// Changes constants, once, when parameters are set.
     Constants(fn(&Parameters, &Vehicle, &mut Constants)),
@@ -172,65 +172,65 @@ pub enum Act {
     Force(fn(&Parameters, f64) -> f64),
     /// Factor on friction at a slip speed ≥ 0 in rad/s and a disc temperature in °C.
     Friction(fn(&Parameters, f64, f64) -> f64),
-    /// Friction coefficient added at a slip speed ≥ 0 in rad/s to one of a given size.
+    /// Addition to the friction coefficient at a slip speed ≥ 0 in rad/s and a given friction coefficient.
     FrictionAdded(fn(&Parameters, f64, f64) -> f64),
     /// Factor on the torque capacity at a slip angle in rad and a slip speed ≥ 0 in rad/s.
     Pulsation(fn(&Parameters, f64, f64) -> f64),
-    /// Torque in N·m beside the capacity's at a signed slip speed in rad/s and a force on the faces in N.
+    /// Drag torque in N·m, in addition to the torque capacity, at a signed slip speed in rad/s and a force on the faces in N.
     Drag(fn(&Parameters, f64, f64) -> f64),
-    /// Load torque in N·m added at a speed in rad/s.
+    /// Additional load torque in N·m at a speed in rad/s.
     Load(fn(&Parameters, &Vehicle, f64) -> f64),
-    /// Torque in N·m that the engine gives where it is asked for one in N·m, at a speed in rad/s and a crank angle in rad.
+    /// Torque in N·m that the engine delivers for a requested torque in N·m, at a speed in rad/s and a crank angle in rad.
     Engine(fn(&Parameters, f64, f64, f64) -> f64),
     /// Factor on friction under a force on the faces in N.
     Pressure(fn(&Parameters, f64) -> f64),
     /// Factor on the torque capacity at the angles of engine and input shaft in rad.
     Shafts(fn(&Parameters, [f64; 2]) -> f64),
-    /// Moves contact points by the friction work in J that the clutch has done since the start.
+    /// Moves contact points as a function of the friction work in J that the clutch has done since the start.
     Worn(fn(&Parameters, f64, &mut Contact)),
 }
 
-/// A tyre: what slips between the car and the road. See `tyre_slip`.
+/// A tyre, which slips between the car and the road. See `tyre_slip`.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Tyre {
-    /// Twist per torque while it holds, rad/(N·m); 0 is no tyre.
+    /// Twist per torque while it grips, rad/(N·m); 0 means no tyre model.
     pub softness: f64,
     /// Angle over which it builds up its force, rad.
     pub relaxation: f64,
-    /// Greatest torque that it carries, N·m.
+    /// Greatest torque that it transmits, N·m.
     pub grip: f64,
 }
 
 impl Tyre {
-    /// Deflection in rad under `torque` N·m. It has no bound as the torque comes to the grip; what is asked for beyond 99 % of it counts as that.
+    /// Deflection in rad under `torque` N·m. It grows without bound as the torque approaches the grip, so the ratio of torque to grip in the denominator is limited to 99 %.
     pub fn deflection(&self, torque: f64) -> f64 {
         self.softness * torque / (1.0 - (torque.abs() / self.grip).min(0.99))
     }
 }
 
-/// Friction that holds the release bearing. See `release_friction`.
+/// Friction of the release bearing. See `release_friction`.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Release {
-    /// Difference of its positions, opening and closing, mm; 0 is none.
+    /// Difference between its positions when opening and when closing, mm; 0 means no friction.
     pub width: f64,
-    /// Travel from one to the other, mm.
+    /// Travel from one to the other after a reversal, mm.
     pub travel: f64,
-    /// How much more it sticks at first.
+    /// Weight of the additional friction just after a reversal.
     pub stiction: f64,
 }
 
-/// The faces' own temperature above the disc's. See `surface_temperature`.
+/// Excess temperature of the faces over the disc. See `surface_temperature`.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Surface {
-    /// Rise per friction power at rest, K/W; 0 is none.
+    /// Temperature rise per friction power at low slip speed, K/W; 0 means no rise.
     pub resistance: f64,
-    /// Slip at which it is 1/√2 of that, rad/s.
+    /// Slip speed at which the rise is 1/√2 of that, rad/s.
     pub speed: f64,
-    /// Time in which it builds up, s.
+    /// Time constant with which the rise builds up, s.
     pub time_constant: f64,
 }
 
-/// How late a signal arrives: a dead time, and a filter of first order, s.
+/// Delay of a signal: a dead time and a first-order filter, s.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SignalDelay {
     /// Dead time.
@@ -248,11 +248,11 @@ pub struct Constants {
     pub engine_bias: f64,
     /// Power that an accessory takes from the crankshaft, W.
     pub accessory_power: f64,
-    /// Lag of the torque.
+    /// Lag of the engine torque.
     pub engine_lag: Lag,
     /// Transport delay of the position command, s.
     pub command_delay: f64,
-    /// Inverse of the bearing's greatest speed, s/mm; 0 is no limit.
+    /// Inverse of the bearing's greatest speed, s/mm; 0 means no limit.
     pub inverse_speed: f64,
     /// Distance from its target over which the bearing slows down, mm.
     pub approach: f64,
@@ -268,29 +268,29 @@ pub struct Constants {
     pub hysteresis_width: f64,
     /// Travel from one branch of the hysteresis to the other, mm.
     pub hysteresis_stroke: f64,
-    /// Thermal coefficients while engaged.
+    /// Thermal coefficients.
     pub thermal: Thermal,
-    /// Driveline numbers.
+    /// Driveline parameters.
     pub driveline: Driveline,
-    /// Twist of the shafts, rad/(N·m); 0 is rigid.
+    /// Compliance of the shafts, rad/(N·m); 0 means rigid.
     pub compliance: f64,
-    /// Share of J_c before the shafts.
+    /// Share of J_c on the disc side of the shafts.
     pub disc_share: f64,
     /// Damping of the shafts, N·m·s/rad.
     pub shaft_damping: f64,
-    /// Twist to either side up to which the shafts are softer, rad.
+    /// Twist in either direction up to which the shafts are softer, rad.
     pub soft_angle: f64,
-    /// Share of the stiffness that they have there.
+    /// Stiffness within that angle, as a share of the stiffness beyond it.
     pub soft_share: f64,
     /// Delay of the disc speed signal.
     pub clutch_speed_delay: SignalDelay,
     /// Delay of the engine speed signal.
     pub engine_speed_delay: SignalDelay,
-    /// Disc speed sensed over disc speed.
+    /// Ratio of the sensed to the actual disc speed.
     pub clutch_speed_gain: f64,
     /// Tyres.
     pub tyre: Tyre,
-    /// The faces' own temperature.
+    /// Excess temperature of the faces.
     pub surface: Surface,
     /// Friction of the release bearing.
     pub release: Release,

@@ -1,4 +1,4 @@
-//! Another constant load: a grade, or rolling resistance.
+//! Additional constant load: a grade, or rolling resistance.
 //!
 //! T = mgR/i · sin(arctan grade) + rolling_torque · tanh(ω_c/ω_L).
 //!
@@ -25,7 +25,7 @@ fn apply(p: &Parameters, vehicle: &Vehicle, omega: f64) -> f64 {
     let grade = p[param::road_load::grade];
     let d = &vehicle.driveline;
     let rolling = p[param::road_load::rolling_torque];
-    // Drives have a grade each, and every stage of every step asks.
+    // Skips tanh for a drive that has only a grade, because every stage of every step evaluates this.
     let rolls = if rolling == 0.0 { 0.0 } else { rolling * driveline::tanh(omega / d.omega_L) };
     d.mgR_over_i * grade / (1.0 + grade * grade).sqrt() + rolls
 }

@@ -1,4 +1,4 @@
-//! Another vehicle inertia: factor · J_c.
+//! Changed vehicle inertia: factor · J_c.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|

@@ -19,14 +19,14 @@ pub enum CallState {
     Initialization = 2,
     /// Between steps.
     StepComplete = 4,
-    /// A step gave no finite values, or the code panicked: a reset or a saved state leads on.
+    /// A step failed or gave values that are not finite, or the code panicked: only a reset or a saved state makes the instance usable again.
     Failed = 8,
     /// After `fmi2Terminate`.
     Terminated = 16,
 }
 
 impl CallState {
-    /// State with this number.
+    /// The state with this number, if there is one.
     pub fn from_number(number: u64) -> Option<Self> {
         [Self::Instantiated, Self::Initialization, Self::StepComplete, Self::Failed, Self::Terminated]
             .into_iter()
@@ -39,7 +39,7 @@ impl CallState {
 pub struct Function {
     /// Its name in C.
     pub name: &'static str,
-    /// Sum of the states.
+    /// Bit mask of the states.
     pub allowed: u8,
 }
 

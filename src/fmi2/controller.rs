@@ -1,7 +1,6 @@
 //! `ClutchController`: the controller behind the FMU.
 //!
-//! Its Real inputs take any value, also one that is not finite: to judge them is the task of the controller's guard, and a
-//! sensor that fails must reach it.
+//! Its Real inputs accept any value, including one that is not finite: judging them is the task of the controller's guard, which the values of a failing sensor must reach.
 
 use super::model::{Event, Model, phase_event, take_vehicle};
 use super::plant::PHASES;
@@ -23,7 +22,7 @@ use crate::vehicle::Vehicle;
 
 include!(concat!(env!("OUT_DIR"), "/ClutchController.rs"));
 
-/// What its model description says.
+/// Its model description.
 pub static DESCRIPTION: Description = Description { name: "ClutchController", guid: GUID, variables: &VARIABLES, lookup: &LOOKUP };
 
 const MODES: [Mode; 4] = [Mode::Open, Mode::Engaging, Mode::Closed, Mode::Closing];
@@ -34,7 +33,7 @@ struct ControllerModel {
     vehicle: Vehicle,
 }
 
-/// A controller for the paper's car, to be started.
+/// A controller for the paper's car, not yet started.
 pub fn make() -> Box<dyn Model> {
     let vehicle = Vehicle::paper();
     Box::new(ControllerModel { controller: Controller::new(&vehicle, &Settings::robust()), vehicle })
@@ -156,7 +155,7 @@ fn walk_settings(settings: &mut Settings, words: &mut impl Words) {
     }
 }
 
-/// Every field by name: a new field does not compile until it is saved too.
+/// Names every field, so that a new field does not compile until it is saved, too.
 fn walk_state(state: &mut State, words: &mut impl Words) {
     let State {
         mode,

@@ -1,5 +1,5 @@
-//! The functions of FMI 2.0 that every FMU and those for co-simulation have. Each goes through the guard.
-// The signatures are the standard's: that a pointer is good, beyond what can be checked, is the importer's promise.
+//! The functions of FMI 2.0 that every FMU has, and those for co-simulation. Each goes through the guard.
+// The signatures are the standard's: that a pointer is valid, beyond what can be checked, is the importer's responsibility.
 #![allow(non_snake_case, missing_docs, clippy::not_unsafe_ptr_arg_deref)]
 
 use super::call;
@@ -42,7 +42,7 @@ pub extern "C" fn fmi2Instantiate(
     if functions.is_null() || !functions.is_aligned() {
         return ptr::null_mut();
     }
-    // SAFETY: checked, and copied: the importer may reuse the struct.
+    // SAFETY: checked for NULL and alignment. The struct is copied, because the importer may reuse it.
     let callbacks = unsafe { functions.read() };
     let (name, guid, location) = (text(instance_name), text(guid), text(resource_location));
     let made = catch_unwind(AssertUnwindSafe(|| {
@@ -280,7 +280,7 @@ pub extern "C" fn fmi2CancelStep(c: *mut c_void) -> Status {
     guard(c, call::CANCEL_STEP, |_| Err(Refusal::NotOffered("no step is ever pending: canRunAsynchronuously is false")))
 }
 
-/// Steps end before `fmi2DoStep` returns, so nothing is ever pending.
+/// The refusal of a status that exists only for a pending step: steps end before `fmi2DoStep` returns, so that nothing is ever pending.
 fn no_status() -> Refusal {
     Refusal::NothingToReport("this status is only known while a step is pending, which none ever is")
 }
@@ -309,7 +309,7 @@ pub extern "C" fn fmi2GetIntegerStatus(c: *mut c_void, kind: c_int, _value: *mut
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi2GetBooleanStatus(c: *mut c_void, kind: c_int, value: *mut i32) -> Status {
     guard(c, call::GET_BOOLEAN_STATUS, |_| match kind {
-        // The models run on as long as they are asked to.
+        // The models never end a simulation by themselves.
         TERMINATED => fill(value, 1, "value", |_| Ok(FALSE)),
         _ => Err(Refusal::Argument("s", f64::from(kind), "not a kind of status that this function gives")),
     })

@@ -1,4 +1,4 @@
-//! The one way in from C: null check, identity check, call-sequence mask, `catch_unwind`, and, at the very end, the log line.
+//! The single entry point for calls from C: null check, identity check, call-sequence mask, `catch_unwind`, and, at the very end, the log line.
 
 use super::call::{CallState, Function};
 use super::instance::Instance;
@@ -11,22 +11,22 @@ use std::ffi::{CStr, c_char, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// Marks a living component.
+/// Marks a component that has not been freed.
 const ALIVE: u64 = 0x4b69_7373_506f_696e;
 
-/// Most values in one call: beyond this the count is a mistake.
+/// Largest number of values in one call: a greater count is a mistake.
 const MOST_VALUES: usize = 1 << 20;
 
 /// What `fmi2Component` points to.
 #[repr(C)]
 pub(super) struct Component {
     magic: u64,
-    /// A call is running: another thread is in here.
+    /// Whether a call is running; any other call on the instance is then refused.
     busy: AtomicBool,
     instance: UnsafeCell<Instance>,
 }
 
-/// How many instances the importer holds. What they share goes with the last one: a library that is unloaded leaves nothing behind.
+/// Number of instances that the importer holds. What they share is dropped with the last one, so that a library that is unloaded leaves nothing behind.
 static HELD: AtomicUsize = AtomicUsize::new(0);
 
 /// Gives an instance to the importer.
@@ -45,16 +45,16 @@ fn component<'a>(pointer: *mut c_void) -> Option<&'a Component> {
     unsafe { ((&raw const (*pointer).magic).read() == ALIVE).then(|| &*pointer) }
 }
 
-/// Takes an instance back and drops it; anything else is left alone.
+/// Takes an instance back and drops it; any other pointer is ignored.
 pub(super) fn take_back(pointer: *mut c_void) {
     let Some(held) = component(pointer) else { return };
     if held.busy.load(Ordering::Relaxed) {
         return;
     }
     let pointer = pointer.cast::<Component>();
-    // A panic in dropping must not reach C either.
+    // A panic while dropping must not reach C either.
     let _ = catch_unwind(AssertUnwindSafe(|| {
-        // SAFETY: hand_out made it with Box, and the magic number, wiped here, says that it was not taken back before.
+        // SAFETY: hand_out made it with Box, and the magic number, cleared here, shows that it has not been taken back before.
         unsafe {
             (&raw mut (*pointer).magic).write_volatile(0);
             drop(Box::from_raw(pointer));
@@ -73,7 +73,7 @@ pub(super) fn guard(
     body: impl FnOnce(&mut Instance) -> Result<Status, Refusal>,
 ) -> Status {
     let Some(component) = component(pointer) else { return Status::Error };
-    // Plain loads and stores: an instance belongs to one thread at a time. Loggers may call back, for they are called when all is done.
+    // Plain loads and stores suffice, because an instance belongs to one thread at a time. A logger may call back, because it is called after everything else.
     if component.busy.load(Ordering::Relaxed) {
         return Status::Error;
     }
@@ -91,7 +91,7 @@ pub(super) fn guard(
     let status = outcome.unwrap_or_else(|refusal| report(instance, function, &refusal));
     let message = instance.log.take();
     component.busy.store(false, Ordering::Relaxed);
-    // Nothing is touched after this: the logger may have freed the instance, or may never return.
+    // Nothing is accessed after this: the logger may have freed the instance, or may never return.
     if let Some(message) = message {
         message.send();
     }
@@ -108,17 +108,17 @@ fn report(instance: &mut Instance, function: &Function, refusal: &Refusal) -> St
 /// The importer's array of `count` values.
 ///
 /// # Errors
-/// NULL though `count` is not 0, a count beyond reason, or a pointer that is not aligned.
+/// NULL although `count` is not 0, an excessive count, or a pointer that is not aligned.
 pub(super) fn array<'a, T>(pointer: *const T, count: usize, name: &'static str) -> Result<&'a [T], Refusal> {
     check_array(pointer, count, name)?;
-    // SAFETY: checked above; that `count` values are there is the importer's promise.
+    // SAFETY: checked above; that `count` values are there is the importer's responsibility.
     Ok(if count == 0 { &[] } else { unsafe { std::slice::from_raw_parts(pointer, count) } })
 }
 
 /// Writes `count` values into the importer's array.
 ///
 /// # Errors
-/// As [`array`], or as `value`.
+/// Those of [`array`] and of `value`.
 pub(super) fn fill<T>(
     pointer: *mut T,
     count: usize,
@@ -145,7 +145,7 @@ fn check_array<T>(pointer: *const T, count: usize, name: &'static str) -> Result
     }
 }
 
-/// The importer's string; none if it is NULL.
+/// The importer's string; `None` if it is NULL.
 pub(super) fn text<'a>(pointer: *const c_char) -> Option<&'a CStr> {
     // SAFETY: the importer promises NUL-terminated strings.
     (!pointer.is_null()).then(|| unsafe { CStr::from_ptr(pointer) })

@@ -15,64 +15,64 @@ use std::ops::Range;
 /// Longest communication step, s: it bounds the work of a call.
 pub const LONGEST_STEP: f64 = 1000.0;
 
-/// Rounding allowed between the importer's clock and ours: a few last places of the time, and a share of the step.
+/// Rounding error allowed between the importer's clock and ours: a few units in the last place of the time, and a share of the step.
 const CLOCK_ROUNDING: f64 = 8.0 * f64::EPSILON;
 const CLOCK_SHARE_OF_STEP: f64 = 1e-4;
 
-/// Longest piece of a step over which an input with a derivative is held, at its value in the middle, s.
+/// Longest piece of a step over which an input with a derivative is held, at its value in the middle of the piece, s.
 const PIECE: f64 = 1e-3;
 
-/// Room for the inputs of any model.
+/// Largest number of inputs of any model.
 const MOST_INPUTS: usize = 16;
 
-/// What an instance is made of.
+/// The parts of an instance.
 pub struct Parts {
     /// The model.
     pub registered: &'static Registered,
     /// Its start values.
     pub fresh: Box<[f64]>,
-    /// Faults that it plays.
+    /// Faults to be played.
     pub faults: Faults,
-    /// What a campaign has found of it.
+    /// Where a campaign has validated the plant, and how well its clutch torque is known there.
     pub validated: Option<Validated>,
 }
 
 /// An instance.
 pub struct Instance {
-    /// What its model description says.
+    /// Its model description.
     pub description: &'static Description,
-    /// Where it is in its life.
+    /// State in the sequence of calls.
     pub call_state: CallState,
-    /// Where its messages go.
+    /// Receives its messages.
     pub log: Log,
     model: Box<dyn Model>,
     /// Values after instantiation and reset.
     fresh: Box<[f64]>,
     faults: Faults,
     values: Box<[f64]>,
-    /// Outputs before the last step, to tell events.
+    /// Outputs before the last step, for recognising events.
     before: Box<[f64]>,
     /// Derivatives of the inputs in the next step, per second.
     slopes: Box<[f64]>,
-    /// Values as they were checked last; none unless an importer has their address.
+    /// Values as they were last checked; `None` unless an importer has their address.
     checked: Option<Box<[f64]>>,
-    /// Where inputs and outputs stand among the values.
+    /// Positions of the inputs and the outputs among the values.
     inputs: Range<usize>,
     outputs: Range<usize>,
     moving: Moving,
 }
 
-/// What an instance keeps beside its values and its model.
+/// State of an instance in addition to its values and its model.
 #[derive(Clone, Copy, Debug)]
 struct Moving {
     /// End of the last step, s.
     time: f64,
     stop: f64,
-    /// An input has a derivative.
+    /// Whether an input has a derivative other than 0.
     sloped: bool,
-    /// The model has not yet started from the values that stand.
+    /// Whether values were set from which the model has not been started yet.
     stale: bool,
-    /// Tunable parameters were set since the last step.
+    /// Whether tunable parameters were set since the last step.
     tuned: bool,
 }
 
@@ -82,7 +82,7 @@ impl Instance {
     /// A new instance.
     ///
     /// # Panics
-    /// Inputs that do not stand first, or too many.
+    /// If the inputs do not come first, or are too many.
     pub fn from_parts(Parts { registered, fresh, faults, validated }: Parts, log: Log) -> Self {
         let variables = registered.description.variables;
         let range = |wanted: Causality| {
@@ -120,7 +120,7 @@ impl Instance {
     /// `fmi2SetupExperiment`.
     ///
     /// # Errors
-    /// Times that make no experiment.
+    /// The times or the tolerance are not admissible.
     pub fn setup(&mut self, start: f64, stop: Option<f64>, tolerance: Option<f64>) -> Result<Status, Refusal> {
         if !start.is_finite() {
             return Err(Refusal::Argument("startTime", start, "not finite"));
@@ -138,7 +138,7 @@ impl Instance {
     /// `fmi2ExitInitializationMode`.
     ///
     /// # Errors
-    /// Parameters that contradict each other; the mode stays.
+    /// Parameters contradict each other; the instance then stays in initialization mode.
     pub fn exit_initialization(&mut self) -> Result<Status, Refusal> {
         self.refresh()?;
         self.moving.tuned = false;
@@ -146,7 +146,7 @@ impl Instance {
         Ok(Status::Ok)
     }
 
-    /// `fmi2Reset`: as after instantiation.
+    /// `fmi2Reset`: returns to the state after instantiation.
     pub fn reset(&mut self) {
         self.values.copy_from_slice(&self.fresh);
         // The start values agree with each other: those of the XML do, and a vehicle file is checked when it is read.
@@ -158,7 +158,7 @@ impl Instance {
         self.call_state = CallState::Instantiated;
     }
 
-    /// Starts the model anew if a value was set since, or written directly.
+    /// Restarts the model if a value has been set since its last start, or written directly.
     fn refresh(&mut self) -> Result<(), Refusal> {
         self.check_direct_writes()?;
         if self.moving.stale {
@@ -177,7 +177,7 @@ impl Instance {
     /// Value of a variable of one of these kinds.
     ///
     /// # Errors
-    /// No such variable; or, in initialization, parameters that contradict each other.
+    /// There is no such variable, it is of another kind, or, in initialization mode, parameters contradict each other.
     #[inline]
     pub fn get(&mut self, reference: u32, kinds: &[Kind]) -> Result<f64, Refusal> {
         let (index, variable) = self.find(reference, kinds)?;
@@ -234,11 +234,11 @@ impl Instance {
         }
     }
 
-    /// Sets derivatives of inputs that hold over the next step, all or none. Those of an order above 1 are ignored with a warning: the standard has
-    /// nothing by which an FMU could say beforehand how high it goes.
+    /// Sets derivatives of inputs, which apply to the next step: all of them, or none. Those of an order above 1 are ignored with a warning, because
+    /// the standard gives an FMU no means to declare beforehand which orders it supports.
     ///
     /// # Errors
-    /// A variable that is no continuous input, an order that is none, or a derivative that is no number.
+    /// A variable that is not a continuous input, an order below 1, or a derivative that is not finite.
     pub fn set_slopes(&mut self, triples: impl Iterator<Item = (u32, i32, f64)> + Clone) -> Result<Status, Refusal> {
         for (reference, order, value) in triples.clone() {
             let (_, variable) = self.find(reference, &[Kind::Real])?;
@@ -271,7 +271,7 @@ impl Instance {
     /// `fmi2DoStep`.
     ///
     /// # Errors
-    /// A step that is none, or that left no numbers.
+    /// The step is not admissible, the plant is too fast to be followed, or the results are not finite.
     pub fn do_step(&mut self, point: f64, h: f64) -> Result<Status, Refusal> {
         let end = self.check_step(point, h)?;
         self.check_direct_writes()?;
@@ -285,7 +285,7 @@ impl Instance {
         }
         let made = if self.moving.sloped { self.step_along_slopes(h) } else { self.model.step(&mut self.values, h) };
         if let Err(too_fast) = made {
-            // A part of the step was made: only a reset or a saved state leads on.
+            // A part of the step has been made, so that only a reset or a saved state makes the instance usable again.
             self.call_state = CallState::Failed;
             return Err(too_fast.into());
         }
@@ -294,7 +294,7 @@ impl Instance {
             self.call_state = CallState::Failed;
             return Err(Refusal::Diverged(&self.description.variables[index], self.values[index]));
         }
-        // The importer's clock leads: ours would drift from it by the sum of all roundings.
+        // The importer's clock is authoritative: a clock of our own would drift from it by the sum of all rounding errors.
         self.moving.time = end;
         if logs_events {
             self.log_event(end);
@@ -310,7 +310,7 @@ impl Instance {
         }
     }
 
-    /// Steps in pieces, each with the inputs that stand in its middle: second order in the piece.
+    /// Makes a step in pieces, each with the inputs at its middle, which is second-order accurate in the length of a piece.
     fn step_along_slopes(&mut self, h: f64) -> Result<(), TooFast> {
         let pieces = (h / PIECE * (1.0 - 1e-9)).ceil().max(1.0);
         let piece = h / pieces;
@@ -330,13 +330,13 @@ impl Instance {
         Ok(())
     }
 
-    /// Address of the values, for a calibration tool that reads and writes them between calls.
+    /// The values, for a calibration tool that reads and writes them between calls.
     pub fn share_values(&mut self) -> &mut [f64] {
         self.checked = Some(self.values.clone());
         &mut self.values
     }
 
-    /// Takes what was written to the values directly as if it had been set; what cannot be set is put back.
+    /// Treats values that were written directly as if they had been set; a value that cannot be set is restored.
     pub fn check_direct_writes(&mut self) -> Result<(), Refusal> {
         let Some(mut checked) = self.checked.take() else { return Ok(()) };
         let mut outcome = Ok(());
@@ -353,7 +353,7 @@ impl Instance {
         outcome
     }
 
-    /// End of the step, if it can be made.
+    /// End of the step, if the step is admissible.
     fn check_step(&self, point: f64, h: f64) -> Result<f64, Refusal> {
         if !point.is_finite() {
             return Err(Refusal::CommunicationPoint(point, self.moving.time));
@@ -382,17 +382,17 @@ impl Instance {
         Ok(end)
     }
 
-    /// End of the last step that was made, s.
+    /// End of the last step that was completed, s.
     pub fn last_successful_time(&self) -> f64 {
         self.moving.time
     }
 
-    /// Room that a saved state may need, in words.
+    /// Largest size of a saved state, in words.
     pub fn most_words(&self) -> usize {
         self.values.len() + self.slopes.len() + 8 + self.model.most_words()
     }
 
-    /// Appends everything that determines what follows.
+    /// Appends everything that determines the instance's further behaviour.
     pub fn save(&self, payload: &mut Vec<u64>) {
         let mut writer = Writer(payload);
         writer.choice(&mut self.call_state.clone(), |s| s as u64, &[]);
@@ -403,10 +403,10 @@ impl Instance {
         self.model.save(&mut writer);
     }
 
-    /// Takes up what [`Instance::save`] appended, or what [`Instance::check_state`] has found sound.
+    /// Restores what [`Instance::save`] appended, or what [`Instance::check_state`] has accepted.
     ///
     /// # Errors
-    /// Words that no instance of this model saved; then the instance must be reset.
+    /// The words are not a state of this model; the instance must then be reset.
     pub fn load(&mut self, payload: &[u64]) -> Result<Status, Refusal> {
         self.read(Reader { words: payload, failed: false, foreign: false })
     }
@@ -431,14 +431,14 @@ impl Instance {
         Ok(Status::Ok)
     }
 
-    /// Whether [`Instance::load`] would take this, tried on a scratch instance.
+    /// Whether [`Instance::load`] would accept this state, tried on a scratch instance.
     ///
     /// # Errors
     /// As [`Instance::load`].
     pub fn check_state(&self, payload: &[u64]) -> Result<Status, Refusal> {
         let registered = super::model::find(self.description.guid).ok_or(Refusal::Panic)?;
         let silent = Log::new(None, std::ptr::null_mut(), std::ffi::CString::default(), false);
-        // What a campaign has found is no part of a state.
+        // What a campaign has found is not part of a state.
         let parts = Parts { registered, fresh: self.fresh.clone(), faults: self.faults.clone(), validated: None };
         let mut scratch = Self::from_parts(parts, silent);
         scratch.read(Reader { words: payload, failed: false, foreign: true })?;

@@ -1,8 +1,7 @@
 //! The importer's logger.
 //!
-//! A call leaves at most one message. It is preformatted: `%` is doubled, because the logger is called in the manner of `printf`,
-//! and the category is always one that the model description declares. The logger is called when the call has done everything else
-//! and the instance is free again: a logger may call back, or jump away and never return.
+//! A call leaves at most one message. Its `%` signs are doubled, because the logger interprets it like `printf`, and its category is always one that the model description
+//! declares. The logger is called when the call has done everything else and the instance is free again: a logger may call back, or jump away and never return.
 
 use super::refusal::Refusal;
 use super::types::{LoggerFn, Status};
@@ -18,7 +17,7 @@ pub enum Category {
     Warning,
     /// `logEvents`.
     Events,
-    /// `logAll`: switches all of them.
+    /// `logAll`: switches all categories.
     All,
 }
 
@@ -32,19 +31,19 @@ const CATEGORIES: [(Category, &CStr); 4] = [
 /// Longest message, in bytes.
 const LONGEST: usize = 1024;
 
-/// Where an instance's messages go: what of the callbacks struct is needed, copied.
+/// Destination of an instance's messages: a copy of what is needed from the callbacks struct.
 pub struct Log {
     logger: Option<LoggerFn>,
     environment: *mut c_void,
     instance: CString,
     enabled: [bool; 4],
-    /// Status and category of the message in `line`, if one waits.
+    /// Status and category of the message in `line`, if one is waiting.
     waiting: Option<(Status, Category)>,
     line: Line,
 }
 
 impl Log {
-    /// Errors and warnings are always on at first, events if `debug`.
+    /// Errors and warnings are enabled at first, events only if `debug`.
     pub fn new(logger: Option<LoggerFn>, environment: *mut c_void, instance: CString, debug: bool) -> Self {
         Self { logger, environment, instance, enabled: [true, true, debug, debug], waiting: None, line: Line::EMPTY }
     }
@@ -54,10 +53,10 @@ impl Log {
         self.logger.is_some() && self.enabled[category as usize]
     }
 
-    /// `fmi2SetDebugLogging`: no category named means all.
+    /// `fmi2SetDebugLogging`: without names it switches all categories.
     ///
     /// # Errors
-    /// A category that is not declared; then nothing is changed.
+    /// A category is not declared; nothing is changed then.
     pub fn switch(&mut self, on: bool, names: &[&CStr]) -> Result<(), Refusal> {
         let mut enabled = if names.is_empty() { [on; 4] } else { self.enabled };
         for name in names {
@@ -72,17 +71,17 @@ impl Log {
         Ok(())
     }
 
-    /// Leaves a message if its category is wanted.
+    /// Stores a message, to be sent at the end of the call, if its category is wanted.
     pub fn write(&mut self, status: Status, category: Category, message: fmt::Arguments) {
         if self.wants(category) {
             self.line = Line::EMPTY;
-            // A message that is too long ends early, which is no error.
+            // A message that is too long is cut off, which is not an error.
             let _ = self.line.write_fmt(message);
             self.waiting = Some((status, category));
         }
     }
 
-    /// Takes the message that waits, if one does.
+    /// Takes the waiting message, if there is one.
     #[inline]
     pub fn take(&mut self) -> Option<Message> {
         self.waiting.is_some().then(|| self.taken()).flatten()
@@ -95,7 +94,7 @@ impl Log {
     }
 }
 
-/// A message on its way: it needs nothing of the instance but its name, which lives until the importer frees the instance.
+/// A message that is ready to be sent. All it needs from the instance is its name, which lives until the importer frees the instance.
 #[derive(Clone, Copy)]
 pub struct Message {
     logger: LoggerFn,
@@ -107,7 +106,7 @@ pub struct Message {
 }
 
 impl Message {
-    /// The message under the importer's own copy of the instance's name, for an instance that was never made.
+    /// The message with the importer's own copy of the instance's name, for an instance that could not be made.
     pub fn named(self, name: &CStr) -> Self {
         Self { instance: name.as_ptr(), ..self }
     }
@@ -115,7 +114,7 @@ impl Message {
     /// Calls the logger.
     pub fn send(&self) {
         let name = CATEGORIES[self.category as usize].1;
-        // SAFETY: the importer promises a logger of this type; all pointers are NUL-terminated and live through the call.
+        // SAFETY: the importer promises a logger of this type; all pointers are NUL-terminated and live until it returns.
         unsafe { (self.logger)(self.environment, self.instance, self.status as c_int, name.as_ptr(), self.line.bytes.as_ptr().cast()) }
     }
 }

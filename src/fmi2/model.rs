@@ -1,4 +1,4 @@
-//! What the generic layer asks of a model.
+//! The interface between the generic layer and a model.
 
 use super::guid;
 use super::variables::{Description, Variable};
@@ -12,58 +12,57 @@ use crate::vehicle::{NUMBERS, Vehicle};
 /// A model behind an FMU. `values` hold every variable in the order of the model description; a model reads inputs and parameters
 /// there, and writes its outputs.
 pub trait Model: Send {
-    /// Takes the start state that inputs and parameters describe, and writes the outputs.
+    /// Starts from the state that inputs and parameters describe, and writes the outputs.
     ///
     /// # Errors
     /// Parameters that contradict each other.
     fn start(&mut self, values: &mut [f64]) -> Result<(), String>;
 
-    /// Why a value within its bounds is impossible all the same.
+    /// Why a value is inadmissible although it is within its bounds.
     fn objection(&self, _variable: &Variable, _value: f64) -> Option<&'static str> {
         None
     }
 
-    /// Takes tunable parameters that were changed.
+    /// Applies tunable parameters that have changed.
     ///
     /// # Errors
-    /// Parameters that make no plant; those before stay.
+    /// The plant would be too fast to be followed; the previous parameters stay in effect.
     fn tune(&mut self, values: &[f64]) -> Result<(), TooFast>;
 
-    /// Takes faults to play, before the start; a model without effects has none.
+    /// Sets the faults to be played, before the start; a model without effects has none.
     fn take_faults(&mut self, _faults: Faults) {}
 
-    /// Takes what a campaign has found of the car that these values make, before the start; only a plant has use for it.
+    /// Sets what a campaign has found of the car that these values describe, before the start; only a plant uses it.
     fn take_validated(&mut self, _validated: Validated, _values: &[f64]) {}
 
     /// Advances by `h` seconds with the inputs held, and writes the outputs.
     ///
     /// # Errors
-    /// Faults that make no plant; then the step ends where they begin.
+    /// Faults make the plant too fast to be followed; the step then ends where they begin.
     fn step(&mut self, values: &mut [f64], h: f64) -> Result<(), TooFast>;
 
     /// Appends the state.
     fn save(&self, to: &mut Writer);
 
-    /// Takes a state that [`Model::save`] wrote, with the values that stood then.
+    /// Restores a state that [`Model::save`] wrote, with the values of that time.
     fn load(&mut self, values: &[f64], from: &mut Reader);
 
-    /// Most words that [`Model::save`] appends.
+    /// Largest number of words that [`Model::save`] appends.
     fn most_words(&self) -> usize;
 
-    /// What happened in the last step that is worth a line in the log.
-    /// `before` gives the outputs before it.
+    /// An event in the last step that is worth a line in the log. `before` returns the outputs before the step.
     fn event(&self, before: &dyn Fn(usize) -> f64, values: &[f64]) -> Option<Event>;
 }
 
 /// Something worth a line in the log.
 pub struct Event {
-    /// What.
+    /// Description of the event.
     pub what: &'static str,
-    /// An input is wrong: a warning.
+    /// Whether it is a warning: an input is implausible.
     pub warning: bool,
 }
 
-/// A model by the GUID of one of its FMUs, whatever its start values.
+/// The model to which an FMU's GUID belongs, whatever the FMU's start values.
 pub fn find(guid: &str) -> Option<&'static Registered> {
     let (interface, tail) = guid.as_bytes().split_at_checked(guid::OF_INTERFACE)?;
     if guid.len() != guid::LENGTH || !tail.iter().all(|c| matches!(c, b'0'..=b'9' | b'a'..=b'f')) {
@@ -74,9 +73,9 @@ pub fn find(guid: &str) -> Option<&'static Registered> {
 
 /// A model that this library holds.
 pub struct Registered {
-    /// Its variables.
+    /// Its model description.
     pub description: &'static Description,
-    /// Makes one.
+    /// Creates one.
     pub make: fn() -> Box<dyn Model>,
 }
 
@@ -86,7 +85,7 @@ pub static MODELS: [Registered; 2] = [
     Registered { description: &super::controller::DESCRIPTION, make: super::controller::make },
 ];
 
-/// Writes the vehicle's numbers and the effects' parameters into the values, as far as the model has them.
+/// Writes the vehicle's numbers and the effects' parameters into the values, as far as the model has variables for them.
 pub fn put_vehicle(description: &Description, vehicle: &Vehicle, effects: &Parameters, values: &mut [f64]) {
     let effects = PARAMETERS.iter().zip(effects).map(|(p, value)| (p.value_reference, p.variable, *value));
     let numbers = NUMBERS.iter().map(|n| (n.value_reference, n.name, (n.get)(vehicle)));
@@ -98,7 +97,7 @@ pub fn put_vehicle(description: &Description, vehicle: &Vehicle, effects: &Param
     }
 }
 
-/// Reads the vehicle's numbers out of the values: both models give them the same references.
+/// Reads the vehicle's numbers from the values. Both models give them the same value references.
 pub fn take_vehicle(description: &Description, values: &[f64]) -> Vehicle {
     let mut vehicle = Vehicle::paper();
     for number in &NUMBERS {
@@ -109,7 +108,7 @@ pub fn take_vehicle(description: &Description, values: &[f64]) -> Vehicle {
     vehicle
 }
 
-/// Lock-up, break-away and contact, of two phases that follow each other.
+/// The event between two consecutive phases, if they differ: lock-up, break-away, contact or opening.
 pub fn phase_event(before: f64, now: f64) -> Option<Event> {
     let what = match (before as u8, now as u8) {
         (a, b) if a == b => return None,

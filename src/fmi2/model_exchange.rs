@@ -1,4 +1,4 @@
-//! The functions of FMI 2.0 for model exchange: some importers resolve all symbols, so they are here, and refuse.
+//! The functions of FMI 2.0 for model exchange. Some importers resolve all symbols, so that the functions exist, but they refuse.
 #![allow(non_snake_case, missing_docs)]
 
 use super::call::{self, Function};

@@ -22,13 +22,13 @@ use std::sync::LazyLock;
 
 include!(concat!(env!("OUT_DIR"), "/DrivelinePlant.rs"));
 
-/// What its model description says.
+/// Its model description.
 pub static DESCRIPTION: Description = Description { name: "DrivelinePlant", guid: GUID, variables: &VARIABLES, lookup: &LOOKUP };
 
-/// Shafts stiffer than this are rigid, rad/(N·m).
+/// Least compliance of shafts that are not rigid, rad/(N·m).
 const LEAST_COMPLIANCE: f64 = 1e-6;
 
-/// Where the vehicle's numbers stand among the values.
+/// Positions of the vehicle's numbers among the values.
 const NUMBERS_AT: Range<usize> = at::friction_R_1..at::driveline_mgR_over_i + 1;
 
 struct PlantModel {
@@ -37,25 +37,25 @@ struct PlantModel {
     /// The values that `vehicle` was taken from.
     numbers: [f64; NUMBERS.len()],
     faults: Faults,
-    /// Effects at the start, from which faults depart.
+    /// Effects at the start, which faults then change.
     base: Parameters,
     validated: Option<Known>,
 }
 
-/// What a campaign has found, and the car of which it has found it.
+/// What a campaign has found, and the car to which it applies.
 struct Known {
     found: Validated,
     vehicle: Vehicle,
     effects: Parameters,
-    /// Whether the plant still is that car.
+    /// Whether the plant still is this car.
     applies: bool,
-    /// The kept place that was nearest last.
+    /// Index of the place that was nearest last.
     near: usize,
 }
 
-/// A plant of the paper's car, to be started.
+/// A plant of the paper's car, not yet started.
 pub fn make() -> Box<dyn Model> {
-    // The configuration alone: it holds no memory of its own, so that nothing is left behind when the library is unloaded.
+    // Only the configuration is shared: it owns no memory, so that nothing is left behind when the library is unloaded.
     static PAPER: LazyLock<Config> = LazyLock::new(|| Config::new(&Vehicle::paper(), &effects::null()));
     let start = Start { omega_f: 0.0, omega_c: 0.0, theta_c: 25.0, theta_b: 25.0 };
     Box::new(PlantModel {
@@ -81,7 +81,7 @@ impl Model for PlantModel {
         self.vehicle = vehicle;
         self.numbers.copy_from_slice(&values[NUMBERS_AT]);
         self.base = parameters(values);
-        // In place: a new plant would pass over the stack.
+        // In place, because a new plant would be built on the stack.
         let state = *self.plant.state();
         self.plant.take_up(&vehicle, &parameters(values), &state);
         self.plant.config().pace.check().map_err(|e| e.to_string())?;
@@ -176,7 +176,7 @@ impl Model for PlantModel {
 }
 
 impl PlantModel {
-    /// Steps from one change of the faults to the next. From its onset on a fault owns its parameter, also among the values.
+    /// Steps from one change of the faults to the next. From its onset on, a fault controls its parameter, including its value among the variables.
     fn step_through_faults(&mut self, values: &mut [f64], h: f64) -> Result<(), TooFast> {
         let mut left = h;
         loop {
@@ -220,7 +220,7 @@ impl PlantModel {
 }
 
 impl PlantModel {
-    /// Whether the plant still is the car of which a campaign has found something.
+    /// Updates whether the plant still is the car to which a campaign's findings apply.
     fn compare(&mut self) {
         if let Some(known) = &mut self.validated {
             let config = self.plant.config();
@@ -228,7 +228,7 @@ impl PlantModel {
         }
     }
 
-    /// Validity and σ of the clutch torque in N·m. A plant with any other number or effect than the one that was retuned was validated nowhere.
+    /// Validity, and σ of the clutch torque in N·m. A plant in which any number or effect differs from the retuned one has been validated nowhere.
     #[inline]
     fn known(&mut self, now: &Outputs) -> (f64, f64) {
         let Some(known) = &mut self.validated else { return (0.0, UNKNOWN_NM) };
@@ -254,7 +254,7 @@ fn walk_parameters(parameters: &mut Parameters, words: &mut impl Words) {
     words.reals_within(parameters, PARAMETERS.iter().map(|p| (p.min, p.max)));
 }
 
-/// Every field by name: a new field does not compile until it is saved too.
+/// Names every field, so that a new field does not compile until it is saved, too.
 fn walk_state(state: &mut State, words: &mut impl Words) {
     let State { time, y, stuck, direction, rest, engine, limited, lagged, led, bearing, memory, presliding, filtered, inputs } = state;
     let Inputs { x_to, t_e_ref, theta_h, t_load } = inputs;
@@ -282,5 +282,5 @@ fn walk_state(state: &mut State, words: &mut impl Words) {
     }
 }
 
-/// All phases, as enumerations count them.
+/// All phases, in the order of the enumerations.
 pub(super) const PHASES: [Phase; 3] = [Phase::Open, Phase::Slipping, Phase::Locked];

@@ -1,4 +1,4 @@
-//! Why a call was refused. Making one and printing it allocates nothing, so that a bench is not disturbed by a bad value.
+//! Why a call was refused. Refusing a value or a step and printing the reason allocates nothing, so that a bench is not disturbed by a bad value.
 
 use super::call::CallState;
 use super::types::Status;
@@ -71,7 +71,7 @@ fn settability(variable: &Variable) -> impl fmt::Display + use<> {
     }
 }
 
-/// A number in as few digits as tell it: 5e-324 rather than 324 of them. NaN is compared with nothing, for an importer may trap that.
+/// Formats a number with as few digits as identify it: 5e-324 rather than 324 digits. NaN is not compared with anything, because an importer may trap that.
 fn number(value: &f64) -> impl fmt::Display {
     struct Number(f64);
     impl fmt::Display for Number {

@@ -1,10 +1,10 @@
-//! From `fmuResourceLocation` to the start values.
+//! The start values, from `fmuResourceLocation`.
 //!
-//! The vehicle of the resources must be the one that the GUID names. Where none can be read, the values of the source serve if the GUID names
-//! those; any other car is refused, for it would be the wrong one.
+//! The vehicle in the resources must be the one that the GUID identifies. If none can be read, the start values of the model description are used,
+//! provided that the GUID identifies those; otherwise instantiation is refused, because the FMU would start as the wrong car.
 //!
 //! Importers write the URI as `file:///dir`, `file:/dir` or `file://localhost/dir`, percent-encoded or not, some as a plain path.
-//! In what encoding its bytes stand is the file system's affair: on Unix any bytes are a path, elsewhere they must be UTF-8.
+//! The URI's bytes are in the encoding of the file system: on Unix any bytes are a path, elsewhere they must be UTF-8.
 
 use super::guid;
 use super::log::{Category, Log};
@@ -25,13 +25,13 @@ use std::time::SystemTime;
 /// File with the vehicle's numbers in the resources.
 const VEHICLE_FILE: &str = "vehicle.json";
 
-/// Begin of a URI that holds the vehicle file's text as it stands.
+/// Prefix of a URI that contains the text of the vehicle file.
 const IN_ITSELF: &[u8] = b"data:application/json,";
 
 enum Missing {
-    /// There is none to read.
+    /// There is no vehicle file that can be read.
     Absent(String),
-    /// It was read and is wrong.
+    /// The vehicle file was read and is invalid.
     Wrong(String),
 }
 
@@ -41,7 +41,7 @@ pub type Started = (Box<[f64]>, Faults, Option<Validated>);
 /// Start values of the FMU with this GUID.
 ///
 /// # Errors
-/// A vehicle file that is unsound, or values that are not those of the GUID.
+/// The vehicle file is invalid, or its values are not those that the GUID identifies.
 pub fn start_values(description: &Description, guid: &str, location: Option<&[u8]>, log: &mut Log) -> Result<Started, String> {
     let place = place_of(location);
     let stamp = place.as_ref().ok().and_then(Place::stamp);
@@ -58,8 +58,8 @@ pub fn start_values(description: &Description, guid: &str, location: Option<&[u8
     Ok(started)
 }
 
-/// The vehicle file that was read last and what came of it: as a rule many instances are made of one FMU. What is kept are the values that the
-/// GUID names, so that a file which had changed without its stamp could start no other car.
+/// The vehicle file that was read last, and the result: usually many instances are made of one FMU. The stored values are those that the GUID
+/// identifies, so that a file that has changed without its stamp cannot start another car.
 struct Latest {
     guid: String,
     stamp: Option<Stamp>,
@@ -68,12 +68,12 @@ struct Latest {
 
 static LATEST: Mutex<Option<Latest>> = Mutex::new(None);
 
-/// Lets go of the vehicle file that was read last.
+/// Forgets the vehicle file that was read last.
 pub fn forget_latest() {
     *LATEST.lock().unwrap_or_else(PoisonError::into_inner) = None;
 }
 
-/// What tells whether a file is still the one that was read: its path, length and time of change.
+/// Path, length and modification time of a file, which show whether it is still the one that was read.
 type Stamp = (PathBuf, u64, SystemTime);
 
 fn checked_start_values(
@@ -87,7 +87,7 @@ fn checked_start_values(
     let absent = match place.and_then(|place| place.read()) {
         Ok(Read { vehicle, effects, faults: read, validated: found }) => {
             put_vehicle(description, &vehicle, &effects, &mut fresh);
-            // Only a model with effects plays them, or is validated.
+            // Only a model with effects can play faults or be validated.
             if description.has_effects() {
                 (faults, validated) = (read, found);
             }
@@ -119,7 +119,7 @@ fn checked_start_values(
     Ok((fresh, faults, validated))
 }
 
-/// What the vehicle file holds.
+/// Contents of the vehicle file.
 struct Read {
     vehicle: Vehicle,
     effects: Parameters,
@@ -127,10 +127,10 @@ struct Read {
     validated: Option<Validated>,
 }
 
-/// Where the vehicle file is.
+/// Location of the vehicle file.
 enum Place<'a> {
     File(PathBuf),
-    /// Its text. An FMU built from C sources, which may have no file system, hands it over in the URI itself.
+    /// The file's text. An FMU built from C sources, which may have no file system, passes it in the URI itself.
     Text(Cow<'a, str>),
 }
 
@@ -173,7 +173,7 @@ fn read(place: &str, text: &str) -> Result<Read, Missing> {
     Ok(Read { vehicle, effects, faults, validated })
 }
 
-/// Folder that the URI names; none if it is no file URI.
+/// Folder that the URI names; `None` if it is empty or has a scheme other than `file`.
 pub fn folder(uri: &[u8]) -> Option<PathBuf> {
     let path = match uri.split_at_checked(5) {
         Some((scheme, rest)) if scheme.eq_ignore_ascii_case(b"file:") => Cow::Owned(percent_decoded(without_authority(rest))),
@@ -199,7 +199,7 @@ fn without_authority(rest: &[u8]) -> &[u8] {
     }
 }
 
-/// `/C:/dir` is `C:/dir`.
+/// Turns `/C:/dir` into `C:/dir`.
 fn without_slash_before_drive(path: &[u8]) -> &[u8] {
     let drive = path.len() > 2 && path[0] == b'/' && path[1].is_ascii_alphabetic() && path[2] == b':';
     if drive { &path[1..] } else { path }
@@ -242,7 +242,7 @@ mod tests {
         ] {
             assert_eq!(folder(uri.as_bytes()), path.map(PathBuf::from), "{uri}");
         }
-        // A folder named in Latin-1, as an old file system has it, encoded or not.
+        // A folder named in Latin-1, as on an old file system, encoded or not.
         #[cfg(unix)]
         assert_eq!((folder(b"file:///m\xfcll"), folder(b"file:///m%fcll")), (as_path(b"/m\xfcll"), as_path(b"/m\xfcll")));
     }

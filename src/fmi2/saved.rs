@@ -7,17 +7,17 @@ use super::types::Status;
 use super::words;
 use std::ffi::{c_char, c_void};
 
-/// Marks a living saved state.
+/// Marks a saved state that has not been freed.
 const ALIVE: u64 = 0x4b69_7373_5361_7665;
 
-/// Longest serialized state accepted: above it the size is a mistake.
+/// Longest serialized state that is accepted: a greater size is a mistake.
 const MOST_BYTES: usize = 1 << 20;
 
 /// What `fmi2FMUstate` points to.
 #[repr(C)]
 struct Saved {
     magic: u64,
-    /// Of the model that it is a state of.
+    /// GUID of the model whose state it is.
     guid: &'static str,
     payload: Vec<u64>,
 }
@@ -29,7 +29,7 @@ fn saved<'a>(pointer: *mut c_void) -> Result<&'a mut Saved, Refusal> {
     }
     // SAFETY: the importer promises a pointer that fmi2GetFMUstate gave; the magic number is read first to see whether it did.
     let alive = pointer.is_aligned() && unsafe { (&raw const (*pointer).magic).read() == ALIVE };
-    // SAFETY: it did, and only one call at a time uses it.
+    // SAFETY: fmi2GetFMUstate gave it, and only one call at a time uses it.
     if alive { Ok(unsafe { &mut *pointer }) } else { Err(Refusal::DamagedState("the pointer is none that fmi2GetFMUstate gave")) }
 }
 
@@ -52,11 +52,11 @@ fn check_target(target: *mut *mut c_void) -> Result<(), Refusal> {
     }
 }
 
-/// `fmi2GetFMUstate`: a state that is already there is written over, which allocates nothing. Values that were written directly are checked first: what a state holds has been.
+/// `fmi2GetFMUstate`: an existing state is overwritten, which allocates nothing. Values that were written directly are checked first, so that a state holds checked values only.
 pub(super) fn get(instance: &mut Instance, target: *mut *mut c_void) -> Result<Status, Refusal> {
     check_target(target)?;
     instance.check_direct_writes()?;
-    // SAFETY: checked; the standard has the importer set it to NULL or to an earlier state.
+    // SAFETY: checked; the standard requires the importer to set it to NULL or to an earlier state.
     let present = unsafe { target.read() };
     if present.is_null() {
         let mut payload = Vec::with_capacity(instance.most_words());
@@ -76,7 +76,7 @@ pub(super) fn set(instance: &mut Instance, pointer: *mut c_void) -> Result<Statu
     instance.load(&state.payload)
 }
 
-/// `fmi2FreeFMUstate`: NULL, within or without, is no state and no mistake.
+/// `fmi2FreeFMUstate`: NULL, either as the argument or behind it, is accepted and has no effect.
 pub(super) fn free(target: *mut *mut c_void) -> Result<Status, Refusal> {
     if target.is_null() {
         return Ok(Status::Ok);
@@ -88,7 +88,7 @@ pub(super) fn free(target: *mut *mut c_void) -> Result<Status, Refusal> {
         return Ok(Status::Ok);
     }
     saved(pointer)?.magic = 0;
-    // SAFETY: `put` made it with Box, and the magic number said that it lives.
+    // SAFETY: `put` made it with Box, and the magic number showed that it has not been freed.
     unsafe {
         drop(Box::from_raw(pointer.cast::<Saved>()));
         target.write(std::ptr::null_mut());
@@ -112,7 +112,7 @@ pub(super) fn serialize(instance: &Instance, pointer: *mut c_void, bytes: *mut c
     fill(bytes, size, "serializedState", |_| Ok(source.next().unwrap_or(0) as c_char))
 }
 
-/// `fmi2DeSerializeFMUstate`: always a new state, for the pointer it is written to may hold anything.
+/// `fmi2DeSerializeFMUstate`: always creates a new state, because the pointer at the target may have any value.
 pub(super) fn deserialize(instance: &Instance, bytes: *const c_char, size: usize, target: *mut *mut c_void) -> Result<Status, Refusal> {
     check_target(target)?;
     if size > MOST_BYTES {
@@ -121,7 +121,7 @@ pub(super) fn deserialize(instance: &Instance, bytes: *const c_char, size: usize
     let bytes = super::guard::array(bytes.cast::<u8>(), size, "serializedState")?;
     let mut payload = words::payload(instance.description.guid, bytes).map_err(Refusal::DamagedState)?;
     instance.check_state(&payload)?;
-    // It may be written over in real time, like one that fmi2GetFMUstate gave.
+    // Reserves room, so that it can be overwritten in real time, like a state that fmi2GetFMUstate gave.
     payload.reserve_exact(instance.most_words().saturating_sub(payload.len()));
     put(target, payload, instance.description.guid);
     Ok(Status::Ok)

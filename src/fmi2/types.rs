@@ -1,4 +1,4 @@
-//! The types of FMI 2.0's C interface: facts of `fmi2TypesPlatform.h` and `fmi2FunctionTypes.h`.
+//! The types of FMI 2.0's C interface, as defined in `fmi2TypesPlatform.h` and `fmi2FunctionTypes.h`.
 //!
 //! | header | here |
 //! |---|---|
@@ -9,8 +9,7 @@
 //! | `fmi2Char`, `fmi2Byte` | `c_char` |
 //! | `fmi2String` | `*const c_char` |
 //!
-//! Enumerations that the importer passes in stay plain integers, for a value that is none of theirs would be undefined
-//! behaviour in a Rust enum.
+//! Enumerations that the importer passes in stay plain integers, because a value that is not one of theirs would be undefined behaviour in a Rust enum.
 
 use std::ffi::{c_char, c_int, c_void};
 
@@ -55,19 +54,19 @@ pub struct CallbackFunctions {
     pub allocate_memory: Option<unsafe extern "C" fn(usize, usize) -> *mut c_void>,
     /// `freeMemory`; never called.
     pub free_memory: Option<unsafe extern "C" fn(*mut c_void)>,
-    /// `stepFinished`; never called, for no step is asynchronous.
+    /// `stepFinished`; never called, because no step is asynchronous.
     pub step_finished: Option<unsafe extern "C" fn(*mut c_void, c_int)>,
     /// `componentEnvironment`.
     pub component_environment: *mut c_void,
 }
 
 impl CallbackFunctions {
-    /// Those of a caller that wants to hear of nothing.
+    /// Callbacks of a caller that wants no messages.
     pub const NONE: Self =
         Self { logger: None, allocate_memory: None, free_memory: None, step_finished: None, component_environment: std::ptr::null_mut() };
 }
 
-/// `fmi2EventInfo`, of model exchange alone.
+/// `fmi2EventInfo`, which only model exchange uses.
 #[derive(Clone, Copy)]
 #[repr(C)]
 #[allow(missing_docs)]

@@ -1,4 +1,4 @@
-//! What a model description says of its variables; `build.rs` fills the tables from the XML.
+//! What a model description states about its variables; `build.rs` fills the tables from the XML.
 
 /// Type of a variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,7 +45,7 @@ pub struct Variable {
     pub variability: Variability,
     /// Unit.
     pub unit: &'static str,
-    /// Start value; of a Boolean 0 or 1.
+    /// Start value; 0 or 1 for a Boolean.
     pub start: f64,
     /// Least value accepted.
     pub min: f64,
@@ -54,7 +54,7 @@ pub struct Variable {
 }
 
 impl Variable {
-    /// An input without bounds: a measurement, of which the model judges by itself whether it is one. It takes any value, also NaN.
+    /// Whether this is an input without bounds: a measurement, whose plausibility the model itself judges. It takes any value, also NaN.
     #[inline]
     pub fn is_measurement(&self) -> bool {
         self.causality == Causality::Input && self.kind == Kind::Real && self.min == f64::NEG_INFINITY && self.max == f64::INFINITY
@@ -66,7 +66,7 @@ impl Variable {
 pub struct Description {
     /// Name of the model.
     pub name: &'static str,
-    /// GUID: a hash of the XML; FMUs with other start values have another tail, see [`super::guid`].
+    /// GUID: a hash of the XML; FMUs with other start values have different last characters, see [`super::guid`].
     pub guid: &'static str,
     /// All variables, in the order of the XML.
     pub variables: &'static [Variable],
@@ -74,7 +74,7 @@ pub struct Description {
     pub lookup: &'static [u16],
 }
 
-/// No variable has this value reference.
+/// Marks a value reference that belongs to no variable.
 pub const NOWHERE: u16 = u16::MAX;
 
 impl Description {

@@ -1,13 +1,13 @@
 //! Saved states as 64-bit words, and their bytes.
 //!
-//! A state is listed once, as a walk over its fields; writing and reading take the same walk. Serialized form, little endian:
+//! A state is described once, as a walk over its fields, which both writing and reading use. Serialized form, little endian:
 //!
 //! ```text
 //! magic and version | GUID hash | number of words | words … | checksum
 //! ```
 //!
-//! No pointer is among them, and equal states give equal bytes. The checksum is FNV-1a over words: each of its steps is a bijection of
-//! the sum, so a change of any one byte is always seen.
+//! The words contain no pointers, and equal states give equal bytes. The checksum is FNV-1a over words: each of its steps is a bijection of the sum,
+//! so that a change of any single byte is always detected.
 
 /// `KissFMU` and the version of the layout.
 const MAGIC: u64 = u64::from_le_bytes(*b"KissFMU\x01");
@@ -19,21 +19,21 @@ const FRAME: usize = 4;
 pub trait Words {
     /// A number.
     fn real(&mut self, value: &mut f64);
-    /// Numbers in a row.
+    /// Several numbers in sequence.
     fn reals(&mut self, values: &mut [f64]) {
         values.iter_mut().for_each(|value| self.real(value));
     }
-    /// Numbers in a row, each of which must lie within its bounds when read from outside.
+    /// Several numbers in sequence, each of which must lie within its bounds when read from outside.
     fn reals_within(&mut self, values: &mut [f64], _: impl Iterator<Item = (f64, f64)>) {
         self.reals(values);
     }
-    /// A number that may be none.
+    /// A number that need not be finite.
     fn any_real(&mut self, value: &mut f64) {
         let mut word = value.to_bits();
         self.word(&mut word, |_| true);
         *value = f64::from_bits(word);
     }
-    /// A word; it must pass `valid` when read.
+    /// A word, which must satisfy `valid` when it is read.
     fn word(&mut self, value: &mut u64, valid: impl Fn(u64) -> bool);
     /// A flag.
     fn flag(&mut self, value: &mut bool) {
@@ -66,13 +66,14 @@ impl Words for Writer<'_> {
     }
 }
 
-/// Takes words off the front; `failed` once one is missing or invalid.
+/// Takes words from the front; `failed` is set once one is missing or invalid.
 pub struct Reader<'a> {
-    /// What is left.
+    /// The remaining words.
     pub words: &'a [u64],
-    /// Something was missing or invalid.
+    /// Whether something was missing or invalid.
     pub failed: bool,
-    /// The words come from outside. What an instance of this process saved are numbers within their bounds, which were checked when they were set or computed.
+    /// Whether the words come from outside. Those that an instance of this process saved are numbers within their bounds, because they were checked
+    /// when they were set or computed.
     pub foreign: bool,
 }
 
@@ -188,7 +189,7 @@ mod tests {
         assert!(payload("other", &good).is_err());
     }
 
-    /// Words from outside that hold what is no number are refused, however many they are.
+    /// Words from outside that are not finite numbers are refused, however many there are.
     #[test]
     fn a_second_fault_does_not_make_up_for_the_first() {
         let read = |all: [f64; 4], foreign: bool| {

@@ -1,8 +1,8 @@
-//! A2L (ASAM MCD-2 MC 1.6) for the calibration bench, in the FMU as FMI-LS-XCP 1.0 asks: measurements and characteristics of a model.
+//! A2L (ASAM MCD-2 MC 1.6) for the calibration bench, placed in the FMU as FMI-LS-XCP 1.0 requires: measurements and characteristics of a model.
 //!
-//! An instance keeps every variable as a 64-bit float in one block, in the order of the model description. The address of a variable is its
-//! place in that block, in bytes; `kisspoint_values` gives the block's own address, which an XCP service adds as its base. What it writes is
-//! checked before the next step as `fmi2SetReal` would check it.
+//! An instance keeps every variable as a 64-bit float in one block, in the order of the model description. The address of a variable is its offset in
+//! that block, in bytes; `kisspoint_values` gives the address of the block, which an XCP service adds as its base. Values that the service writes are
+//! checked before the next step as `fmi2SetReal` would check them.
 
 use super::Model;
 use super::description::attribute;
@@ -13,7 +13,7 @@ use std::fmt::Write;
 /// Folder of the layered standard in an FMU.
 pub const FOLDER: &str = "extra/org.fmi-standard.fmi-ls-xcp";
 
-/// Greatest magnitude written where a variable has no bound.
+/// Magnitude of the bound that is written where a variable has none.
 const UNBOUNDED: f64 = 1e300;
 
 const DESCRIPTION: &str = "Layered standard based on FMI 2.0 and FMI 3.0 for describing and implementing XCP support for FMUs, which can either provide an XCP service or allow direct memory access via A2L files.";
@@ -76,7 +76,7 @@ pub fn write(model: &Model, xml: &str) -> String {
     text + "  /end MODULE\n/end PROJECT\n"
 }
 
-/// Name of the conversion that gives a unit.
+/// Name of the conversion method for a unit.
 fn method(unit: &str) -> String {
     let plain: String = unit.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     format!("Unit_{plain}")

@@ -1,4 +1,4 @@
-//! The model description: from its source to the one in an FMU.
+//! The model description: from its source to the file in an FMU.
 
 use super::{Beside, Model};
 use crate::effects::{PARAMETERS, Parameters};
@@ -10,7 +10,7 @@ pub fn complete(model: &Model, vehicle: &Vehicle, effects: &Parameters) -> Strin
     complete_with(model, vehicle, effects, &Beside::default())
 }
 
-/// The same for an FMU whose vehicle file holds more than its car.
+/// Like [`complete`], for an FMU whose vehicle file holds more than its car.
 pub fn complete_with(model: &Model, vehicle: &Vehicle, effects: &Parameters, beside: &Beside) -> String {
     let filled = model.xml.replace("@VERSION@", env!("CARGO_PKG_VERSION")).replace("@GUID@", &guid(model, vehicle, effects, beside));
     filled.lines().map(|line| with_index(model, &with_start(line, vehicle, effects)) + "\n").collect()
@@ -25,7 +25,7 @@ pub fn guid(model: &Model, vehicle: &Vehicle, effects: &Parameters, beside: &Bes
     description.guid[..guid::OF_INTERFACE].chars().chain(tail).collect()
 }
 
-/// An `Unknown` with indices instead of names; any other line as it is.
+/// Replaces the names in an `Unknown` by indices; returns any other line unchanged.
 fn with_index(model: &Model, line: &str) -> String {
     let Some(name) = attribute(line, "name").filter(|_| line.contains("<Unknown ")) else { return line.to_owned() };
     let index = |name: &str| {
@@ -37,7 +37,7 @@ fn with_index(model: &Model, line: &str) -> String {
     format!("      <Unknown index=\"{}\"{dependencies}/>", index(name))
 }
 
-/// The line of a vehicle's number or of an effect's parameter with its start value; any other line as it is.
+/// Sets the start value in the line of a vehicle's number or of an effect's parameter; returns any other line unchanged.
 fn with_start(line: &str, vehicle: &Vehicle, effects: &Parameters) -> String {
     let value = |name: &str| {
         let number = NUMBERS.iter().find(|n| n.name == name).map(|n| (n.get)(vehicle));
@@ -74,7 +74,7 @@ mod tests {
             };
             assert_eq!((start("friction.m_2"), start("driveline.J_c")), (-1.25e-7, 0.75));
             assert!(!xml.contains('@') && xml.contains(&model.description.guid[..guid::OF_INTERFACE]));
-            // The library serves this FMU, and it is told from the paper's car.
+            // The library serves this FMU, whose GUID differs from that of the paper's car.
             let read_guid = |xml: &str| xml.lines().find_map(|l| attribute(l, "guid").map(str::to_owned)).unwrap();
             let of_paper = read_guid(&complete(model, &Vehicle::paper(), &crate::effects::null()));
             assert_ne!(read_guid(&xml), of_paper);
@@ -82,7 +82,7 @@ mod tests {
             for each in [read_guid(&xml), of_paper] {
                 assert_eq!(crate::fmi2::model::find(&each).unwrap().description.name, model.description.name);
             }
-            // The paper's car is what the source holds: nothing but GUID and version changes.
+            // The source holds the paper's car, so that nothing but GUID and version changes.
             let same = complete(model, &Vehicle::paper(), &crate::effects::null());
             let changed = same.lines().zip(model.xml.lines()).filter(|(a, b)| a != b && !b.contains('@') && !b.contains("<Unknown "));
             for (a, b) in changed {

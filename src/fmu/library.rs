@@ -4,18 +4,18 @@ use super::{FmuError, Model};
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-/// Environment variable that names a library.
+/// Environment variable that names the library.
 pub const VARIABLE: &str = "KISSPOINT_LIBRARY";
 
 /// Folders of the platforms that libraries can be built for.
 pub const PLATFORMS: [&str; 3] = ["linux64", "win64", "aarch64-linux"];
 
-/// A shared library, read.
+/// A shared library that has been read.
 #[derive(Clone, Debug)]
 pub struct Library {
-    /// Where it came from.
+    /// Path that it was read from.
     pub path: PathBuf,
-    /// Folder of the FMU that it goes to.
+    /// Platform folder of the FMU in which it is placed.
     pub platform: &'static str,
     /// Its bytes.
     pub bytes: Vec<u8>,
@@ -25,7 +25,7 @@ impl Library {
     /// Reads a library and recognises its platform.
     ///
     /// # Errors
-    /// A file that cannot be read, or is no shared library for a known platform.
+    /// The file cannot be read, or is no shared library for a known platform.
     pub fn read(path: &Path) -> Result<Self, FmuError> {
         let bytes = fs::read(path).map_err(|source| FmuError::File { path: path.to_owned(), source })?;
         let platform = platform(&bytes).map_err(|what| FmuError::NotALibrary { path: path.to_owned(), what })?;
@@ -38,7 +38,7 @@ impl Library {
         format!("binaries/{}/{}.{ending}", self.platform, model.description.name)
     }
 
-    /// The library must answer to the model's GUID, which stands among its constants.
+    /// Checks that the library holds the model's GUID among its constants.
     pub(super) fn check(&self, model: &Model) -> Result<(), FmuError> {
         let guid = model.description.guid.as_bytes();
         if self.bytes.windows(guid.len()).any(|window| window == guid) {
@@ -48,8 +48,8 @@ impl Library {
     }
 }
 
-/// The library as a WebAssembly module, with which a report replays the plant in a browser: `libraries/wasm32/kisspoint.wasm` beside the executable, or where
-/// `packaging/sources.sh` has put it. None if there is none, or one of other sources: it would be another plant.
+/// The library as a WebAssembly module, with which a report replays the plant in a browser: `libraries/wasm32/kisspoint.wasm` beside the executable, or
+/// where `packaging/sources.sh` has put it. `None` if there is none, or if it was built from other sources, because it would be another plant.
 pub fn module() -> Option<Vec<u8>> {
     let exe = env::current_exe().ok()?;
     let places = ["libraries/wasm32/kisspoint.wasm", "../fmu-sources/kisspoint.wasm"];
@@ -58,7 +58,7 @@ pub fn module() -> Option<Vec<u8>> {
     found.windows(sources.len()).any(|window| window == sources).then_some(found)
 }
 
-/// Overwrites the names of the folders that it was built in with slashes, which keeps every length: an FMU tells nothing of the machine that made it.
+/// Overwrites the paths of the folders that the library was built in with slashes, which keeps every length: an FMU reveals nothing of the machine that made it.
 fn without_places(mut bytes: Vec<u8>) -> Vec<u8> {
     for place in env!("KISSPOINT_PLACES").split('|').filter(|place| place.len() > 1) {
         let finder = |bytes: &[u8], from: usize| bytes[from..].windows(place.len()).position(|w| w == place.as_bytes()).map(|k| from + k);
@@ -71,7 +71,7 @@ fn without_places(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-/// Folder of FMI 2.0 by the file's header; AArch64 has none in the standard and gets the name that tools use.
+/// Platform folder of FMI 2.0 according to the file's header. AArch64 has none in the standard and gets the name that tools use.
 fn platform(bytes: &[u8]) -> Result<&'static str, &'static str> {
     let half = |at: usize| bytes.get(at..at + 2).map(|b| u16::from_le_bytes([b[0], b[1]]));
     if bytes.starts_with(b"\x7fELF\x02\x01") {
@@ -92,11 +92,11 @@ fn platform(bytes: &[u8]) -> Result<&'static str, &'static str> {
     Err("not a shared library")
 }
 
-/// The libraries named, or those found: the one in the environment, all in the folder `libraries` beside the executable, the one beside it or
-/// installed beside it.
+/// The named libraries or, if none is named, those that are found: the one in the environment variable, otherwise all in the folder `libraries`
+/// beside the executable, otherwise the one beside the executable or installed with it.
 ///
 /// # Errors
-/// None at all, one that is unsound, or two for one platform.
+/// None is found, one is invalid, or two are for the same platform.
 pub fn find(named: &[PathBuf]) -> Result<Vec<Library>, FmuError> {
     let paths = if named.is_empty() { search()? } else { named.to_vec() };
     let mut libraries: Vec<Library> = Vec::new();

@@ -1,12 +1,12 @@
-//! Writing FMUs: the shared library, the final model description, and what belongs beside them in the archive.
+//! Writing FMUs: the shared library, the final model description, and the other files in the archive.
 //!
-//! - [`library`]: which shared libraries go in, and for which platform each is
+//! - [`library`]: which shared libraries are included, and for which platform each is
 //! - [`description`]: the model description with GUID, version and a vehicle's start values
-//! - [`sources`]: the same as C99, for targets that compile FMUs for themselves
+//! - [`sources`]: the library as C99, for targets that compile FMUs themselves
 //! - [`html`]: the documentation
 //! - [`a2l`]: addresses for the calibration bench
 //! - [`ssv`]: parameter sets of SSP 1.0
-//! - [`system`]: both FMUs coupled, for masters
+//! - [`system`]: both FMUs coupled, for co-simulation masters
 //!
 //! The bytes are reproducible: fixed order, fixed times, no `./` before names.
 
@@ -33,7 +33,7 @@ use zip::{CompressionMethod, ZipWriter};
 /// One of the two models.
 #[derive(Clone, Copy, Debug)]
 pub struct Model {
-    /// What its tables say.
+    /// Its model description, as tables.
     pub description: &'static variables::Description,
     /// The source of its model description.
     pub xml: &'static str,
@@ -62,10 +62,10 @@ pub enum FmuError {
         "no shared library of kisspoint was found (looked at {0}); build it with `cargo build --release --lib --no-default-features` or name it with --library"
     )]
     NoLibrary(String),
-    /// The environment names a library that is not there.
+    /// The environment variable names a library that does not exist.
     #[error("{}, which the environment variable {} names, is no file; correct the variable, unset it, or name the library with --library", .0.display(), library::VARIABLE)]
     InVariable(PathBuf),
-    /// A file is no shared library that an FMU can hold.
+    /// A file is not a shared library that an FMU can hold.
     #[error("{}: {what}; give an ELF .so or a PE .dll for x86-64 or AArch64", path.display())]
     NotALibrary {
         /// The file.
@@ -73,7 +73,7 @@ pub enum FmuError {
         /// What is wrong with it.
         what: &'static str,
     },
-    /// A library of another version.
+    /// A library was built from another version of the model description.
     #[error("{} does not hold the GUID of {model}: it was built from another model description; build it again with `cargo build --release --lib --no-default-features`", path.display())]
     Outdated {
         /// The file.
@@ -91,15 +91,15 @@ pub enum FmuError {
         /// The other.
         second: PathBuf,
     },
-    /// C sources are not there.
+    /// C sources are missing.
     #[error("{}: {source}; packaging/sources.sh makes the C sources, --sources names their folder", path.display())]
     Sources {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// C sources of another version.
+    /// C sources were made from another version of the model description.
     #[error(
         "the C sources do not hold the GUID of {model}: they were made from another model description; make them again with `packaging/sources.sh`"
     )]
@@ -112,7 +112,7 @@ pub enum FmuError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// The archive cannot be made.
@@ -129,7 +129,7 @@ pub type File = (String, Vec<u8>);
 /// Both FMUs, `launch.ssp` and `OspSystemStructure.xml`.
 ///
 /// # Errors
-/// A library that does not fit the models.
+/// A library or the sources do not fit the models, or an archive cannot be made.
 pub fn all(libraries: &[Library], extras: Extras, vehicle: &Vehicle, effects: &Parameters) -> Result<Vec<File>, FmuError> {
     let mut fmus = Vec::new();
     for model in &MODELS {
@@ -141,7 +141,7 @@ pub fn all(libraries: &[Library], extras: Extras, vehicle: &Vehicle, effects: &P
     Ok(files)
 }
 
-/// The vehicle document of the resources; effects that are set, faults, and what a campaign has found stand in it too, so that the FMU starts with them in every importer.
+/// The vehicle document of the resources. It also holds the effects that are not null, faults, and what a campaign has found, so that the FMU starts with them in every importer.
 fn document(vehicle: &Vehicle, effects: &Parameters, beside: &Beside) -> serde_json::Value {
     let mut document = vehicle.to_value();
     if *effects != effects::null() {
@@ -156,32 +156,32 @@ fn document(vehicle: &Vehicle, effects: &Parameters, beside: &Beside) -> serde_j
     document
 }
 
-/// What an instance of a model is started with, as an importer gives it: GUID, and the text of `resources/vehicle.json`.
+/// What an importer passes in order to start an instance of a model: GUID, and the text of `resources/vehicle.json`.
 pub fn start(model: &Model, vehicle: &Vehicle, effects: &Parameters) -> (String, String) {
     let none = Beside::default();
     (description::guid(model, vehicle, effects, &none), document(vehicle, effects, &none).to_string())
 }
 
-/// What an FMU may hold beyond binaries and a vehicle.
+/// Optional contents of an FMU besides binaries and a vehicle.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Extras<'a> {
     /// C sources.
     pub sources: Option<&'a Sources>,
-    /// What the plant's vehicle file holds beside its car.
+    /// What the plant's vehicle file holds besides its car.
     pub beside: Beside<'a>,
 }
 
-/// What a plant's vehicle file may hold beside its car.
+/// What a plant's vehicle file may hold besides its car.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Beside<'a> {
-    /// Faults that it plays.
+    /// Faults to be played.
     pub faults: Option<&'a Faults>,
-    /// What a campaign has found of it.
+    /// Where a campaign has validated the plant, and how well its clutch torque is known there.
     pub validated: Option<&'a Validated>,
 }
 
 impl Beside<'_> {
-    /// All numbers, to tell one from another.
+    /// All numbers, which enter the GUID.
     fn numbers(&self) -> impl Iterator<Item = f64> {
         self.faults.into_iter().flat_map(Faults::numbers).chain(self.validated.into_iter().flat_map(Validated::numbers))
     }
@@ -190,7 +190,7 @@ impl Beside<'_> {
 /// The bytes of an FMU with these extras.
 ///
 /// # Errors
-/// A library that does not hold this model, or sources that do not.
+/// A library or sources that do not belong to this model.
 pub fn with_extras(
     model: &Model,
     libraries: &[Library],
@@ -225,10 +225,10 @@ pub fn with_extras(
     archive_of(&files)
 }
 
-/// An archive of these files. The time of every entry is the format's earliest, so that equal contents give equal bytes.
+/// An archive of these files. Every entry has the earliest time that the format allows, so that equal contents give equal bytes.
 ///
 /// # Errors
-/// Names or sizes that no archive can have.
+/// A name or size that the format does not allow.
 pub fn archive_of(files: &[File]) -> Result<Vec<u8>, FmuError> {
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
     let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated).last_modified_time(zip::DateTime::default());
@@ -243,7 +243,7 @@ pub fn archive_of(files: &[File]) -> Result<Vec<u8>, FmuError> {
 /// The files of an archive, in its order.
 ///
 /// # Errors
-/// Bytes that are no archive.
+/// The bytes are not an archive.
 pub fn files_of(archive: &[u8]) -> Result<Vec<File>, FmuError> {
     let mut zip = zip::ZipArchive::new(Cursor::new(archive))?;
     let mut files = Vec::with_capacity(zip.len());

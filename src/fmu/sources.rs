@@ -1,6 +1,6 @@
-//! C sources in an FMU, for targets that compile FMUs for themselves: what `packaging/sources.sh` has made of the library, under the model's own names.
+//! C sources in an FMU, for targets that compile FMUs themselves: the output of `packaging/sources.sh`, under the model's own names.
 //!
-//! The library is compiled to WebAssembly and that into C99, so the sources are the same program as the binaries. One file, `all.c`, takes in the others.
+//! The library is compiled to WebAssembly and that is translated to C99, so that the sources are the same program as the binaries. One file, `all.c`, includes the others.
 
 use super::{File, FmuError, Model};
 use std::fs;
@@ -9,7 +9,7 @@ use std::path::Path;
 /// The files that `packaging/sources.sh` makes.
 const FILES: [&str; 6] = ["all.c", "fmi2_functions.c", "runtime.c", "kisspoint.c", "kisspoint.h", "wasm-rt.h"];
 
-/// C sources, read.
+/// C sources that have been read.
 #[derive(Clone, Debug)]
 pub struct Sources(Vec<(&'static str, String)>);
 
@@ -17,7 +17,7 @@ impl Sources {
     /// Reads the folder that `packaging/sources.sh` has filled.
     ///
     /// # Errors
-    /// A file that is missing, or sources of another version.
+    /// A file is missing or cannot be read.
     pub fn read(folder: &Path) -> Result<Self, FmuError> {
         let read = |name: &'static str| {
             let path = folder.join(name);
@@ -26,10 +26,10 @@ impl Sources {
         FILES.into_iter().map(read).collect::<Result<_, _>>().map(Self)
     }
 
-    /// The files of an FMU of this model: all names that a linker sees begin with the model's.
+    /// The source files for an FMU of this model: all names that a linker sees begin with the model's name.
     ///
     /// # Errors
-    /// Sources that were made from another model description.
+    /// The sources were made from another model description.
     pub(super) fn files(&self, model: &Model, document: &serde_json::Value) -> Result<Vec<File>, FmuError> {
         let name = model.description.name;
         if !self.0.iter().any(|(_, text)| text.contains(model.description.guid)) {
@@ -48,7 +48,7 @@ impl Sources {
     }
 }
 
-/// The model description with the source named.
+/// The model description with the source file declared.
 pub(super) fn declared(xml: &str) -> String {
     xml.replacen(
         "canSerializeFMUstate=\"true\"/>",

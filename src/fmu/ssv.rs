@@ -12,7 +12,7 @@ pub struct Parameter<'a> {
     pub name: &'a str,
     /// Value.
     pub value: f64,
-    /// Unit, one of the model descriptions'.
+    /// Unit, as named in the model descriptions.
     pub unit: &'a str,
 }
 
@@ -42,7 +42,7 @@ pub fn write(set: &str, parameters: &[Parameter]) -> String {
     text + "</ssv:ParameterSet>\n"
 }
 
-/// The unit's definition as the model descriptions have it.
+/// Definition of the unit, taken from the model descriptions.
 fn base_unit(unit: &str) -> String {
     let lines = MODELS.iter().flat_map(|model| model.xml.lines().zip(model.xml.lines().skip(1)));
     let mut definitions = lines.filter(|(line, _)| line.contains("<Unit ") && attribute(line, "name") == Some(unit));

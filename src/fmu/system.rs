@@ -1,7 +1,7 @@
-//! The coupled launch for masters: `launch.ssp` (SSP 1.0) and `OspSystemStructure.xml` (libcosim).
+//! The coupled launch for co-simulation masters: `launch.ssp` (SSP 1.0) and `OspSystemStructure.xml` (libcosim).
 //!
-//! Both hold column B of the paper's Table II: the mismatched plant and the controller with its torque feedback. Connected
-//! variables have the same unit on both sides, for not every master converts.
+//! Both describe column B of the paper's Table II: the mismatched plant and the controller with its torque feedback. Connected variables have the
+//! same unit on both sides, because not every master converts units.
 
 use super::ssv::{self, Parameter};
 use super::{FmuError, Model, archive_of};
@@ -12,21 +12,21 @@ use crate::launch::{Setup, TABLE_II};
 use crate::vehicle::Vehicle;
 use std::fmt::Write;
 
-/// What flows from the plant to the controller; names are the same on both sides.
+/// Variables that the plant passes to the controller; their names are the same on both sides.
 pub const TO_CONTROLLER: [&str; 3] = ["omega_f", "omega_c", "T_e"];
 
-/// What flows from the controller to the plant.
+/// Variables that the controller passes to the plant.
 pub const TO_PLANT: [&str; 3] = ["x_to", "T_e_ref", "T_brake"];
 
 /// Communication step of the launch, s.
 const STEP: f64 = 1e-3;
 
-/// Names of the components. Neither begins a variable's name, as `controller` would: `controller.kp_engine` in it is ambiguous for OMSimulator.
+/// Names of the components. Neither is the beginning of a variable's name, as `controller` would be: OMSimulator would find `controller.kp_engine` in it ambiguous.
 pub const COMPONENTS: [&str; 2] = ["plant", "clutch_controller"];
 
 /// The two parameter sets of the launch.
 pub struct Sets {
-    /// Effects of the plant that are not null.
+    /// Effects of the plant that differ from their null values.
     pub plant: Vec<Parameter<'static>>,
     /// Settings of the controller.
     pub controller: Vec<Parameter<'static>>,
@@ -45,7 +45,7 @@ pub fn sets(vehicle: &Vehicle) -> Sets {
 /// The bytes of `launch.ssp`, with these FMUs in it.
 ///
 /// # Errors
-/// An archive that cannot be made.
+/// The archive cannot be made.
 pub fn ssp(fmus: &[(&Model, Vec<u8>)], vehicle: &Vehicle) -> Result<Vec<u8>, FmuError> {
     let sets = sets(vehicle);
     let mut files = vec![
@@ -85,7 +85,7 @@ pub fn single(system: &str, name: &str, model: &str) -> String {
     text + "    </ssd:Elements>\n  </ssd:System>\n</ssd:SystemStructureDescription>\n"
 }
 
-/// Which master OMSimulator takes for the system, and its step: it imports no system without.
+/// Annotation with the master algorithm and the step for OMSimulator, which imports no system without it.
 fn oms_master() -> String {
     format!(
         "    <ssd:Annotations>\n      <ssc:Annotation type=\"org.openmodelica\">\n        <oms:Annotations>\n          <oms:SimulationInformation>\n            \

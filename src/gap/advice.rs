@@ -1,4 +1,4 @@
-//! What to measure, in the answer's words: what tells rivals apart, what shows an effect, and what is worth most.
+//! Texts of the answer on what to measure: the manoeuvre that distinguishes rival explanations, the one that shows an effect, and all manoeuvres by their worth.
 
 use super::answer::{MeasureNext, Planned, Real, RivalSet};
 use super::map::HOT_DEGC;
@@ -10,18 +10,18 @@ use super::prose::chance;
 use crate::effects::{PARAMETERS, REGISTRY};
 use crate::vehicle::written;
 
-/// A manoeuvre as one says it.
+/// A manoeuvre in words: what is driven, its name, whether the clutch is hot, and its length.
 fn said(m: &Manoeuvre) -> String {
     let warm = if m.theta_c > HOT_DEGC { ", hot" } else { "" };
     format!("{} ({}{warm}, {:.0} s)", m.kind.words(), m.name, m.seconds)
 }
 
-/// Rounded to what anybody would plan by.
+/// Nats, rounded to the precision that planning needs.
 fn nats(x: f64) -> String {
     if x >= 9.95 { format!("{x:.0}") } else { format!("{x:.1}") }
 }
 
-/// The manoeuvre that tells an effect best from what may be there in its place.
+/// Text on the manoeuvre that best distinguishes an effect from those that may be present instead.
 pub fn separated_by(outlook: &Outlook, effect: usize) -> String {
     let ranked = outlook.ranked(&outlook.in_place_of(effect));
     let Some(best) = ranked.first() else {
@@ -37,7 +37,7 @@ pub fn separated_by(outlook: &Outlook, effect: usize) -> String {
     )
 }
 
-/// The manoeuvre that shows an effect best that the recordings cannot show.
+/// Text on the manoeuvre that best shows an effect which the recordings cannot show.
 pub fn shown_by(outlook: &Outlook, effect: usize) -> String {
     let entry = &REGISTRY[effect];
     let best = outlook.reach.as_ref().and_then(|r| Some((r, r.best_for(effect, &outlook.manoeuvres)?)));
@@ -54,7 +54,7 @@ pub fn shown_by(outlook: &Outlook, effect: usize) -> String {
     }
 }
 
-/// What the answer says of it; none where nothing is open.
+/// The `measure_next` of the answer: the rival explanations and the ranked manoeuvres; none if nothing is open.
 pub fn measure_next(outlook: &Outlook) -> Option<MeasureNext> {
     let ranked = outlook.ranked_for_all();
     let planned = |w: &Worth| {

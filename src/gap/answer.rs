@@ -1,4 +1,4 @@
-//! The answer: `diagnosis.json` as its schema has it, as a type.
+//! The answer: types that serialise to `diagnosis.json` as its schema describes it.
 //!
 //! Numbers are rounded to six significant digits (plant parameters are exact), so that the same campaign gives the same bytes.
 
@@ -9,7 +9,7 @@ use crate::vehicle::{NUMBERS, Vehicle};
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 
-/// A number as the answer prints it: six significant digits; what is not finite is null.
+/// A number as the answer prints it: with six significant digits, or null if it is not finite.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Real(pub f64);
 
@@ -29,60 +29,60 @@ pub struct Answer {
     pub schema: &'static str,
     /// Verdict.
     pub verdict: Verdict,
-    /// Posterior probability of the verdict's content.
+    /// Posterior probability of what the verdict says, e.g. that nothing is wrong, that these effects are present, or that a law is missing there.
     pub confidence: Real,
     /// The verdict in a sentence.
     pub sentence: String,
-    /// What a reader has to know beside it.
+    /// Notes for the reader.
     pub notes: Vec<String>,
     /// Recordings that were not used.
     pub left_out: Vec<LeftOut>,
-    /// Where.
+    /// Where the gap lies.
     #[serde(rename = "where")]
     pub place: Where,
-    /// Which.
+    /// Which effects cause the gap.
     pub which: Which,
-    /// How far.
+    /// How far the gap shrinks.
     pub how_far: HowFar,
     /// The retuned car.
     pub plant: Plant,
-    /// The normal posterior of what all recordings share.
+    /// The normal posterior of the unknowns that all recordings share; none if its curvature is not positive definite.
     pub joint: Option<Joint>,
     /// Where the retuned plant was validated, and how well its clutch torque is known.
     pub domain: Domain,
-    /// What would split what is still open; none where nothing is.
+    /// What to measure to decide between the explanations that are still open; none if nothing is open.
     pub measure_next: Option<MeasureNext>,
-    /// Subsystems that hide because no recording says where the bearing is; left out where one does.
+    /// Subsystems that are hidden because no recording has a position; omitted if one has.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub hidden_without_position: Vec<&'static str>,
 }
 
-/// What would split the explanations that are still believed.
+/// Explanations that are still probable, and the manoeuvres that could decide between them.
 #[derive(Clone, Debug, Serialize)]
 pub struct MeasureNext {
     /// The explanations, the most probable first.
     pub rivals: Vec<RivalSet>,
-    /// Every manoeuvre that can be driven, by expected evidence per minute.
+    /// Every manoeuvre that can be driven, the one with the most expected evidence per minute first.
     pub manoeuvres: Vec<Planned>,
 }
 
-/// One of them.
+/// One of the rival explanations.
 #[derive(Clone, Debug, Serialize)]
 pub struct RivalSet {
-    /// Its effects; none is the car within its tolerances.
+    /// Its effects; an empty list is the car within its tolerances.
     pub effects: Vec<&'static str>,
-    /// Probability among them.
+    /// Probability among the rivals.
     pub probability: Real,
 }
 
-/// A manoeuvre that can be driven, and what it is expected to be worth.
+/// A manoeuvre that can be driven, and the evidence that is expected from it.
 #[derive(Clone, Debug, Serialize)]
 pub struct Planned {
     /// Its name.
     pub name: String,
     /// What to drive.
     pub drive: &'static str,
-    /// Clutch torque that it is about, N·m.
+    /// Clutch torque of the manoeuvre, N·m; for torque steps, their scale.
     #[serde(rename = "torque_Nm")]
     pub torque_nm: Real,
     /// Disc temperature at the start, °C.
@@ -94,72 +94,73 @@ pub struct Planned {
     pub prepare_s: Real,
     /// Expected evidence for the explanation that is true, nats.
     pub nats: Real,
-    /// The same per minute, preparation included.
+    /// Expected evidence per minute, preparation included, nats.
     pub nats_per_minute: Real,
-    /// Probability that the best explanation is then told from all others.
+    /// Probability that the recording distinguishes the best explanation from another one: the smallest over all others.
     pub splits: Real,
 }
 
-/// The normal posterior of the unknowns that all recordings share, with the prior that is in it: the posterior without the prior is what the
-/// recordings alone say, which is what may be pooled with other cars.
+/// The normal posterior of the unknowns that all recordings share, and the prior contained in it. The posterior without the prior is the information of the recordings alone, which
+/// may be pooled with that of other cars.
 #[derive(Clone, Debug, Serialize)]
 pub struct Joint {
     /// The unknowns, in the order of the matrices.
     pub unknowns: Vec<Unknown>,
-    /// Inverse of their posterior covariance, in products of their units: rows of the lower triangle.
+    /// Inverse of the posterior covariance, in reciprocal products of the units: rows of the lower triangle.
     pub precision: Vec<Vec<Real>>,
-    /// The same where the likelihood is taken whole, as if the laws were exact: by noise alone, which differs from car to car, while an inexact law errs alike in all of them.
+    /// Posterior precision with the full likelihood, as if the laws were exact, in the same form. It reflects noise alone, which differs from car to car, whereas an inexact law
+    /// has the same error in all cars.
     pub precision_exact: Vec<Vec<Real>>,
-    /// Their posterior covariance, in the same form.
+    /// Posterior covariance, in products of the units: rows of the lower triangle.
     pub covariance: Vec<Vec<Real>>,
-    /// Inverse of their prior covariance: row, column, value of what is not zero in the lower triangle.
+    /// Inverse of the prior covariance: row, column and value of the non-zero elements of the lower triangle.
     pub prior_precision: Vec<(usize, usize, Real)>,
 }
 
-/// One of them.
+/// One unknown that all recordings share.
 #[derive(Clone, Debug, Serialize)]
 pub struct Unknown {
     /// Name of a tolerance, or FMU variable of an effect's parameter.
     pub name: String,
     /// `tolerance` of the vehicle file, `logger` (a default that no file declares), or `effect`.
     pub kind: &'static str,
-    /// Posterior mode: of an effect's parameter in its unit, else in standard deviations `sigma`.
+    /// Posterior mode: for an effect's parameter in its unit, otherwise in standard deviations `sigma`.
     pub value: Real,
     /// Prior centre, in the same unit.
     pub centre: Real,
     /// Unit of an effect's parameter.
     pub unit: Option<&'static str>,
-    /// One standard deviation of the number: in its unit, or of its logarithm where `relative`.
+    /// Prior standard deviation of a number of the vehicle file or of the logger: in its unit, or that of its logarithm if `relative`; none for an effect's parameter.
     pub sigma: Option<Real>,
     /// Whether `sigma` is that of the logarithm.
     pub relative: bool,
-    /// Whether it cannot be negative.
+    /// Whether the unknown cannot be negative.
     pub one_sided: bool,
-    /// The effect's parameter that does to the car what this number does, and by how much for one standard deviation.
+    /// The effect's parameter that changes the car in the same way as this number, if there is one.
     pub same_as: Option<SameAs>,
 }
 
-/// An effect's parameter that does to the car what a number of the vehicle file does.
+/// An effect's parameter that changes the car in the same way as a number of the vehicle file.
 #[derive(Clone, Debug, Serialize)]
 pub struct SameAs {
     /// FMU variable.
     pub parameter: &'static str,
-    /// Change of it that does the same as one standard deviation of the number.
+    /// Change of the parameter that is equivalent to one standard deviation of the number.
     pub per_sigma: Real,
 }
 
-/// Where the retuned plant was validated, and how well its clutch torque is known: what its outputs `validity` and `T_fc_sigma` come from.
+/// Where the retuned plant was validated, and how well its clutch torque is known. The plant's outputs `validity` and `T_fc_sigma` are computed from these data.
 #[derive(Clone, Debug, Serialize)]
 pub struct Domain {
-    /// Names and units of a place's numbers, in their order.
+    /// Names and units of the four numbers of a place, in their order.
     pub quantities: [[&'static str; 2]; 4],
-    /// Places that stand for all that the recordings covered which taught it; none if the plant does not follow its car.
+    /// Places that represent all those covered by the recordings of the fit; empty if the plant was validated nowhere.
     pub places: Vec<[Real; 4]>,
     /// Standard deviation of the clutch torque.
     pub torque_sigma: TorqueSigma,
 }
 
-/// A table, linear between its breakpoints and held constant outside.
+/// Table of standard deviations, linear between its breakpoints and held constant outside.
 #[derive(Clone, Debug, Serialize)]
 pub struct TorqueSigma {
     /// Breakpoints over closing.
@@ -175,7 +176,7 @@ pub struct TorqueSigma {
 }
 
 impl Domain {
-    /// As the answer prints it.
+    /// The domain in the form in which the answer prints it.
     pub fn of(v: &Validated) -> Self {
         let real = |values: &[f64]| values.iter().copied().map(Real).collect::<Vec<_>>();
         let by_theta = |part: &[f64]| part.chunks(SLIPS.len()).map(real).collect::<Vec<_>>();
@@ -206,19 +207,19 @@ pub struct LeftOut {
 pub struct Where {
     /// Subsystem with the largest share.
     pub primary: Option<&'static str>,
-    /// All subsystems that share it.
+    /// All subsystems with a share of the gap, largest first.
     pub subsystems: Vec<Share>,
-    /// Residual map.
+    /// Residual map without effects.
     pub equations: Vec<Equation>,
-    /// The same with the effects that were named.
+    /// Residual map with the effects of the explanation that stands.
     pub equations_after: Vec<Equation>,
-    /// Probability of any false alarm in the map of a car without gap.
+    /// Probability that any cell is marked in the map of a car without a gap.
     pub family_wise_error: Real,
-    /// Subsystem of a structured remainder.
+    /// Subsystem of a structured remainder, or of an unexplained gap.
     pub unexplained_at: Option<&'static str>,
-    /// Subsystems in which it may lie instead.
+    /// Subsystems in which the gap or its remainder may lie instead.
     pub ambiguous_with: Vec<&'static str>,
-    /// What is irregular, in words with its size; left out if nothing is.
+    /// Irregular disturbances, in words with their size; omitted if there are none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub irregular: Vec<String>,
     /// Posterior probability that a law is missing, by subsystem.
@@ -245,45 +246,45 @@ pub struct Equation {
     pub region: &'static str,
     /// Gap in standard deviations of its noise.
     pub sigma: Real,
-    /// Root mean square.
+    /// Root mean square of the innovations.
     pub rms: Real,
-    /// Unit of it.
+    /// Unit of `rms`.
     pub unit: &'static str,
-    /// Observations.
+    /// Number of observations.
     pub samples: usize,
-    /// Whether it is beyond chance.
+    /// Whether the gap is statistically significant.
     pub significant: bool,
 }
 
-/// Which effects.
+/// Which effects cause the gap, and what is known of the other candidates.
 #[derive(Clone, Debug, Serialize)]
 pub struct Which {
-    /// The effects added, most important first.
+    /// The effects that are named, most important first.
     pub effects: Vec<Effect>,
-    /// Effects that would account for the innovations and lead a free replay further off: they are not named.
+    /// Effects that account for the innovations but are not named, because free replays with them are further off.
     pub taken_back: Option<TakenBack>,
-    /// Every candidate.
+    /// All effects of the library, those with the most evidence first.
     pub ranked: Vec<Ranked>,
-    /// What the recordings cannot show.
+    /// Effects that the recordings cannot show.
     pub not_assessable: Vec<NotAssessable>,
-    /// Where the tolerances ended, in standard deviations.
+    /// Fitted values of the unknowns that all recordings share (tolerances and timing of the logger), in standard deviations.
     pub tolerances: BTreeMap<String, Real>,
     /// The most probable explanations.
     pub explanations: Vec<Weighed>,
-    /// Probability that none of the explanations compared holds: those that are probable strain the tolerances of the vehicle file.
+    /// Probability that none of the compared explanations holds, because the probable ones strain the tolerances of the vehicle file.
     pub beyond: Real,
-    /// Strongest correlations of an effect's parameter with another unknown.
+    /// Strongest correlations of a parameter of a named effect with another unknown.
     pub correlations: Vec<Correlation>,
 }
 
-/// Effects that were taken back, and why.
+/// Effects that were withdrawn, and why.
 #[derive(Clone, Debug, Serialize)]
 pub struct TakenBack {
     /// Ids.
     pub effects: Vec<&'static str>,
-    /// Mean gap of both speeds in free replays of the recordings of the fit, rad/s: of the file's car.
+    /// Mean gap of both speeds in free replays of the recordings of the fit with the car of the file, rad/s.
     pub before: Real,
-    /// The same with the effects.
+    /// Mean gap of both speeds in these replays with the effects, rad/s.
     pub after: Real,
 }
 
@@ -292,7 +293,7 @@ pub struct TakenBack {
 pub struct Correlation {
     /// A parameter of a named effect.
     pub parameter: &'static str,
-    /// Another one, or a number of the vehicle file.
+    /// Another effect's parameter, or a number that all recordings share (a tolerance or a timing of the logger).
     pub with: String,
     /// Coefficient.
     pub coefficient: Real,
@@ -303,11 +304,11 @@ pub struct Correlation {
 pub struct Effect {
     /// Id.
     pub id: &'static str,
-    /// Posterior probability that it is there.
+    /// Posterior probability that the effect is present.
     pub probability: Real,
-    /// Effects that may be there in its place.
+    /// Effects that may be present instead.
     pub ambiguous_with: Vec<&'static str>,
-    /// What would tell them apart.
+    /// The manoeuvre that best distinguishes the effect from those that may be present instead; empty if there are none.
     pub separated_by: String,
     /// Its parameters.
     pub parameters: BTreeMap<&'static str, Interval>,
@@ -326,29 +327,29 @@ pub struct Interval {
     pub unit: &'static str,
 }
 
-/// A candidate.
+/// An effect of the library as a candidate.
 #[derive(Clone, Debug, Serialize)]
 pub struct Ranked {
     /// Id.
     pub id: &'static str,
-    /// Logarithm of the posterior odds that it is there, nats: the best explanation with it over the best without it.
+    /// Logarithm of the posterior odds of the best explanation with the effect against the best one without it, nats.
     pub evidence: Real,
-    /// What became of it.
+    /// Result for the candidate: `chosen`, `not assessable`, `ambiguous` or `rejected`.
     pub verdict: &'static str,
     /// Why.
     pub reason: String,
-    /// The smallest size that these recordings would show.
+    /// Limit of detection with these recordings; none if there is no limit below a thousand times the size of a usual fault.
     pub smallest_visible: Option<Visible>,
 }
 
-/// The smallest size of an effect that recordings would show.
+/// Limit of detection: the smallest size of an effect that recordings would show.
 #[derive(Clone, Debug, Serialize)]
 pub struct Visible {
     /// Parameter.
     pub parameter: &'static str,
     /// Departure from its null value.
     pub size: Real,
-    /// The same of a usual fault.
+    /// Departure from the null value in a usual fault.
     pub usual: Real,
     /// Unit.
     pub unit: &'static str,
@@ -372,72 +373,72 @@ pub struct Weighed {
     pub missing_law: Option<&'static str>,
     /// Posterior probability.
     pub probability: Real,
-    /// Nats behind the best.
+    /// How far its log posterior is behind that of the best explanation, nats.
     pub behind: Real,
 }
 
 /// How far the gap shrinks.
 #[derive(Clone, Debug, Serialize)]
 pub struct HowFar {
-    /// What is counted.
+    /// Definition of the gap, with its unit.
     pub metric: &'static str,
-    /// Before.
+    /// Gap of the nominal plant.
     pub before: Real,
-    /// After.
+    /// Gap of the retuned plant.
     pub after: Real,
-    /// What the true car would be expected to leave.
+    /// Gap that the true car would be expected to leave.
     pub noise_floor: Real,
-    /// Share of what stood above the floor that is gone.
+    /// Share of the gap above the floor that is closed.
     pub closed_fraction: Real,
-    /// What took no part.
+    /// Names of the held-out data.
     pub held_out: Vec<String>,
-    /// By recording and channel.
+    /// Gap by recording and channel.
     pub per_recording: Vec<PerRecording>,
-    /// Engagement figures.
+    /// Engagement figures by recording and name of the figure.
     pub kpi: BTreeMap<String, BTreeMap<&'static str, Figures>>,
-    /// What a law that was learned closes beside all that, which the numbers above leave out; none where nothing is left without a cause or no law acts there.
+    /// What a learned law closes in addition; the numbers above are those without it. None if no law was tried, because too little is left or no law acts there.
     pub empirical: Option<Empirical>,
 }
 
-/// Laws that were learned together: no cause, and no part of the verdict.
+/// Laws that were learned together. They are not a cause, and the verdict does not depend on them.
 #[derive(Clone, Debug, Serialize)]
 pub struct Empirical {
-    /// Subsystems in which something is missing.
+    /// Subsystems in which something may be missing; if effects explain the gap, those of the effects as well.
     pub places: Vec<&'static str>,
     /// Subsystems of the laws, the first one added first.
     pub laws: Vec<&'static str>,
-    /// Whether the retuned plant holds it.
+    /// Whether the retuned plant contains the laws.
     pub taken: bool,
-    /// Why, or why not.
+    /// Why the laws were taken, or why not.
     pub reason: String,
-    /// Gap of what was held out without the law.
+    /// Gap on the held-out data without any law.
     pub without: Real,
-    /// The same with it.
+    /// Gap on the held-out data with the laws.
     pub after: Real,
-    /// Share of what the nominal car leaves above the floor that is gone with it.
+    /// Share of the gap of the nominal car above the floor that is closed with the laws.
     pub closed_fraction: Real,
-    /// Share of what is left without it that it closes on the other recordings, each by a law that was learned from the rest.
+    /// Share by which the mean gap that is left without a law falls on the other recordings, each replayed with a law that was learned from the rest.
     pub left_out_fraction: Real,
-    /// Gap of what was held out by channel, with the law.
+    /// Gap on the held-out data by channel, with the laws.
     pub per_recording: Vec<PerRecording>,
-    /// Its curves.
+    /// Curves of the laws.
     pub curves: Vec<EmpiricalCurve>,
 }
 
-/// A curve of it.
+/// A curve of a learned law.
 #[derive(Clone, Debug, Serialize)]
 pub struct EmpiricalCurve {
-    /// Name: that of the FMU's variables without `effect.empirical.` and their number.
+    /// Name: that of the FMU's variables without the prefix `effect.empirical.` and without their number.
     pub id: &'static str,
-    /// What it is over, with the unit.
+    /// Independent variable, with its unit.
     pub over: &'static str,
     /// Unit of its values.
     pub unit: &'static str,
     /// Breakpoints.
     pub breakpoints: &'static [f64],
-    /// Values there.
+    /// Values at the breakpoints.
     pub values: Vec<Real>,
-    /// Their standard deviations.
+    /// Standard deviations of the values.
     pub sigma: Vec<Real>,
 }
 
@@ -450,11 +451,11 @@ pub struct PerRecording {
     pub channel: &'static str,
     /// Unit.
     pub unit: &'static str,
-    /// Before.
+    /// Root mean square error of the nominal plant.
     pub before: Real,
-    /// After.
+    /// Root mean square error of the retuned plant, or of the plant with the learned laws.
     pub after: Real,
-    /// Noise.
+    /// Standard deviation of the channel's noise.
     pub noise: Real,
 }
 

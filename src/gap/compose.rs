@@ -1,4 +1,4 @@
-//! From what was found to the answer, in the answer's words.
+//! Composes the answer from the findings of a diagnosis.
 
 use super::advice;
 use super::answer::{
@@ -27,43 +27,43 @@ use crate::validated::Validated;
 use crate::vehicle::Vehicle;
 use std::collections::BTreeMap;
 
-/// What the parts of the answer are made from.
+/// Findings of a diagnosis from which the answer is composed.
 pub struct Findings<'a> {
-    /// What was read.
+    /// The campaign that was read.
     pub campaign: &'a Campaign,
-    /// What was fitted.
+    /// The problem that was fitted.
     pub problem: &'a Problem,
-    /// Sets that were fitted.
+    /// The search with the sets of effects that were fitted.
     pub search: &'a Search,
-    /// Their weights.
+    /// The posterior over these sets and over missing laws.
     pub posterior: &'a Posterior,
-    /// What was concluded.
+    /// The conclusion: the verdict and what belongs to it.
     pub conclusion: &'a Conclusion,
-    /// Residual map.
+    /// Residual map without effects.
     pub cells: &'a [Cell],
-    /// The same with the effects.
+    /// Residual map with the effects.
     pub cells_after: &'a [Cell],
-    /// What is open, and what could be measured about it.
+    /// Open questions, and the measurements that could settle them.
     pub outlook: &'a Outlook,
-    /// Gaps of what took no part, before and after.
+    /// Gaps on the held-out data, before and after retuning, by channel.
     pub held_out: &'a [HeldOut],
-    /// Its name.
+    /// Name of the held-out data.
     pub held_out_name: String,
-    /// The floor, rad/s.
+    /// Gap that the true car would be expected to leave on the held-out data, rad/s.
     pub floor: f64,
     /// The retuned car.
     pub retuned: (&'a Vehicle, &'a Parameters),
-    /// Where it was validated, and how well its clutch torque is known.
+    /// Where the retuned car was validated, and how well its clutch torque is known.
     pub validated: &'a Validated,
-    /// The law that was learned where the library ends.
+    /// The law that was learned for what the library does not explain, whether it was taken or not.
     pub learned: Option<&'a Tried>,
-    /// What a reader has to know.
+    /// Notes for the reader of the answer.
     pub notes: Vec<String>,
 }
 
 /// Half width of a 95 % interval in standard deviations.
 const INTERVAL: f64 = 1.96;
-/// Explanations that are listed.
+/// Maximum number of explanations that are listed.
 const LISTED: usize = 12;
 
 /// The whole answer.
@@ -91,7 +91,7 @@ pub fn answer(f: &Findings) -> Answer {
     }
 }
 
-/// Said of a held-out gap that is no larger than what the recording's unknowns may do.
+/// Note that the held-out gap is no larger than what the unknowns of the recording may cause; none if it is larger, or if no effects are named.
 fn below_floor(f: &Findings, closed: &Closed) -> Option<String> {
     (names_effects(f) && closed.is_below_floor()).then(|| {
         format!(
@@ -105,7 +105,7 @@ fn names_effects(f: &Findings) -> bool {
     matches!(f.conclusion.verdict, Verdict::Explained | Verdict::PartlyExplained)
 }
 
-/// Effects that were named, most important first.
+/// Effects that are named, those of the subsystem with the largest share of the gap first.
 pub(super) fn named(f: &Findings) -> Vec<usize> {
     if !names_effects(f) {
         return Vec::new();
@@ -148,11 +148,11 @@ fn equation(c: &Cell) -> Equation {
     }
 }
 
-/// Correlations that are told: from this size on, the strongest so many.
+/// Smallest magnitude of a correlation that is listed, and the maximum number of correlations: the strongest are kept.
 const CORRELATED: f64 = 0.3;
 const CORRELATIONS: usize = 12;
 
-/// Of each parameter of a named effect with every other shared unknown.
+/// Correlations of each parameter of a named effect with every other unknown that all recordings share.
 fn correlations(f: &Findings) -> Vec<Correlation> {
     let fit = f.conclusion.explanation.fit.as_ref().expect("the best was fitted");
     let Some(covariance) = fit.covariance() else { return Vec::new() };
@@ -213,7 +213,7 @@ fn which(f: &Findings) -> Which {
     }
 }
 
-/// What shows an effect best, with the channel that the recordings lack.
+/// Text on what to measure so that an effect shows. If the effect is hidden because no recording has a position, the text asks for the position as well.
 fn to_measure(f: &Findings, effect: usize) -> String {
     let what = advice::shown_by(f.outlook, effect);
     if position_free(f) && HIDDEN.contains(&REGISTRY[effect].effect.subsystem) {
@@ -222,17 +222,17 @@ fn to_measure(f: &Findings, effect: usize) -> String {
     what
 }
 
-/// Whether no recording says where the bearing is.
+/// Whether no recording has a position.
 pub(super) fn position_free(f: &Findings) -> bool {
     f.problem.tracks.iter().all(|t| t.position_free)
 }
 
-/// Effects that may be there in the place of `e`.
+/// Effects that may be present instead of `e`.
 pub(super) fn rivals(f: &Findings, e: usize) -> Vec<usize> {
     in_place_of(e, &f.conclusion.explanation.effects, &f.posterior.explanations)
 }
 
-/// Effects of sets that differ from the chosen one in `e` alone, and are believed enough to be named beside it, the most probable first.
+/// Effects that replace `e` in a set that is otherwise the chosen one, if all such explanations together have a probability above [`NAMED_BESIDE`]; the most probable effect first.
 fn in_place_of(e: usize, chosen: &[usize], all: &[Explanation]) -> Vec<usize> {
     let mut found: Vec<(usize, f64)> = Vec::new();
     for other in all {
@@ -264,10 +264,10 @@ fn effect(f: &Findings, e: usize) -> Effect {
     }
 }
 
-/// Interval of an effect parameter: the posterior's, with the effects' unknown form and the mean over how exact their laws may be.
+/// Estimate and 95 % interval of an effect parameter, from the posterior with the forms of the effects eliminated and the variance averaged over the accuracies of the laws.
 ///
-/// The functions of a form have mean zero where the effect acts in these recordings. What the car's own number is elsewhere they do not say: the form's mean is
-/// one more unknown, as large as the form, that the data take for a part of the size.
+/// The functions of a form have mean zero where the effect acts in these recordings, so that they do not determine the parameter of the car elsewhere. The mean of the form is a
+/// further unknown, as large as the form, which the data cannot distinguish from a part of the effect's size.
 fn interval(fit: &Fit, k: usize) -> Interval {
     let value = fit.point.effects[k];
     let at = fit.shared.iter().position(|c| *c == Coordinate::Effect(k));
@@ -292,7 +292,7 @@ fn ranked(f: &Findings, too_large: &dyn Fn(usize) -> bool) -> Vec<Ranked> {
         if with.is_finite() {
             return (with - without, true);
         }
-        // Not fitted: what the linear model makes of it.
+        // An effect that was never fitted has what the linear model of the screening predicts.
         (base + f.search.promised[e].unwrap_or(0.0) + log_prior(1) - without, false)
     };
     let mut all: Vec<(usize, f64, bool)> = (0..REGISTRY.len()).map(|e| (e, odds(e).0, odds(e).1)).collect();
@@ -323,7 +323,7 @@ fn ranked(f: &Findings, too_large: &dyn Fn(usize) -> bool) -> Vec<Ranked> {
         .collect()
 }
 
-/// What a learned law closes of the gap on what was held out.
+/// Gaps on the held-out data of the nominal car and with a learned law, with the floor of the true car.
 fn with_law(f: &Findings, l: &Tried) -> Closed {
     Closed { noise: f.floor, ..Closed::of(&l.held_out) }
 }
@@ -389,13 +389,13 @@ fn ids(of: &[Subsystem]) -> Vec<&'static str> {
     of.iter().map(|s| s.id()).collect()
 }
 
-/// A subsystem with its article.
+/// Name of a subsystem with its article.
 fn in_words(id: &str) -> String {
     let name = id.replace('_', " ");
     if name == "friction" { name } else { format!("the {name}") }
 }
 
-/// Says beside the verdict what a learned law does.
+/// Note whether the retuned plant contains a learned law, and why.
 fn law_note(laws: &[Subsystem], taken: bool, reason: &str) -> String {
     let law = listed(&laws.iter().map(|s| in_words(s.id())).collect::<Vec<_>>(), " and ");
     if taken {
@@ -458,7 +458,8 @@ mod tests {
         Fit { mean_covariance, form_size, ..Fit::made_up(along.iter().map(|k| Coordinate::Effect(*k)).collect()) }
     }
 
-    /// 1.96 standard deviations, to which the mean of an effect's form adds an eighth of its departure; never beyond what the parameter can be.
+    /// The half width is 1.96 times the root of the variance plus the square of the mean of the form: 12 % of the effect's departure, times the size of the form, here one half.
+    /// The interval never exceeds the limits of the parameter.
     #[test]
     fn an_interval_holds_what_the_data_and_the_form_leave_open() {
         let (mass, grade) = (param::vehicle_mass::factor, param::road_load::grade);
@@ -468,7 +469,7 @@ mod tests {
         let half = 1.96 * (0.03_f64.powi(2) + (0.12 * 0.5 * 0.5_f64).powi(2)).sqrt();
         assert_eq!((found.value.0, found.unit), (1.5, PARAMETERS[mass].unit));
         assert!((found.high.0 - 1.5 - half).abs() < 1e-12 && (1.5 - found.low.0 - half).abs() < 1e-12, "{found:?}");
-        // Of an effect at its null value the form says nothing.
+        // At the null value of an effect, its form contributes nothing.
         fit.point.effects[mass] = 1.0;
         assert!((interval(&fit, mass).high.0 - 1.0 - 1.96 * 0.03).abs() < 1e-12);
         for (along, variances) in [(vec![mass], None), (Vec::new(), Some(Vec::new()))] {

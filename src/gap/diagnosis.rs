@@ -1,4 +1,4 @@
-//! The diagnosis of one campaign: where, which, how far, and what stays in doubt.
+//! The diagnosis of one campaign: where the gap lies, which effects cause it, how far it closes, and what stays in doubt.
 
 use super::answer::Answer;
 use super::compose::{self, Findings};
@@ -40,13 +40,13 @@ use rayon::prelude::*;
 /// Why a campaign cannot be diagnosed.
 #[derive(Debug, thiserror::Error)]
 pub enum DiagnosisError {
-    /// The vehicle file.
+    /// The vehicle file is invalid.
     #[error("vehicle.json: {0}")]
     Vehicle(#[from] VehicleError),
-    /// Its tolerances.
+    /// The tolerances of the vehicle file are invalid.
     #[error("vehicle.json: {0}")]
     Tolerance(#[from] ToleranceError),
-    /// Too little to hold anything out.
+    /// There are too few recordings to hold one out.
     #[error(
         "the campaign has {} usable recording{}; at least 2 are needed, or a drive with two engagements, so that one can be held out to judge the fit",
         .0,
@@ -62,37 +62,37 @@ pub struct Diagnosis {
     pub answer: Answer,
     /// The answer as diagnosis.json has it.
     pub json: serde_json::Value,
-    /// The campaign as it was read: without the recordings of a long one that are not fitted and what is stale in it, with the control unit that suits it.
+    /// The campaign as it was read: without stale samples, if it is long without the recordings that are not fitted, and with the interval of the control unit that suits it.
     pub read: Campaign,
-    /// What judged, as a recording of its own: of a drive the last engagement, from the temperatures that the retuned car has there.
+    /// The held-out data as a recording of their own: for a drive its last engagement, which begins at the temperatures that the retuned car has there.
     pub held_out: Recording,
-    /// Real, before and after, per recording or engagement.
+    /// Measured curves with those of the nominal and the retuned plant, by recording or engagement.
     pub overlays: Vec<Overlay>,
     /// The drives among the recordings.
     pub drives: Vec<Drive>,
     /// The retuned car.
     pub vehicle: Vehicle,
-    /// Its effects.
+    /// Effects of the retuned car, including the values of a learned law that was taken.
     pub effects: Parameters,
-    /// Where it was validated, and how well its clutch torque is known.
+    /// Where the retuned car was validated, and how well its clutch torque is known.
     pub validated: Validated,
     /// The car as its file gives it.
     pub nominal: Vehicle,
-    /// What is open, and what could be measured about it.
+    /// Open questions, and the measurements that could settle them.
     pub outlook: Outlook,
-    /// The law that was learned where the library ends, taken or not.
+    /// The law that was learned for what the library does not explain, whether it was taken or not.
     pub learned: Option<Tried>,
 }
 
-/// Diagnoses a campaign. `progress` is told what is being done and how far all of it is, as a share, ten times a second.
+/// Diagnoses a campaign. `progress` is called ten times a second with the current stage and with the share of the whole diagnosis that is done.
 ///
 /// # Errors
-/// A vehicle file or tolerances that are not sound; too few recordings.
+/// An invalid vehicle file or invalid tolerances; too few recordings.
 pub fn diagnose(campaign: &Campaign, progress: &(dyn Fn(&str, f64) + Sync)) -> Result<Diagnosis, DiagnosisError> {
     diagnose_with(campaign, None, progress)
 }
 
-/// The same where these manoeuvres and no others can be driven; limits are worked out with each of them.
+/// As [`diagnose`], if these manoeuvres and no others can be driven. Limits of detection with each of them are then always computed.
 ///
 /// # Errors
 /// As [`diagnose`].
@@ -104,7 +104,7 @@ pub fn diagnose_with(
     of_samples(MOST_SAMPLES, campaign, manoeuvres, progress)
 }
 
-/// The same with at most so many samples.
+/// As [`diagnose_with`], with at most `most` samples in the fit.
 pub(super) fn of_samples(
     most: usize,
     campaign: &Campaign,
@@ -152,7 +152,7 @@ fn diagnosed(
         *found = searched(&problem, Some(found));
         problem
     };
-    // What the first search found of the sensors (how late, how noisy) makes a better filter of the second.
+    // The delays and the noise of the sensors that the first search found improve the filter of the second.
     let late = sensors::late(&problem.car(&found.best().fit.point, None).effects);
     let known = Disturbances { late, ..with };
     let mut filtered_by = with;
@@ -164,7 +164,8 @@ fn diagnosed(
         filtered_by = coloured.unwrap_or(known);
         problem = refiltered(problem, &filtered_by, &mut found);
     }
-    // What an explanation leaves may be irregular: then everything is weighed with that in the filter. If the best set strains its tolerances, that is asked before more work goes into it.
+    // What an explanation leaves may be an irregular disturbance. Search and posterior are then repeated with this disturbance in the filter. If the best set strains its
+    // tolerances, the disturbance is looked for before more work goes into the set.
     let mut before = strained(&problem, &found, watch);
     let is_one_of_them = |problem: &Problem, found: &Search| !leaves_too_much(problem, &found.best().fit);
     let mut left = is_one_of_them(&problem, &found).then(|| before.irregular(&problem, &found, &filtered_by)).flatten();
@@ -175,7 +176,7 @@ fn diagnosed(
     }
     let mut weights = weighed(&problem, &mut found, before, watch);
     let mut conclusion = conclude(&problem, &found, &weights);
-    // A law alone already says that something is open, and more of it than a size.
+    // An explanation that is a law alone already says that something is open, and says more about it than a disturbance, which has only a size.
     let law_alone = conclusion.explanation.effects.is_empty() && conclusion.explanation.place.is_some();
     if left.is_none() && conclusion.verdict != Verdict::InputsDoNotFit && !law_alone {
         let fit = fitted_whole(&problem, &found, &conclusion);
@@ -209,7 +210,7 @@ fn diagnosed(
     if let Some(gaps) = named.then(misled).flatten() {
         conclusion.withdraw(gaps);
     }
-    // Tolerances beside a law that nobody has a formula for retune nothing: the car is handed back as it came.
+    // With such a verdict nothing is retuned, because the tolerances were fitted beside a law without a formula: the car is handed back as its file gives it.
     let retuned = !matches!(conclusion.verdict, Verdict::Unexplained | Verdict::InputsDoNotFit);
     let near = fitted_alone(&found, &conclusion).or(conclusion.explanation.fit.as_ref());
     let declared: Vec<_> = tolerances.own.iter().filter(|n| n.declared).cloned().collect();
@@ -238,7 +239,7 @@ fn diagnosed(
         tuned: after,
     };
     let learned = empirical::learn_law(&problem, &conclusion, alone, near, &judge);
-    // Nothing is fitted any more.
+    // Nothing is fitted from here on, so that innovations and derivatives can be released.
     found.let_go_of_all();
     let explanations = weights.explanations.iter_mut().chain([&mut conclusion.explanation]);
     explanations.filter_map(|e| e.fit.as_mut()).for_each(Fit::let_go);
@@ -257,7 +258,7 @@ fn diagnosed(
     watch.begin("what to measure next");
     let whole = manoeuvres.is_some();
     let planner = Planner::after(&problem, &filtered_by, manoeuvres.unwrap_or_else(|| built_in(&vehicle)));
-    // At the car within its tolerances.
+    // The outlook is computed at the fitted tolerances, without effects.
     let without = Point { effects: effects::null(), ..found.best().fit.point.clone() };
     let outlook = outlook(planner, &problem, &weights, &without, whole);
     let answer = compose::answer(&Findings {
@@ -298,22 +299,22 @@ fn diagnosed(
     })
 }
 
-/// The fit of the explanation that stands, with its innovations: anew, if they were let go.
+/// The fit of the explanation that stands, with its innovations. If these were released, its set of effects is fitted again.
 fn fitted_whole(problem: &Problem, found: &Search, conclusion: &Conclusion) -> Fit {
     let fit = conclusion.explanation.fit.clone().expect("the best was fitted");
     let anew = || found.of(&conclusion.explanation.effects).map(|h| h.whole(problem).fit);
     if fit.residuals.is_empty() { anew().unwrap_or(fit) } else { fit }
 }
 
-/// What is to be known of missing laws before an exchange.
+/// Missing laws beside the best set, if it strains its tolerances; needed before members are exchanged.
 fn strained(problem: &Problem, found: &Search, watch: &Watch) -> Strained {
     watch.begin("exchange");
     Strained::new(problem, found)
 }
 
-/// The posterior over what the search found, exchanges and missing laws.
+/// The posterior over the sets of the search, with members exchanged, and over missing laws.
 fn weighed(problem: &Problem, found: &mut Search, strained: Strained, watch: &Watch) -> Posterior {
-    // What strains its tolerances and is far behind a missing law is not worth more work.
+    // If the best set strains its tolerances and is far behind a missing law, an exchange is not worth the work.
     if !strained.is_far_ahead(found) {
         exchange(problem, found);
     }
@@ -321,19 +322,21 @@ fn weighed(problem: &Problem, found: &mut Search, strained: Strained, watch: &Wa
     posterior(problem, found, strained)
 }
 
-/// The fit of the named effects that the FMU gets. It has no law beside its effects: it gets the numbers that suit best without one. Where the law's absence bends them it gets those
-/// beside the law, if that and the effects are not of one subsystem, in which one may make up for the other.
+/// The fit of the named effects without a missing law, from which the FMU gets its numbers, because the FMU does not contain the law either. None if this fit strains its
+/// tolerances and no named effect belongs to the law's subsystem: then the FMU gets the numbers that were fitted beside the law. Within one subsystem, law and effect may
+/// compensate each other.
 fn fitted_alone<'a>(found: &'a Search, conclusion: &Conclusion) -> Option<&'a Fit> {
     let apart = conclusion.unexplained_at.is_some_and(|at| conclusion.effects.iter().all(|&e| REGISTRY[e].effect.subsystem != at));
     found.of(&conclusion.effects).map(|h| &h.fit).filter(|f| !(apart && f.strains()))
 }
 
-/// The point at which the car is handed back if it is retuned.
+/// The estimates with which the car is retuned: those fitted without a missing law, or else those beside the law.
 fn tuned_by(found: &Search, conclusion: &Conclusion, point: &Point) -> Point {
     fitted_alone(found, conclusion).map_or_else(|| beside_law(conclusion, point), |f| f.point.clone())
 }
 
-/// Mean gap of both speeds in free replays of the recordings of the fit, rad/s, of the file's car and with the named effects, if these lead further off.
+/// Mean gap of both speeds in free replays of the recordings of the fit, rad/s, with the car of the file and with the named effects, if the latter is more than [`MISLED`] times
+/// the former. None without effects, or if no recording has a position.
 fn misled(problem: &Problem, taught: &[Recording], vehicle: &Vehicle, tuned: &Point) -> Option<[f64; 2]> {
     if tuned.effects == effects::null() || problem.tracks.iter().all(|t| t.position_free) {
         return None;
@@ -346,13 +349,14 @@ fn misled(problem: &Problem, taught: &[Recording], vehicle: &Vehicle, tuned: &Po
     (after > MISLED * before).then_some([before, after])
 }
 
-/// What was fitted beside a law, without the law and the effects that stood in for it.
+/// The point that was fitted beside a law, without the law and without the effects that only stood in for it.
 fn beside_law(conclusion: &Conclusion, point: &Point) -> Point {
     let stood_in = conclusion.explanation.effects.iter().filter(|e| !conclusion.effects.contains(e));
     stood_in.fold(Point { missing: Vec::new(), ..point.clone() }, |beside, e| beside.without(*e))
 }
 
-/// The map without any effect, at the tolerances that go with the conclusion: fitted alone they would have bent towards the gap and hidden it; and with the effects.
+/// The residual maps without any effect and with the effects, both at the tolerances of the conclusion. Tolerances that were fitted without effects would have moved towards the
+/// gap and hidden it.
 fn cells(problem: &Problem, conclusion: &Conclusion) -> [Vec<map::Cell>; 2] {
     let last = &conclusion.explanation.fit.as_ref().expect("the best was fitted").point;
     let strip = |p: &Point| Point { missing: Vec::new(), ..p.clone() };
@@ -375,7 +379,7 @@ fn is_held_out(split: &Split, k: usize, engagement: usize, count: usize) -> bool
     k == split.judge && (!split.last_engagement || engagement + 1 == count)
 }
 
-/// The held-out data as a recording of its own.
+/// The held-out data as a recording of their own.
 fn judged(r: &Recording, last_engagement: bool, vehicle: &Vehicle, after: Car) -> Recording {
     let prepared = prepare(r, vehicle);
     let Some(rows) = prepared.stretches.last().filter(|_| last_engagement) else { return r.clone() };
@@ -405,7 +409,8 @@ mod tests {
         Ready::new(&campaign, &vehicle, &Work::default()).unwrap().problem
     }
 
-    /// The bundled campaign has a contact point that moves with temperature; a mass that was named beside it goes, before anything is weighed.
+    /// The bundled campaign has a contact point that moves with temperature. If a vehicle mass has been added to it, the exchange removes the mass before the posterior is
+    /// computed.
     #[test]
     fn members_of_the_best_set_are_exchanged_before_it_is_weighed() {
         let (problem, work) = (example(), Work::default());
@@ -419,7 +424,7 @@ mod tests {
         assert_eq!(weights.best().effects, [effects::find("kiss_point_thermal").unwrap()]);
     }
 
-    /// What is asked of innovations that were let go is asked of those of the same explanation, fitted anew from where it was.
+    /// If the innovations of an explanation were released, those of the same explanation are used, fitted again from its point.
     #[test]
     fn innovations_that_were_let_go_come_again() {
         let problem = example();
@@ -448,7 +453,7 @@ mod tests {
         assert!((again.misfit() / fit.misfit() - 1.0).abs() < 1e-3, "{} {}", again.misfit(), fit.misfit());
     }
 
-    /// Half a clutch's friction is further off than the car of the file, its whole friction is not.
+    /// A car with half of the friction is further off than the car of the file; a car with the whole friction is not.
     #[test]
     fn effects_whose_car_follows_worse_than_the_file_s_are_told() {
         let Example { campaign, vehicle } = Example::read();

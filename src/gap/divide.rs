@@ -1,7 +1,7 @@
-//! Long drives, divided where the car stands: nothing but temperatures and the slip angle goes on from there.
+//! Divides long drives where the car stands, since only temperatures and the slip angle carry over from there.
 //!
-//! Only then can a part of a long log be fitted ([`enough`](super::enough)). A part begins at rest under the brake, like a drive of its own, at the temperatures and the slip angle
-//! that the file's car has there in a corrected replay of the drive.
+//! This makes it possible to fit only a part of a long log ([`enough`](super::enough)). A part begins at rest under the brake, like a drive of its own, at the temperatures and the
+//! slip angle that the file's car has there in a corrected replay of the drive.
 
 use super::enough::MOST_SAMPLES;
 use super::free::{prepare, rests};
@@ -13,16 +13,17 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// Rows that a part has at least: a tenth of the samples that are fitted.
+/// Minimum number of rows of a part. With two speeds per row, these are a tenth of the samples that are fitted.
 const PART_ROWS: usize = MOST_SAMPLES / 20;
 
-/// Share of what the disc and the body have warmed since a drive began by which their temperatures at the beginning of a part are uncertain: one standard deviation.
+/// Standard deviation of the temperatures of disc and body at the beginning of a part, as a share of what they have warmed since the drive began. It is added, in squares, to that
+/// of the drive's start temperatures.
 const WARMED: f64 = 0.5;
 
-/// The campaign with long drives in parts, if it has more samples than are fitted; a note says so of each. A campaign that is divided already comes back as it is.
+/// Divides the long drives of a campaign that has more samples than are fitted, and adds a note for each of them. A campaign that has already been divided is returned unchanged.
 ///
 /// # Errors
-/// A vehicle file that is not sound.
+/// An invalid vehicle file.
 pub fn divided(campaign: &Campaign) -> Result<Cow<'_, Campaign>, VehicleError> {
     let rows: usize = campaign.recordings.iter().map(|r| r.time.len()).sum();
     if 2 * rows <= MOST_SAMPLES {
@@ -87,7 +88,8 @@ fn apart(r: &Recording, vehicle: &Vehicle, parts: &[Range<usize>]) -> Vec<Record
 mod tests {
     use super::*;
 
-    /// A drive at 100 Hz that stands from 60 s to 63 s, from 130 s to 130.3 s, from 140 s to 143 s with its clutch closed, from 150 s to 153 s without the brake, and from 170 s to 173 s.
+    /// A drive at 100 Hz that stands from 60 s to 63 s, from 130 s to 130.3 s, from 140 s to 143 s with its clutch closed, from 150 s to 153 s without the brake, and from 170 s to
+    /// 173 s.
     fn drive() -> Recording {
         let time: Vec<f64> = (0..20_000).map(|k| 0.01 * f64::from(k)).collect();
         let within = |t: f64, spans: &[[f64; 2]]| spans.iter().any(|[from, to]| (from - 0.005..to - 0.005).contains(&t));
@@ -112,7 +114,7 @@ mod tests {
     fn a_part_begins_when_an_open_car_has_stood_under_its_brake() {
         let (vehicle, r) = (Vehicle::paper(), drive());
         assert_eq!(parts(&r, &vehicle), [0..6_050, 6_050..17_050, 17_050..20_000]);
-        // Without a position the speeds say enough; without a brake nothing does, and what is short stays whole.
+        // Without a position, standing under the brake is sufficient. A recording without a brake, or a short one, is not divided.
         let without = Recording { x_to_cmd: Vec::new(), ..r.clone() };
         assert_eq!(parts(&without, &vehicle), [0..6_050, 6_050..14_050, 14_050..20_000]);
         assert_eq!(parts(&Recording { brake: None, ..r.clone() }, &vehicle), [0..20_000]);

@@ -1,16 +1,18 @@
-//! Where a retuned plant was validated, and how well its clutch torque is known: [`Validated`] of a campaign.
+//! Where a retuned plant was validated, and how well its clutch torque is known: computes the [`Validated`] of a campaign.
 //!
-//! Places are those that the recordings came through which taught it, in corrected replays. The standard deviation of the clutch torque at slip ω, temperature θ and
-//! bearing position x is that of the posterior over explanations k with probabilities w_k, T the torque of the plant that is handed out:
+//! Places are the operating points through which the plant passes in corrected replays of the recordings of the fit. The standard deviation of the clutch torque at slip ω,
+//! temperature θ and bearing position x follows from the posterior over explanations k with probabilities w_k and torques T_k, where T is the torque of the plant that is handed
+//! out:
 //!
 //! ```text
 //! σ² = Σ_k w_k [ (T_k − T)² + Σ_r ½ ((T_k(p + d_r) − T_k)² + (T_k(p − d_r) − T_k)²) ] + (s² + ρ²) T²
 //! ```
 //!
-//! d_r are the columns of the Cholesky factor of the covariance of numbers and effects, the mean over the accuracies that laws may have; for each effect the share of its
-//! size by which the mean of its form may differ; and one standard deviation of each number that every recording has of its own: to first order this is gᵀCg, g the gradient of the torque, and beyond it counts both sides of a kink. s is the share of its torque by which the filter lets any clutch
-//! depart from its map; ρ is the share that the retuned plant leaves of a transducer's torque beyond its noise, where there is one: no covariance knows what the
-//! equations lack. All torques are those of the plant's own equations.
+//! The deviations d_r are the columns of the Cholesky factor of the covariance of numbers and effects (the mean over the accuracies that laws may have); for each effect, the mean
+//! that its form may have, as a share of the effect's size; and one standard deviation of each number that every recording has of its own. To first order the sum is gᵀCg, with g
+//! the gradient of the torque and C its covariance; beyond first order, both sides of a kink count. s is the share of its torque by which the filter lets any clutch depart from
+//! its map. ρ is the share of the torque by which the retuned plant differs from a transducer, if there is one, beyond the noise of the transducer, because no covariance contains
+//! what the equations lack. All torques are computed with the plant's own equations.
 
 use super::infer::coordinate::Coordinate;
 use super::infer::density::{Point, Problem};
@@ -31,36 +33,36 @@ use rayon::prelude::*;
 /// Probability below which an explanation is left out.
 const LEAST_PROBABILITY: f64 = 0.01;
 
-/// What a torque depends on beside the place, over which its variance is averaged: direction of the bearing, slip angle in rad, friction work in J.
+/// Variables other than the place on which the torque depends; its variance is averaged over these combinations: direction of the bearing, slip angle in rad, friction work in J.
 const CIRCUMSTANCES: [(f64, f64, f64); 4] = [(1.0, 0.0, 1e3), (-1.0, 1.3, 3e3), (1.0, 2.9, 3e3), (-1.0, 4.6, 8e3)];
 
-/// What the retuned plant is.
+/// The plant that is handed out.
 pub struct Handed<'a> {
-    /// The point of the fit that it goes with.
+    /// The point of the fit to which the plant belongs.
     pub point: &'a Point,
-    /// The law that it holds beside that.
+    /// The learned law that the plant contains, if any.
     pub learned: Option<&'a Learned>,
-    /// Whether it follows the car: otherwise it was validated nowhere.
+    /// Whether the plant follows the car, because it was retuned or contains a learned law. Otherwise it was validated nowhere.
     pub follows: bool,
-    /// Whether the explanation beside which it stands lacks a law of the clutch. What that does to the torque only a transducer tells.
+    /// Whether a law of the clutch is missing and the plant contains no learned law. Only a transducer shows what the missing law does to the torque.
     pub lacks_clutch_law: bool,
 }
 
 impl Handed<'_> {
-    /// Whether it is known how well its clutch torque follows the car's, with a transducer in some recording or without.
+    /// Whether it is known how well the clutch torque of the plant follows that of the car; `measured` says whether some recording has a transducer.
     fn is_known(&self, measured: bool) -> bool {
         self.follows && (measured || !self.lacks_clutch_law)
     }
 }
 
-/// A clutch that may be the car's, and what it may be off by.
+/// The clutch according to one explanation, with the weight of the explanation and both sides of every deviation d_r.
 struct Clutch {
     weight: f64,
     mode: Config,
     deviations: Vec<[Config; 2]>,
 }
 
-/// What this campaign leaves beside the numbers.
+/// The places at which a plant was validated, and the table of σ of its clutch torque.
 pub fn validated(problem: &Problem, posterior: &Posterior, handed: &Handed) -> Validated {
     let car = problem.car(handed.point, None);
     let config = Config::new(&car.vehicle, &car.effects);
@@ -82,13 +84,13 @@ pub fn validated(problem: &Problem, posterior: &Posterior, handed: &Handed) -> V
     Validated::new(places, table.into_iter().flatten())
 }
 
-/// What a recording came through: nothing that is known, if it has no position.
+/// Places through which the plant passes in a recording, and its errors against a transducer. Empty if the recording has no position.
 struct Visited {
-    /// Observation by observation.
+    /// The place at each observation, as far as all its numbers are finite.
     places: Vec<Place>,
-    /// Sum over a slipping clutch of the squared error against a transducer less its noise, (N·m)².
+    /// Sum of the squared errors against the transducer minus the variance of their noise, over observations with a slipping clutch, (N·m)².
     excess: f64,
-    /// Sum of its squared torque there, (N·m)².
+    /// Sum of the squared clutch torque of the plant over the same observations, (N·m)².
     squares: f64,
 }
 
@@ -124,7 +126,7 @@ fn visited(problem: &Problem, point: &Point, config: &Config, k: usize) -> Visit
 fn clutches(problem: &Problem, posterior: &Posterior, handed: &Handed) -> Vec<Clutch> {
     if let Some(l) = handed.learned {
         let mut one = clutch_of(problem, 1.0, &l.fit);
-        // The effects beside a law stay as they were fitted, and are known no better for it.
+        // The effects beside a learned law stay as they were fitted, and keep their uncertainty.
         one.deviations.extend(posterior.best().fit.iter().flat_map(|fit| of_effects(problem, fit, &l.fit.point)));
         return vec![one];
     }
@@ -139,7 +141,7 @@ fn clutches(problem: &Problem, posterior: &Posterior, handed: &Handed) -> Vec<Cl
         .collect()
 }
 
-/// The clutch of a fit, and what its numbers and effects may be off by.
+/// The clutch of a fit, with the deviations of its numbers and effects and of the numbers that every recording has of its own.
 fn clutch_of(problem: &Problem, weight: f64, fit: &Fit) -> Clutch {
     let mode = problem.car(&fit.point, None);
     let covariance = fit.mean_covariance.clone().or_else(|| fit.covariance());
@@ -154,7 +156,7 @@ fn clutch_of(problem: &Problem, weight: f64, fit: &Fit) -> Clutch {
     Clutch { weight, mode: Config::new(&mode.vehicle, &mode.effects), deviations: shared.into_iter().chain(own).collect() }
 }
 
-/// Both sides along each column of the Cholesky factor of these coordinates' covariance.
+/// Both sides of a deviation along each column of the Cholesky factor of the covariance of these coordinates.
 fn along(problem: &Problem, point: &Point, coordinates: &[Coordinate], covariance: Option<DMatrix<f64>>) -> Vec<[Config; 2]> {
     let root = covariance.and_then(|c| c.cholesky()).map(|c| c.l()).unwrap_or_else(|| DMatrix::zeros(coordinates.len(), 0));
     let both = |column: nalgebra::DVectorView<f64>| {
@@ -168,7 +170,7 @@ fn along(problem: &Problem, point: &Point, coordinates: &[Coordinate], covarianc
     root.column_iter().map(both).collect()
 }
 
-/// What the effects of a fit may be off by beside a law, at whose point they stand.
+/// Deviations of the effects of a fit beside a learned law, taken at the point `at` of the law's fit.
 fn of_effects(problem: &Problem, fit: &Fit, at: &Point) -> Vec<[Config; 2]> {
     let places: Vec<usize> = (0..fit.shared.len()).filter(|&i| matches!(fit.shared[i], Coordinate::Effect(_))).collect();
     let coordinates: Vec<Coordinate> = places.iter().map(|&i| fit.shared[i]).collect();
@@ -176,7 +178,7 @@ fn of_effects(problem: &Problem, fit: &Fit, at: &Point) -> Vec<[Config; 2]> {
     along(problem, at, &coordinates, fit.mean_covariance.as_ref().map(part))
 }
 
-/// Larger and smaller by the mean that the form of an effect may have, each effect by itself.
+/// Deviations of the effects of a fit, each made larger and smaller by the mean that its form may have.
 fn of_forms(problem: &Problem, fit: &Fit) -> Vec<[Config; 2]> {
     let there = |e: &&effects::Entry| e.parameters.clone().any(|k| fit.shared.contains(&Coordinate::Effect(k)));
     let both = |e: &effects::Entry| {
@@ -193,7 +195,8 @@ fn of_forms(problem: &Problem, fit: &Fit) -> Vec<[Config; 2]> {
     REGISTRY.iter().filter(there).map(both).collect()
 }
 
-/// Standard deviation of the clutch torque in N·m of a clutch that slips, or would; `lasting` is the squared share of its torque that no number moves.
+/// Standard deviation in N·m of the torque of a clutch that slips, or of the torque at which a locked clutch would slip. `lasting` is s² + ρ², the variance relative to the squared
+/// torque that no number of the plant accounts for.
 fn sigma(handed: &Config, clutches: &[Clutch], lasting: f64, x: f64, theta: f64, slip: f64) -> f64 {
     let weights: f64 = clutches.iter().map(|c| c.weight).sum();
     let variance = CIRCUMSTANCES.iter().map(|&(z, angle, work)| {
@@ -227,7 +230,7 @@ mod tests {
         }
     }
 
-    /// A transducer that reads a tenth more than the plant says: a hundredth of the squared torque is left beyond its noise.
+    /// A transducer that reads 10 % more than the plant leaves 1 % of the squared torque beyond its noise.
     #[test]
     fn what_a_transducer_leaves_beyond_its_noise_is_a_share_of_its_torque() {
         let example = Example::read();

@@ -1,4 +1,4 @@
-//! Drives as they were recorded, from beginning to end: what happened when.
+//! Recorded drives from beginning to end: when the driver braked, when the clutch was open, slipping or locked, and when it engaged.
 
 use super::free::stretches;
 use super::model::track::{Channel, Track};
@@ -11,19 +11,20 @@ use std::ops::Range;
 pub struct Drive {
     /// Name of the recording.
     pub recording: String,
-    /// Stamps, s.
+    /// Time stamps, s.
     pub time: Vec<f64>,
     /// Speeds of flywheel and disc, rad/s; not finite where there is no sample.
     pub speeds: [Vec<f64>; 2],
-    /// Phases of the clutch as the speeds show them (0 open, 1 slipping, 2 locked), each from an instant to another, s; none where a part took no part in the fit.
+    /// Phases of the clutch as the measured speeds show them (0 open, 1 slipping, 2 locked), each with its beginning and end, s. Rows that took no part in the fit have no phases.
     pub phases: Vec<([f64; 2], u8)>,
-    /// When the driver brakes, s.
+    /// Beginning and end of each braking, s.
     pub braked: Vec<[f64; 2]>,
-    /// Engagements that are replayed freely, s, and whether they took no part in choosing or fitting.
+    /// Beginning and end, s, of each engagement that is replayed freely, and whether it was held out.
     pub engagements: Vec<([f64; 2], bool)>,
 }
 
-/// A recording as a drive, if the driver brakes in it. `phases` are those by observation of the part that was fitted.
+/// The recording as a drive; none if the driver never brakes in it. `held_out` gets the index of an engagement and the number of engagements; `phases` are the track of the part
+/// that was fitted and its phase at each observation.
 pub fn drive(recording: &Recording, held_out: impl Fn(usize, usize) -> bool, phases: Option<(&Track, &[Phase])>) -> Option<Drive> {
     let track = Track::new(recording);
     if track.brake.iter().all(|b| !b) {
@@ -58,7 +59,7 @@ pub fn drive(recording: &Recording, held_out: impl Fn(usize, usize) -> bool, pha
 mod tests {
     use super::*;
 
-    /// Braked to 1 s, released at rest, braked from 3 s on to the end; the last 0.5 s took no part in the fit.
+    /// The brake is on until 1 s, released at rest, and on again from 3 s to the end; the last 0.5 s took no part in the fit.
     #[test]
     fn a_drive_says_when_it_brakes_engages_and_locks() {
         let time: Vec<f64> = (0..400).map(|k| 0.01 * f64::from(k)).collect();

@@ -1,9 +1,9 @@
-//! Where the library ends: a law that is learned from the recordings, and whether it is worth anything.
+//! Learns laws from the recordings for what the library does not explain, and judges whether they are worth anything.
 //!
-//! A verdict that leaves something without a cause names a place; one that names its cause may leave a part of the gap all the same, for no real effect has quite the
-//! library's form. The curves of `effects::empirical` that act there, or where the effects are, are fitted beside whatever was named, and a
-//! law is taken only if free replays say so of recordings that did not teach it: of each recording in turn with a law that was learned from the others, and of what
-//! was held out from everything. Laws are added one at a time, as long as the next one carries over, too. They are never a cause, and change no verdict.
+//! A verdict that leaves something without a cause names a place, which is a subsystem. A verdict that names effects may leave a part of the gap as well, because no real effect
+//! has exactly the library's form. The curves of `effects::empirical` that act in this place, or in the subsystems of the effects, are fitted beside the named effects. A law is
+//! taken only if free replays confirm it on data to which it was not fitted: on each recording of the fit with a law that was learned from the others, and on the held-out data.
+//! Laws are added one at a time, as long as the next one is confirmed as well. They are never named as a cause, and they do not change the verdict.
 
 use super::free::Car;
 use super::infer::density::{Point, Problem};
@@ -18,44 +18,44 @@ use crate::effects::{self, Parameters, REGISTRY, Subsystem};
 use crate::vehicle::Vehicle;
 use rayon::prelude::*;
 
-/// Share of the gap on what was held out that effects which explain it have to leave for a law to be tried beside them, and share of what is left that each law has to close
-/// on recordings that did not teach it.
+/// A law is tried beside effects that explain the gap only if they leave more than this share of the gap on the held-out data. Each law has to close more than this share of the
+/// remaining gap on recordings from which it was not learned.
 const WORTH_A_LAW: f64 = 0.03;
 
-/// Laws that are tried in turn beside those that are there, the ones with the most evidence.
+/// Maximum number of laws that are tried in turn beside those already taken: the ones with the most evidence.
 const TRIED: usize = 3;
 
-/// Laws that were tried together, and what became of them.
+/// Laws that were learned together, and the result of judging them.
 #[derive(Clone, Debug)]
 pub struct Tried {
-    /// Where something is missing.
+    /// Subsystems in which something may be missing.
     pub places: Vec<Subsystem>,
     /// Subsystems of the laws, the first one added first.
     pub laws: Vec<Subsystem>,
-    /// What was learned.
+    /// The fitted curves.
     pub learned: Learned,
-    /// The car with it.
+    /// The numbers of the car with the laws.
     pub vehicle: Vehicle,
-    /// Its effects, the learned values among them.
+    /// The effects of the car, including the learned values.
     pub effects: Parameters,
-    /// Gap of each recording that taught it with a law learned from the others, rad/s: without and with.
+    /// Gap of each recording of the fit, rad/s: without any law, and with the laws as learned from the other recordings.
     pub left_out: Vec<[f64; 2]>,
-    /// Gap of what was held out, before and with the law.
+    /// Gaps on the held-out data, of the nominal car and with the laws.
     pub held_out: Vec<HeldOut>,
-    /// The same without the law, as one number, rad/s.
+    /// Gap of both speeds on the held-out data without any law, rad/s.
     pub without: f64,
-    /// Whether it is taken, or why not.
+    /// Why the last of the laws was not taken; none if it was.
     pub refused: Option<Refusal>,
 }
 
 /// Why a law was not taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refusal {
-    /// It does not carry over from recording to recording.
+    /// It does not carry over to recordings from which it was not learned.
     LeftOut,
-    /// It does not close the gap on what was held out.
+    /// It does not reduce the gap on the held-out data.
     HeldOut,
-    /// Nothing on what was held out stands above what the true car would leave, so that it cannot be judged there.
+    /// The gap on the held-out data is no larger than what the true car would leave, so that the law cannot be judged there.
     NothingToJudge,
 }
 
@@ -63,18 +63,18 @@ pub enum Refusal {
 pub const BAND: f64 = 1.96;
 
 impl Tried {
-    /// Whether any value of the curves stands out of its 95 % band around zero. If none does, what closes the gap are the tolerances that were fitted beside them.
+    /// Whether any value of the curves lies outside its 95 % band around zero. If none does, the gap is closed by the tolerances that were fitted beside the curves.
     pub fn stands_out(&self) -> bool {
         let outside = |(k, sigma): (usize, f64)| sigma > 0.0 && self.learned.fit.point.effects[k].abs() > BAND * sigma;
         self.learned.curves.iter().any(|c| c.parameters().zip(self.learned.sigma(c)).any(outside))
     }
 
-    /// Share of the gap that it closes on recordings that did not teach it, of those that taught the others.
+    /// Share by which the mean gap of the recordings of the fit falls, each replayed with laws that were learned from the others.
     pub fn share_left_out(&self) -> f64 {
         closed(&self.left_out)
     }
 
-    /// Gaps of the recordings that did not teach it, with it, rad/s.
+    /// Gap of each recording of the fit with the laws as learned from the others, rad/s.
     fn gaps(&self) -> impl Iterator<Item = f64> + Clone {
         self.left_out.iter().map(|g| g[1])
     }
@@ -85,18 +85,18 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     sum / count.max(1) as f64
 }
 
-/// Share of these gaps, without and with, that is closed.
+/// Share by which the mean gap falls; each entry is a gap without and with a law. Zero if there is no gap.
 fn closed(gaps: &[[f64; 2]]) -> f64 {
     let [without, with] = [0, 1].map(|k| mean(gaps.iter().map(|g| g[k])));
     if without > 0.0 { 1.0 - with / without } else { 0.0 }
 }
 
-/// Whether a law carries over that leaves these gaps of recordings that did not teach it, rad/s: without it, but with the laws that are there, and with it.
+/// Whether a law carries over to recordings from which it was not learned. `gaps` are theirs, rad/s: with the laws already taken, and with this law beside them.
 fn carries_over(gaps: &[[f64; 2]]) -> bool {
     fall(gaps) && closed(gaps) > WORTH_A_LAW
 }
 
-/// Whether gaps fall on average by more than the standard error of that mean; a single one never does.
+/// Whether the gaps fall on average by more than the standard error of their mean fall. A single gap never does, because it has no standard error.
 fn fall(gaps: &[[f64; 2]]) -> bool {
     let n = gaps.len() as f64;
     let by = || gaps.iter().map(|g| g[0] - g[1]);
@@ -105,7 +105,7 @@ fn fall(gaps: &[[f64; 2]]) -> bool {
     fallen > (variance / n).sqrt()
 }
 
-/// Laws that act on the car as one that is missing at this place may: they are tried in this order.
+/// Laws that can act on the car like a law that is missing at this place, in the order in which they are tried if no more than three laws are open.
 pub fn laws_for(place: Subsystem) -> &'static [Subsystem] {
     use Subsystem::{Actuator, ClutchForce, Driveline, Engine, Friction, Sensors, Thermal};
     match place {
@@ -118,15 +118,15 @@ pub fn laws_for(place: Subsystem) -> &'static [Subsystem] {
     }
 }
 
-/// What a law is judged on, and by.
+/// The data by which a law is judged, and the cars with which it is compared.
 pub struct Judge<'a> {
-    /// Recordings that taught, in the order of the problem's, and what the true car would leave there.
+    /// The recordings of the fit, in the order of the problem, and the gap that the true car would leave in each.
     pub taught: Followed<'a>,
-    /// What was held out.
+    /// The recording that judges.
     pub held_out: &'a Recording,
-    /// Whether only its last engagement was.
+    /// Whether only its last engagement was held out.
     pub last_engagement: bool,
-    /// What the true car would leave there, rad/s.
+    /// Gap that the true car would leave on the held-out data, rad/s.
     pub floor: f64,
     /// The car as its file gives it.
     pub nominal: &'a Vehicle,
@@ -135,12 +135,12 @@ pub struct Judge<'a> {
 }
 
 impl Judge<'_> {
-    /// Gaps of a car on what was held out.
+    /// Gaps on the held-out data, of the nominal car and of `car`.
     fn gaps(&self, car: Car) -> Vec<HeldOut> {
         measure::evaluate_part(self.held_out, (self.nominal, &effects::null()), car, self.last_engagement)
     }
 
-    /// Share of the gap above what the true car would leave that a car leaves on what was held out; none of it where it leaves less than that car.
+    /// Share of the nominal car's gap above the floor of the true car that a car leaves on the held-out data; zero if it leaves no more than the floor.
     fn leaves(&self, car: Car) -> f64 {
         let closed = Closed { noise: self.floor, ..Closed::of(&self.gaps(car)) };
         if closed.after <= self.floor { 0.0 } else { 1.0 - closed.fraction() }
@@ -153,7 +153,7 @@ fn gap(recording: &Recording, before: Car, after: Car) -> [f64; 2] {
     [c.before, c.after]
 }
 
-/// Whether a law is tried after this verdict, where effects that explain leave this share of the gap.
+/// Whether a law is tried after this verdict. `left` is the share of the gap that the effects leave, which matters only if they explain the gap.
 fn is_worthwhile(verdict: Verdict, left: impl FnOnce() -> f64) -> bool {
     match verdict {
         Verdict::Unexplained | Verdict::PartlyExplained => true,
@@ -162,8 +162,9 @@ fn is_worthwhile(verdict: Verdict, left: impl FnOnce() -> f64) -> bool {
     }
 }
 
-/// Learns a law where something is left, by a verdict that says so or by effects on what was held out; none if nothing is, or if no law acts there. `start` is the point that goes with the tuned car,
-/// `near` a fit from whose derivatives along nuisances the work may begin.
+/// Learns laws if something is left: because the verdict says so, or because effects that explain the gap leave a part of it on the held-out data. None if nothing is left, or if
+/// no law acts there. If no law is taken, the first one that was refused is returned. `start` is the point that belongs to the tuned car; `near` is a fit whose derivatives along
+/// nuisances are reused at first.
 pub fn learn_law(problem: &Problem, conclusion: &Conclusion, start: &Point, near: Option<&Fit>, judge: &Judge) -> Option<Tried> {
     if !is_worthwhile(conclusion.verdict, || judge.leaves(judge.tuned)) {
         return None;
@@ -208,7 +209,7 @@ pub fn learn_law(problem: &Problem, conclusion: &Conclusion, start: &Point, near
     }
 }
 
-/// What a further law stands beside: the laws that are there, or none.
+/// The laws already taken, beside which a further law is fitted, and the point from which its fit starts.
 struct Beside<'a> {
     laws: &'a [Subsystem],
     curves: &'a [&'static Curve],
@@ -227,12 +228,12 @@ impl<'a> Beside<'a> {
         }
     }
 
-    /// The curves that are there, and the first ones of a law.
+    /// The curves of the laws already taken, and the first `count` curves of a further law.
     fn and(&self, law: Subsystem, count: usize) -> Vec<&'static Curve> {
         self.curves.iter().copied().chain(curves(law).take(count)).collect()
     }
 
-    /// Those of these laws that have the most evidence at a first look, [`TRIED`] at most.
+    /// Those of the laws `open` that have the most evidence at a first look, [`TRIED`] at most.
     fn most_evident(&self, problem: &Problem, open: &[Subsystem]) -> Vec<Subsystem> {
         let evidence = |law: Subsystem| look(problem, &self.and(law, usize::MAX), self.start, self.near);
         let mut all: Vec<(Subsystem, f64)> = open.iter().map(|&law| (law, if open.len() > TRIED { evidence(law) } else { 0.0 })).collect();
@@ -240,7 +241,8 @@ impl<'a> Beside<'a> {
         all.into_iter().take(TRIED).map(|(law, _)| law).collect()
     }
 
-    /// A law beside them: its first curve alone, for what few numbers say carries further, or all, whichever leaves less of recordings that did not teach it.
+    /// Learns a further law, once with its first curve alone, because a law with few numbers carries over more easily, and once with all its curves. Returns the one with the
+    /// smaller mean gap on recordings from which it was not learned.
     fn with(&self, problem: &Problem, judge: &Judge, places: &[Subsystem], law: Subsystem) -> Tried {
         let laws = [self.laws, &[law]].concat();
         let first = tried(problem, places, &laws, learn(problem, &self.and(law, 1), self.start, self.near), judge);
@@ -276,7 +278,8 @@ fn tried(problem: &Problem, places: &[Subsystem], laws: &[Subsystem], mut learne
     }
 }
 
-/// Whether a law is refused that carries over to recordings that did not teach it, or does not, and closes this of what was held out.
+/// Why a law is refused, depending on whether it carries over to recordings from which it was not learned, and on the gaps without and with it on the held-out data. None if it is
+/// taken.
 fn refusal(carries_over: bool, held_out: &Closed) -> Option<Refusal> {
     if !carries_over {
         Some(Refusal::LeftOut)
@@ -308,7 +311,7 @@ mod tests {
         }
     }
 
-    /// Falls of 1, 2 and 3 rad/s: 2 on average, with a standard error of 0.58. One recording tells nothing, nor do falls that are as often rises.
+    /// Falls of 1, 2 and 3 rad/s have a mean of 2 and a standard error of 0.58. A single recording is not sufficient, and neither are rises, or falls that rises nearly compensate.
     #[test]
     fn gaps_fall_if_their_mean_does_by_its_standard_error() {
         let fallen = |by: &[f64]| fall(&by.iter().map(|d| [5.0, 5.0 - d]).collect::<Vec<_>>());
@@ -318,7 +321,7 @@ mod tests {
         assert!(!fallen(&[4.0]) && !fallen(&[]) && !fallen(&[0.0; 3]) && !fallen(&[-1.0, -2.0, -3.0]) && !fallen(&[1.0, -1.0, 0.1]));
     }
 
-    /// Of 100 rad/s a first law leaves 10; a second one that takes them to 9.6 closes 4 % of what is left, and one that takes them to 9.8 closes 2 %.
+    /// A first law leaves 10 of 100 rad/s. A second law that leaves 9.6 rad/s closes 4 % of these 10, one that leaves 9.8 rad/s closes 2 %.
     #[test]
     fn a_further_law_is_measured_by_what_those_before_it_leave() {
         assert!(carries_over(&[[100.0, 10.0]; 3]) && carries_over(&[[10.0, 9.6]; 3]) && !carries_over(&[[10.0, 9.8]; 3]));

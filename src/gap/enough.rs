@@ -1,8 +1,9 @@
-//! How much of a long log is fitted: as many recordings (or parts of drives, [`divide`](super::divide)) as a diagnosis has time for, those that say most.
+//! Chooses what is fitted of a long log: as many recordings (or parts of drives, [`divide`](super::divide)) as a diagnosis has time for, the most informative ones.
 //!
-//! Time and memory grow with the samples, and what these say does not: a replay is exact to a share ε of the noise ([`of_replay`](super::infer::belief::of_replay)), so n samples of one phase of the clutch are believed like
-//! n/(1 + ½ ε² n) exact ones. Up to [`MOST_SAMPLES`], recordings are taken, one after the other, that add most to what the others say of tolerances and effects (the logarithm of the
-//! determinant of their information: D-optimal design).
+//! Computing time and memory grow with the samples, but their information does not: a replay has a systematic error of ε times the noise
+//! ([`of_replay`](super::infer::belief::of_replay)), so that n samples of one phase of the clutch count as n/(1 + ½ ε² n) exact ones. Recordings are taken one after the other, up
+//! to [`MOST_SAMPLES`]: each time the one that adds most per sample to the information on tolerances and effects in those already taken, measured by the logarithm of its
+//! determinant (D-optimal design).
 
 use super::infer::density::Problem;
 use super::infer::screen::{Anchor, information_of_starts};
@@ -12,25 +13,25 @@ use crate::campaign::Campaign;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-/// Samples of both speeds and the bench channels that are fitted at most: 20 minutes of both speeds at 50 Hz, and minutes of a processor. If each phase of the clutch has a third of them, they are
-/// believed like 80 000 exact ones, or like 40 000 if the logger is slower than the control unit.
+/// Maximum number of samples of both speeds and the bench channels that are fitted: 20 minutes of both speeds at 50 Hz, which take minutes of computing time. If each phase of the
+/// clutch has a third of them, they count as 80 000 exact ones, or as 40 000 if the logger is slower than the control unit.
 pub const MOST_SAMPLES: usize = 120_000;
 
-/// Rows of a campaign that are fitted at most: each holds both speeds. What judges is kept whatever its length, and so is one other recording.
+/// Upper bound of the number of rows of a campaign that are fitted. A row holds both speeds; the recording that judges is kept whatever its length, and so is one other recording.
 pub fn most_rows(campaign: &Campaign) -> usize {
     let rows = campaign.recordings.iter().map(|r| r.time.len());
     let longest = rows.clone().max().unwrap_or(0);
     rows.sum::<usize>().min(longest + longest.max(MOST_SAMPLES / 2))
 }
 
-/// The part of a campaign that is fitted, with the recording that judges, and what is to be said of the others; none if all of it is.
+/// The part of a campaign that is fitted, with the recording that judges, and a note on the selection; none if the whole campaign is fitted.
 pub(super) fn enough_of(campaign: &Campaign, ready: &Ready, most: usize) -> Option<(Campaign, String)> {
     let judge = &campaign.recordings[ready.split.judge].name;
     let tracks = &ready.problem.tracks;
     let taken = enough(&ready.problem, tracks.iter().position(|t| t.name == *judge), most)?;
     let is_taken = |name: &str| name == judge || taken.iter().any(|&r| tracks[r].name == name);
     let (used, unused): (Vec<_>, Vec<_>) = campaign.recordings.iter().cloned().partition(|r| is_taken(&r.name));
-    // Whichever list is shorter.
+    // The note has the shorter of the two lists.
     let (what, named, rest) =
         if used.len() < unused.len() { ("These are", &used, "; the others are not used") } else { ("Not used:", &unused, "") };
     let names: Vec<&str> = named.iter().map(|r| r.name.as_str()).collect();
@@ -44,7 +45,8 @@ pub(super) fn enough_of(campaign: &Campaign, ready: &Ready, most: usize) -> Opti
     Some((Campaign { recordings: used, ..campaign.clone() }, note))
 }
 
-/// The recordings that say most within so many samples, `first` among them; one in any case. None if all of them are no more.
+/// Indices of the most informative recordings that have at most `most` samples together, `first` among them, and at least one recording in any case. None if all recordings
+/// together have no more samples, or if the information of one of them cannot be computed.
 fn enough(problem: &Problem, first: Option<usize>, most: usize) -> Option<Vec<usize>> {
     if problem.samples() <= most {
         return None;
@@ -55,7 +57,7 @@ fn enough(problem: &Problem, first: Option<usize>, most: usize) -> Option<Vec<us
     let (mut taken, mut room) = (Vec::new(), most);
     let mut all = DMatrix::identity(said[0].nrows(), said[0].nrows());
     let mut now = 0.0;
-    // What a recording adds only falls as others are taken, so that what it added before bounds it.
+    // What a recording adds only falls as others are taken, so that its earlier value is an upper bound and need not be updated while it is the smaller one.
     let mut adds: Vec<(usize, f64)> = (0..said.len()).map(|r| (r, f64::INFINITY)).collect();
     let mut next = first;
     loop {
@@ -79,7 +81,8 @@ fn enough(problem: &Problem, first: Option<usize>, most: usize) -> Option<Vec<us
     (taken.len() < said.len()).then_some(taken)
 }
 
-/// What a recording says of tolerances, in their standard deviations, and of the starts of effects, in units of these, its own unknowns eliminated.
+/// Information matrix of a recording on tolerances, in their standard deviations, and on the start values of effects, in units of these; the recording's own unknowns are
+/// eliminated.
 fn says(problem: &Problem, r: usize) -> Option<DMatrix<f64>> {
     let alone = problem.of_recording(r);
     let anchor = Anchor::new(&alone, &alone.nominal(), &[], None, None)?;
@@ -96,7 +99,7 @@ mod tests {
     use crate::gap::model::prepare::Example;
     use crate::gap::model::track::Track;
 
-    /// They say nearly as much as the best of all choices that there is room for.
+    /// The chosen recordings are nearly as informative as the best of all choices within the limit.
     #[test]
     fn recordings_are_taken_that_say_what_others_do_not() {
         let example = Example::read();
@@ -114,14 +117,14 @@ mod tests {
         let choices = (1..1_usize << all.len()).map(|bits| (0..all.len()).filter(|r| bits >> r & 1 == 1).collect::<Vec<_>>());
         let best = choices.filter(|c| samples(c) <= most).map(|c| worth(&c)).fold(0.0, f64::max);
         assert!(samples(&taken) <= most && worth(&taken) > 0.95 * best, "{taken:?}: {} of {best}", worth(&taken));
-        // What judges is kept in any case, and without it the one that says most for its length.
+        // The recording that judges is kept in any case; without one, the most informative recording per sample is kept.
         assert_eq!(enough(&problem, Some(2), 1).unwrap(), [2]);
         let densest =
             (0..all.len()).max_by(|a, b| (worth(&[*a]) / samples(&[*a]) as f64).total_cmp(&(worth(&[*b]) / samples(&[*b]) as f64)));
         assert_eq!(enough(&problem, None, 1).unwrap(), [densest.unwrap()]);
     }
 
-    /// The campaign keeps the recording that judges, and says which are used, or which are not, whichever are fewer.
+    /// The part keeps the recording that judges, and the note lists the recordings that are used or those that are not, whichever are fewer.
     #[test]
     fn what_is_not_used_is_said() {
         let Example { campaign, vehicle } = Example::read();
@@ -139,7 +142,7 @@ mod tests {
         }
     }
 
-    /// Recordings over and over are more than a diagnosis takes: those that are fitted are what it read, and find what all would.
+    /// Copies of the recordings exceed the limit of a diagnosis. `read` has those that are fitted, and they lead to the effect that all recordings would show.
     #[test]
     fn a_campaign_of_many_recordings_is_diagnosed_in_part() {
         let mut campaign = Example::read().campaign;

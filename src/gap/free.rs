@@ -1,8 +1,8 @@
-//! Free replays: a car driven by recorded torque and position alone, from measured speeds.
+//! Free replays: a car that starts at measured speeds and is then driven by the recorded torque and position alone, without corrections by a filter.
 //!
-//! Their errors are what an engineer sees who plays the recording through the FMU. A bench recording is replayed as a whole. Of a drive single engagements are: from the
-//! release of the brake at rest to the next braking, [`LONGEST_S`] at most; temperatures and slip angle there are those of the same car in a corrected replay of
-//! all that came before.
+//! An engineer who drives the FMU with the recording sees the same errors. A bench recording is replayed as a whole. Of a drive, single engagements are replayed: from the release
+//! of the brake at rest to the next braking, [`LONGEST_S`] at most. They start at the temperatures and the slip angle that the same car has there in a corrected replay of
+//! everything before.
 
 use super::model::filter::Filter;
 use super::model::prepare;
@@ -20,7 +20,7 @@ pub const LONGEST_S: f64 = 5.0;
 /// Disc speed, rad/s, below which a car counts as at rest.
 const AT_REST: f64 = 2.0;
 
-/// Whether the disc may be at rest, by row of its speed in rad/s.
+/// Whether the disc may be at rest, for each row of its speed in rad/s.
 pub(super) fn rests(omega_c: impl Iterator<Item = f64> + Clone) -> Vec<bool> {
     replay::rests(omega_c, |speed| speed < AT_REST).collect()
 }
@@ -28,12 +28,12 @@ pub(super) fn rests(omega_c: impl Iterator<Item = f64> + Clone) -> Vec<bool> {
 /// A car: its numbers and its effects.
 pub type Car<'a> = (&'a Vehicle, &'a Parameters);
 
-/// Rows of a recording that are replayed freely.
+/// Ranges of rows of a recording that are replayed freely: all rows if the driver never brakes, otherwise one range per engagement.
 pub fn stretches(track: &Track) -> Vec<Range<usize>> {
     if track.brake.iter().all(|b| !b) {
         return vec![0..track.rows()];
     }
-    // Where channels have clocks of their own, a brake is let go in a row without a speed: the one of the same burst counts.
+    // Where channels have clocks of their own, the brake may be released in a row without a speed. The mean speed of the same observation is used then.
     let omega_c = |row: usize| {
         let here = track.measured[Channel::OmegaC as usize][row];
         if here.is_finite() { here } else { track.mean(Channel::OmegaC, track.observation_of(row)).0 }
@@ -58,14 +58,14 @@ pub fn stretches(track: &Track) -> Vec<Range<usize>> {
     all
 }
 
-/// What a free replay shows, by [`Channel`] and row of the stretch.
+/// Result of the free replay of one stretch.
 #[derive(Clone, Debug, Default)]
 pub struct Free {
-    /// Temperatures of disc and body where it begins, °C.
+    /// Temperatures of disc and body at the beginning of the stretch, °C.
     pub theta: [f64; 2],
-    /// Slip angle there since the recording began, rad.
+    /// Slip angle at the beginning of the stretch, counted from the beginning of the recording, rad.
     pub slip_angle: f64,
-    /// What the sensors would show.
+    /// Values that the sensors would show, by [`Channel`] and row of the stretch.
     pub value: [Vec<f64>; 5],
 }
 
@@ -87,18 +87,18 @@ fn free(track: &Track, rows: &Range<usize>, car: &tolerance::Car, (theta, slip_a
     found
 }
 
-/// A recording with what its replays need.
+/// A recording prepared for replays.
 pub struct Prepared {
     /// Its samples.
     pub track: Track,
     filter: Filter,
     /// Standard deviation of white noise, by [`Channel`].
     pub noise: [f64; 5],
-    /// Rows that are replayed.
+    /// Ranges of rows that are replayed freely.
     pub stretches: Vec<Range<usize>>,
 }
 
-/// Prepares a recording of a vehicle.
+/// Prepares a recording of a vehicle for replays.
 pub fn prepare(recording: &Recording, vehicle: &Vehicle) -> Prepared {
     let mut track = Track::new(recording);
     let none = tolerance::Tolerances {
@@ -119,7 +119,7 @@ impl Prepared {
         tolerance::Car { effects: *car.1, ..tolerance::Car::nominal(car.0) }
     }
 
-    /// Free replays of all stretches with a car, in a recording that begins at these temperatures in °C.
+    /// Free replays of all stretches with a car. `theta` are the temperatures of disc and body at the beginning of the recording, °C.
     pub fn replays(&self, car: Car, theta: [f64; 2]) -> Vec<Free> {
         let car = Self::car(car);
         self.replays_from(&car, &self.begin(&car, theta))
@@ -129,7 +129,7 @@ impl Prepared {
         self.stretches.iter().zip(begin).map(|(rows, begin)| free(&self.track, rows, car, *begin, self.noise[0])).collect()
     }
 
-    /// Temperatures of disc and body in °C, and slip angle in rad, by row of a corrected replay from these temperatures on.
+    /// Temperatures of disc and body in °C, and slip angle in rad, by row of a corrected replay that begins at the temperatures `theta`.
     pub(super) fn along(&self, car: Car, theta: [f64; 2]) -> Vec<([f64; 2], f64)> {
         states_along(&self.track, &self.filter, &Self::car(car), theta)
     }
@@ -143,7 +143,7 @@ impl Prepared {
         self.stretches.iter().map(|rows| along[rows.start]).collect()
     }
 
-    /// Root mean square of what was measured less what these replays show.
+    /// Root mean square of measured minus replayed values of a channel.
     pub fn rms(&self, channel: Channel, replays: &[Free]) -> f64 {
         let measured = &self.track.measured[channel as usize];
         let errors = self.stretches.iter().zip(replays).flat_map(|(rows, f)| measured[rows.clone()].iter().zip(&f.value[channel as usize]));
@@ -152,21 +152,21 @@ impl Prepared {
     }
 }
 
-/// A recording to be replayed freely with one car after the other; a drive's engagements begin at the temperatures and slip angles that the first one has there.
+/// A recording that is replayed freely with several cars. With each of them, the engagements of a drive begin at the temperatures and slip angles that the first car has there.
 pub struct Freely {
     prepared: Prepared,
     begin: Vec<([f64; 2], f64)>,
 }
 
 impl Freely {
-    /// Prepares a recording of `vehicle` with a first car.
+    /// Prepares a recording of `vehicle`; `car` is the first car.
     pub fn new(recording: &Recording, vehicle: &Vehicle, car: Car) -> Self {
         let prepared = prepare(recording, vehicle);
         let begin = prepared.begin(&Prepared::car(car), [recording.theta_c0, recording.theta_b0]);
         Self { prepared, begin }
     }
 
-    /// Errors of both speeds, rad/s, where there is a sample.
+    /// Errors of both speeds (measured minus replayed) at their samples, rad/s.
     pub fn errors(&self, car: Car) -> Vec<f64> {
         let p = &self.prepared;
         let replays = p.replays_from(&Prepared::car(car), &self.begin);
@@ -200,7 +200,7 @@ pub(super) mod tests {
         }
     }
 
-    /// Rows are braked where this says so, by time in s.
+    /// A track of such a recording, with brake and disc speed as functions of time in s.
     fn driven(rows: usize, brake: impl Fn(f64) -> bool, omega_c: impl Fn(f64) -> f64) -> Track {
         let r = recording(rows, |t| [100.0, omega_c(t)], 10.0);
         Track::new(&Recording { brake: Some(r.time.iter().map(|t| brake(*t)).collect()), ..r })
@@ -210,11 +210,11 @@ pub(super) mod tests {
     fn engagements_of_a_drive_go_from_the_release_at_rest_to_the_next_braking() {
         let bench = Track::new(&recording(100, |_| [100.0, 0.0], 10.0));
         assert_eq!(stretches(&bench).first(), Some(&(0..100)));
-        // Released at rest, on the move, for too short a time, and for longer than a free replay goes.
+        // The brake is released at rest, on the move, for too short a time, and for longer than a free replay lasts.
         let brake = |t: f64| t < 1.0 || (2.0..3.0).contains(&t) || (4.0..5.0).contains(&t) || (5.3..6.0).contains(&t);
         let rolls = |t: f64| if (2.5..4.5).contains(&t) { 2.1 } else { 1.9 };
         assert_eq!(stretches(&driven(1300, brake, rolls)), [100..200, 600..1100]);
-        // What a sensor does not show yet is at rest, and a drive may begin without a brake.
+        // A speed that its sensor has not shown yet counts as at rest, and a drive may begin with the brake released.
         assert_eq!(stretches(&driven(400, |t| t > 2.0 && t < 3.0, |_| f64::NAN)), [0..201, 300..400]);
     }
 
@@ -241,7 +241,7 @@ pub(super) mod tests {
         assert!(begins.len() == 2 && (begins[0] - 1.003).abs() < 1e-9 && (begins[1] - 5.003).abs() < 1e-9, "{begins:?}");
     }
 
-    /// A sample that is lost at 80 rad/s is none of a car at rest; one that is lost after 3 rad/s may be, for a sensor shows nothing below its threshold.
+    /// A car whose speed is lost at 80 rad/s is not at rest; one whose speed is lost at 3 rad/s may be, because a sensor shows nothing below its threshold.
     #[test]
     fn a_speed_that_is_lost_on_the_move_is_not_one_at_rest() {
         let lost = |speed: f64| driven(300, |t| t < 1.0, move |t| if (0.95..1.05).contains(&t) { f64::NAN } else { speed });

@@ -1,22 +1,23 @@
-//! What takes no part in choosing or fitting, and judges in the open: of a bench campaign one recording, of drives the last engagement of the longest.
+//! Held-out data, which take no part in selection or fitting and by which the result is judged: one recording of a bench campaign; among drives, the last engagement of the drive
+//! with the most engagements.
 
 use super::free::stretches;
 use super::model::track::Track;
 use crate::campaign::Recording;
 
-/// What is held out, and what is left to learn from.
+/// Division of the recordings into those of the fit and the held-out data.
 pub struct Split {
-    /// Recordings to learn from.
+    /// Recordings of the fit.
     pub taught: Vec<Recording>,
-    /// Place of the recording that judges.
+    /// Index of the recording that judges, which contains the held-out data.
     pub judge: usize,
-    /// Whether only its last engagement does; what came before is part of the learning.
+    /// Whether only its last engagement is held out; the rows before that are part of the fit.
     pub last_engagement: bool,
-    /// Name of what is held out.
+    /// Name of the held-out data.
     pub name: String,
 }
 
-/// Splits the recordings. The one of this name judges, if there is one: part of a campaign is judged by what judges the whole of it.
+/// Splits the recordings. The recording with the name `judge` judges, if there is one, so that a part of a campaign is judged by the same recording as the whole campaign.
 pub fn split(recordings: &[Recording], judge: Option<&str>) -> Split {
     let is_drive = |r: &Recording| r.brake.as_ref().is_some_and(|b| b.iter().any(|b| *b));
     let of_drive = |r: &Recording| if is_drive(r) { stretches(&Track::new(r)) } else { Vec::new() };
@@ -34,7 +35,8 @@ pub fn split(recordings: &[Recording], judge: Option<&str>) -> Split {
     Split { taught, judge, last_engagement: false, name: recordings[judge].name.clone() }
 }
 
-/// Of a manoeuvre with at least three recordings the one whose start temperature is in the middle; without one, the last recording.
+/// Index of the recording that judges a bench campaign: of the manoeuvre with the most recordings, the one whose start temperature is in the middle; or the last recording, if no
+/// manoeuvre has at least three.
 fn of_bench(recordings: &[Recording]) -> usize {
     let siblings = |r: &Recording| recordings.iter().filter(|o| o.manoeuvre == r.manoeuvre).count();
     let most = recordings.iter().map(siblings).max().unwrap_or(0);
@@ -85,13 +87,13 @@ mod tests {
         let split = split(&all, None);
         assert_eq!((split.judge, split.last_engagement, split.name.as_str()), (3, false, "d"));
         assert_eq!(names(&split), ["a", "b", "c", "e"]);
-        // Of two of a kind neither is in the middle: the last recording judges.
+        // Of two recordings of a manoeuvre, none is in the middle: the last recording of the campaign judges.
         let few = super::split(&all[..3], None);
         assert_eq!((few.judge, names(&few)), (2, vec!["a", "b"]));
         assert!(super::split(&all[..1], None).taught.is_empty());
     }
 
-    /// Without the longest drive another one would judge, and without the middle of a family the last recording.
+    /// Without a name, another drive or another bench recording may judge a part of the campaign than the whole of it.
     #[test]
     fn what_judges_a_campaign_judges_a_part_of_it() {
         let drives = [drive("a", 3), drive("b", 2)];
@@ -115,7 +117,7 @@ mod tests {
             columns[0].len()
         };
         assert_eq!(split.taught.iter().map(rows).collect::<Vec<_>>(), [300, 700, 900, 600]);
-        // Drives of one engagement each are held out whole.
+        // If all drives have a single engagement, one of them is held out as a whole.
         let single = super::split(&[drive("a", 1), drive("b", 1)], None);
         assert_eq!((single.judge, single.last_engagement, names(&single)), (1, false, vec!["a"]));
     }

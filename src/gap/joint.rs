@@ -1,7 +1,7 @@
-//! The normal posterior of what all recordings share, and the prior that is in it: what a fleet is pooled from.
+//! The normal posterior of the unknowns that all recordings share, and the prior contained in it. Fleets are pooled from these.
 //!
-//! With H the posterior's precision, m its mode, P and c those of the prior, the recordings alone say N⁻¹(H m − P c, H − P). Forms of the
-//! effects, and a law that is missing beside them, are eliminated from H, as from every fit that the posterior holds.
+//! With H the precision and m the mode of the posterior, and P and c the precision and the centre of the prior, the information of the recordings alone is, in canonical form,
+//! N⁻¹(H m − P c, H − P). Forms of the effects, and a law that is missing beside them, are eliminated from H, as from every fit of the posterior.
 
 use super::answer::{Joint, Real, SameAs, Unknown};
 use super::infer::coordinate::Coordinate;
@@ -10,11 +10,11 @@ use super::infer::linear::{Frame, assemble};
 use super::verdict::Conclusion;
 use crate::effects::PARAMETERS;
 
-/// That of the explanation that stands; none if its curvature is not positive.
+/// The joint posterior of the explanation that stands; none if its curvature is not positive definite.
 pub fn joint(problem: &Problem, conclusion: &Conclusion) -> Option<Joint> {
     let explanation = &conclusion.explanation;
     let fit = explanation.fit.as_ref()?;
-    // A prior is what is assembled of no recordings.
+    // The normal equations without any recording are those of the prior.
     let prior = assemble(&fit.point, &Frame { shared: fit.shared.clone(), own: Vec::new() }, &[], 0.0)?.curvature;
     let covariance = fit.covariance()?;
     let car = problem.car(&fit.point, None);

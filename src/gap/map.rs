@@ -1,23 +1,23 @@
-//! The residual map: what is left of each balance, by phase and operating region, beside what noise would leave.
+//! The residual map: the innovations of each balance, by phase and operating region, compared with what noise would leave.
 //!
-//! Innovations of a corrected replay are white with unit variance if the model is right. A cell gathers them over one phase and region and asks two questions:
-//! is their mean zero (over half a second at a time, for an error of a law lasts), and is their scatter that of noise. The scale of noise is that of the final explanation, so that a
-//! sensor whose noise was judged a little too small flags nothing. Cells are marked under Holm's procedure.
+//! Innovations of a corrected replay are white with unit variance if the model is right. A cell collects those of one phase and region, and tests whether their mean, their sums
+//! over half a second (because the error of a law lasts), and their scatter are those of noise. The scale of noise is that of the final explanation, so that no cell is marked
+//! because the noise of a sensor was estimated slightly too small. Cells are marked by Holm's procedure.
 
 use super::infer::density::{Point, Problem};
 use super::model::replay;
 use super::model::track::Channel;
 
-/// Probability of any false alarm among all cells of a car without gap.
+/// Family-wise error: probability that any cell is marked for a car without a gap.
 pub const FAMILY_WISE_ERROR: f64 = 0.01;
 
-/// Temperature that parts cold from hot, °C.
+/// Disc temperature that separates cold from hot, °C.
 pub const HOT_DEGC: f64 = 70.0;
 
-/// Clutch torque that parts low from high, N·m.
+/// Magnitude of the clutch torque that separates low from high, N·m.
 pub const HIGH_TORQUE_NM: f64 = 25.0;
 
-/// Time over which innovations are summed before their mean is judged, s.
+/// Length of the windows over which innovations are summed, s.
 const WINDOW_S: f64 = 0.5;
 
 /// One cell of the residual map.
@@ -29,15 +29,15 @@ pub struct Cell {
     pub phase: &'static str,
     /// Operating region.
     pub region: &'static str,
-    /// Gap in standard deviations of its noise: of the mean, or of the scatter, whichever is further out.
+    /// Gap in standard deviations of its noise: of the mean, of the sums over windows, or of the scatter, whichever is furthest out.
     pub sigma: f64,
     /// Root mean square of the innovations.
     pub rms: f64,
     /// Unit of `rms`.
     pub unit: &'static str,
-    /// Observations.
+    /// Number of observations.
     pub samples: usize,
-    /// Whether the gap is beyond chance.
+    /// Whether the gap is statistically significant by Holm's procedure.
     pub significant: bool,
 }
 
@@ -51,7 +51,7 @@ const EQUATIONS: [(&str, Channel); 5] = [
 const PHASES: [&str; 3] = ["open", "slipping", "locked"];
 const REGIONS: [&str; 4] = ["cold, low torque", "cold, high torque", "hot, low torque", "hot, high torque"];
 
-/// Innovations of one cell: in standard deviations, and in the channel's unit.
+/// Innovations of one cell: in standard deviations, their sums over windows in standard deviations, and the sum of their squares in the channel's unit.
 #[derive(Clone, Debug, Default)]
 struct Gathered {
     whitened: Vec<f64>,
@@ -95,7 +95,7 @@ pub fn cells(problem: &Problem, point: &Point, final_point: &Point) -> Vec<Cell>
     cells
 }
 
-/// Variance of a squared innovation: 2 of a normal one, more of one that is quantised or has tails.
+/// Assumed variance of a squared innovation: 2 for a normal innovation, more for one that is quantised or has heavy tails.
 const SCATTER_VARIANCE: f64 = 3.0;
 
 type Cells = Vec<[[Gathered; 4]; 3]>;
@@ -141,10 +141,10 @@ fn gather(problem: &Problem, point: &Point) -> Cells {
     all
 }
 
-/// Innovations beyond this many standard deviations count as this many: a lock-up that comes a sample early is one event.
+/// Innovations are clipped at this many standard deviations, because a lock-up that comes one sample early is a single event.
 const OUTLIER: f64 = 6.0;
 
-/// Standard deviation of each equation's innovations in the explanation: never less than the noise that was estimated.
+/// Root mean square of each equation's whitened innovations under the explanation, but at least one, which is the estimated noise.
 fn scales(all: &Cells) -> [f64; 5] {
     std::array::from_fn(|e| {
         let (sum, count) =
@@ -153,8 +153,8 @@ fn scales(all: &Cells) -> [f64; 5] {
     })
 }
 
-/// The standard normal deviate that is as far out as a mean of this many squares of such deviates (Wilson and Hilferty 1931: its cube root is nearly normal). Of few squares
-/// the mean itself has a long tail.
+/// The standard normal deviate with the same tail probability as the mean of `degrees` squared standard normal deviates (Wilson and Hilferty 1931: the cube root of this mean is
+/// nearly normal). The mean itself has a long tail if the squares are few.
 fn deviate(mean_square: f64, degrees: f64) -> f64 {
     let variance = 2.0 / (9.0 * degrees);
     (mean_square.cbrt() - (1.0 - variance)) / variance.sqrt()
@@ -165,7 +165,7 @@ fn two_sided_p(z: f64) -> f64 {
     libm::erfc(z.abs() / std::f64::consts::SQRT_2)
 }
 
-/// Holm's procedure over all cells; each cell asks three questions.
+/// Marks cells by Holm's procedure over all cells. The p-value of a cell is multiplied by three, because it is the smallest of three tests.
 fn mark_significant(cells: &mut [Cell]) {
     let mut order: Vec<usize> = (0..cells.len()).collect();
     order.sort_by(|&a, &b| cells[b].sigma.total_cmp(&cells[a].sigma));
@@ -193,21 +193,22 @@ mod tests {
         cells.iter().map(|c| c.significant).collect()
     }
 
-    /// Holm's procedure at 1 % over three questions a cell: of sixty the largest has to be beyond 4.030, of one 2.935.
+    /// Holm's procedure at 1 % with three tests per cell: the largest of sixty cells has to exceed 4.030, a single cell 2.935.
     #[test]
     fn cells_are_marked_where_chance_does_so_once_in_a_hundred_maps() {
         let among = |sigma: f64| (0..60).map(|k| if k == 7 { sigma } else { 1.0 }).collect::<Vec<f64>>();
         assert_eq!(marked(&among(4.04)).iter().filter(|m| **m).count(), 1);
         assert!(marked(&among(4.04))[7] && !marked(&among(4.02))[7]);
         assert_eq!([marked(&[2.94]), marked(&[2.93])], [[true], [false]]);
-        // The second needs less once the first is beyond chance, and nothing helps it before.
+        // The threshold of the second cell is lower once the first is marked, and not before.
         assert_eq!(marked(&[3.10, 5.0]), [true, true]);
         assert_eq!(marked(&[3.0, 3.10]), [false, false]);
         assert_eq!(marked(&[2.94, 9.0, 3.15]), [true; 3]);
         assert!((two_sided_p(1.959_964) - 0.05).abs() < 1e-7 && (two_sided_p(-1.959_964) - 0.05).abs() < 1e-7);
     }
 
-    /// Upper quantiles of χ² over its degrees of freedom, from tables: 10.828, 18.467 and 149.449 have the probability 1e-3, as 3.090 of a normal deviate has.
+    /// From tables: 10.828, 18.467 and 149.449 are the quantiles of χ² with 1, 4 and 100 degrees of freedom that are exceeded with the probability 1e-3, and 3.090 is that of a
+    /// standard normal deviate.
     #[test]
     fn a_mean_of_few_squares_has_a_long_tail() {
         for (chi_square, degrees) in [(10.828, 1.0), (18.467, 4.0), (149.449, 100.0)] {

@@ -1,4 +1,4 @@
-//! How far the simulation is from the car: [free replays](super::free) of a recording, before and after, and engagement figures.
+//! How far the simulation is from the car: errors of [free replays](super::free) of a recording before and after retuning, and engagement figures.
 
 use super::free::{Car, Free, LONGEST_S, prepare};
 use super::model::tolerance::{self, Nuisance, Wander};
@@ -16,9 +16,9 @@ pub struct HeldOut {
     pub recording: String,
     /// Channel.
     pub channel: Channel,
-    /// Root mean square of real − before.
+    /// Root mean square of measured minus replayed values, before retuning.
     pub before: f64,
-    /// Root mean square of real − after.
+    /// Root mean square of measured minus replayed values, after retuning.
     pub after: f64,
     /// Standard deviation of the channel's noise.
     pub noise: f64,
@@ -33,26 +33,26 @@ pub struct Engagement {
     pub time_s: f64,
     /// Energy that the clutch dissipated until then, J.
     pub energy_j: f64,
-    /// Slip acceleration just before, rad/s².
+    /// Slip acceleration just before the slip is gone, rad/s².
     pub slip_acceleration: f64,
 }
 
-/// One recording, or one engagement of a drive: the car beside the model as it was and as it is now.
+/// Measured curves of one recording, or of one engagement of a drive, with those of the nominal and the retuned model.
 #[derive(Clone, Debug)]
 pub struct Overlay {
     /// Name of the recording.
     pub recording: String,
     /// What was driven.
     pub manoeuvre: String,
-    /// Took no part in choosing or fitting.
+    /// Whether these data were held out.
     pub held_out: bool,
     /// Time between samples, s.
     pub dt: f64,
     /// Temperatures of disc and body at the first sample, as the replay of the retuned model has them, °C.
     pub theta: [f64; 2],
-    /// Slip angle there since the recording began, rad.
+    /// Slip angle at the first sample, counted from the beginning of the recording, rad.
     pub slip_angle: f64,
-    /// Channels measured.
+    /// Channels that were measured.
     pub channels: Vec<OverlayChannel>,
 }
 
@@ -63,15 +63,15 @@ pub struct OverlayChannel {
     pub column: &'static str,
     /// Unit of the values.
     pub unit: &'static str,
-    /// As measured; a value that is not finite is a gap.
+    /// As measured; a value that is not finite is a missing sample.
     pub real: Vec<f64>,
-    /// As the nominal model says.
+    /// Replay with the nominal model.
     pub before: Vec<f64>,
-    /// As the retuned model says.
+    /// Replay with the retuned model.
     pub after: Vec<f64>,
 }
 
-/// Gaps of every channel that the recording has; of a drive, over all its engagements, or the `last` of them alone.
+/// Gaps of every channel that the recording has. For a drive, they are taken over all its engagements, or over the last one alone if `last` is set.
 pub fn evaluate_part(recording: &Recording, before: Car, after: Car, last: bool) -> Vec<HeldOut> {
     let mut p = prepare(recording, before.0);
     if last {
@@ -104,12 +104,13 @@ pub fn evaluate(recording: &Recording, before: Car, after: Car) -> Vec<HeldOut> 
     evaluate_part(recording, before, after, false)
 }
 
-/// Name of the engagement of a drive that begins in a row.
+/// Name of the engagement of a drive that begins at `row`.
 pub fn name_of_engagement(recording: &Recording, row: usize) -> String {
     format!("{} at {:.1} s", recording.name, recording.time[row])
 }
 
-/// Curves of a recording: one overlay, or one of each engagement of a drive. `theta` are its start temperatures as the retuned car has them.
+/// Curves of a recording: one overlay, or one for each engagement of a drive. `held_out` gets the index of an engagement and the number of engagements; `theta` are the
+/// temperatures of the retuned car at the start of the recording.
 pub fn overlays(recording: &Recording, held_out: impl Fn(usize, usize) -> bool, before: Car, after: Car, theta: [f64; 2]) -> Vec<Overlay> {
     let p = prepare(recording, before.0);
     let (b, a) = (p.replays(before, [recording.theta_c0, recording.theta_b0]), p.replays(after, theta));
@@ -140,8 +141,8 @@ pub fn overlays(recording: &Recording, held_out: impl Fn(usize, usize) -> bool, 
     p.stretches.iter().enumerate().map(one).collect()
 }
 
-/// Root mean square error, rad/s, that a free replay of the true car would be expected to show all the same: noise, and what no file knows of a recording
-/// (its temperatures, drift, grade, the wander of the report). Mean of both speeds.
+/// Root mean square error, rad/s, that a free replay with the true car would be expected to show, as the mean of both speeds. It is due to noise and to what no file says about a
+/// recording: its temperatures, drift and grade, and the wander of the torque report.
 pub fn floor(recording: &Recording, after: Car, own: &[Nuisance], report: Wander, last: bool) -> f64 {
     let mut p = prepare(recording, after.0);
     if last {
@@ -174,7 +175,7 @@ pub fn floor(recording: &Recording, after: Car, own: &[Nuisance], report: Wander
                 .fold((0.0, 0), |(s, n), (a, b)| (s + (a - b).powi(2), n + 1));
             sum / f64::from(count.max(1))
         };
-        // A wander that is integrated: variance 2 σ² τ t / J² once t is longer than its time, its mean over a stretch.
+        // The wander, integrated by the inertia J, has the variance 2 σ² τ t/J² once t is longer than its time τ; the mean of this over a stretch is taken.
         let seconds = p.stretches.iter().map(|r| p.track.time[r.end - 1] - p.track.time[r.start]).fold(0.0, f64::max);
         let wander = (report.sigma / (d.J_f + d.J_c)).powi(2) * report.time_s * seconds.min(LONGEST_S);
         (p.noise[c].powi(2) + moved.iter().map(|m| pairs(m)).sum::<f64>() + wander).sqrt()
@@ -182,21 +183,21 @@ pub fn floor(recording: &Recording, after: Car, own: &[Nuisance], report: Wander
     0.5 * (of_channel(Channel::OmegaF) + of_channel(Channel::OmegaC))
 }
 
-/// Gap of both speeds on data that took no part: mean over channels, rad/s.
+/// Gap of both speeds in free replays: mean over both channels, rad/s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Closed {
     /// Of the nominal plant.
     pub before: f64,
     /// Of the retuned plant.
     pub after: f64,
-    /// Of a perfect one, as far as noise and what is declared of the recording let anybody know.
+    /// Of a perfect plant, due to noise and to the declared uncertainties of the recording: the floor.
     pub noise: f64,
-    /// Of a perfect one in a recording of which nothing but the sensors' noise is unknown.
+    /// Of a perfect plant in a recording in which nothing but the noise of the sensors is unknown.
     pub sensors: f64,
 }
 
 impl Closed {
-    /// Sums up held-out data, with the noise of the sensors as the floor.
+    /// Averages the gaps of both speeds, with the noise of the sensors as the floor.
     pub fn of(held_out: &[HeldOut]) -> Self {
         let speeds: Vec<&HeldOut> = held_out.iter().filter(|h| matches!(h.channel, Channel::OmegaF | Channel::OmegaC)).collect();
         let mean = |get: fn(&HeldOut) -> f64| speeds.iter().map(|h| get(h)).sum::<f64>() / speeds.len().max(1) as f64;
@@ -204,12 +205,13 @@ impl Closed {
         Self { before: mean(|h| h.before), after: mean(|h| h.after), noise, sensors: noise }
     }
 
-    /// Whether what is declared of the recording could have made a gap of this size by itself.
+    /// Whether the gap before retuning is no larger than the floor, so that noise and the declared uncertainties of the recording could have caused it by themselves.
     pub fn is_below_floor(&self) -> bool {
         self.before <= self.noise
     }
 
-    /// Share of the gap above the floor that is gone; of one that lies below it, above the sensors' noise; zero where there was none.
+    /// Share of the gap above the floor that is closed. A gap that lies below the floor is counted from the sensors' noise instead; if it lies below that as well, the share is
+    /// zero.
     pub fn fraction(&self) -> f64 {
         let floor = if self.is_below_floor() { self.sensors } else { self.noise };
         if self.before > floor { ((self.before - self.after) / (self.before - floor)).min(1.0) } else { 0.0 }
@@ -222,9 +224,10 @@ const ENGAGED_SLIP: f64 = 1.5;
 /// Time over which slip acceleration and engine acceleration are taken, s.
 const SLOPE_S: f64 = 0.1;
 
-/// Figures of the first engagement of a stretch, measured (`replay` none) or replayed; none if the slip does not begin or does not end.
+/// Figures of the first engagement of a stretch, measured (`replay` none) or replayed. None if the slip at the beginning is less than ten times [`ENGAGED_SLIP`], if it does not
+/// fall below [`ENGAGED_SLIP`], or if it does so within twice [`SLOPE_S`].
 ///
-/// The measured clutch torque is the transducer's; without one, the engine balance (8a) gives it.
+/// The measured clutch torque is that of the transducer; without one, the engine balance (8a) gives it.
 fn engagement(track: &Track, rows: &Range<usize>, replay: Option<&Free>, vehicle: &Vehicle) -> Option<Engagement> {
     let of = |c: Channel| -> Vec<f64> {
         let measured = &track.measured[c as usize];
@@ -255,7 +258,7 @@ fn engagement(track: &Track, rows: &Range<usize>, replay: Option<&Free>, vehicle
     Some(Engagement { time_s: end as f64 * dt, energy_j, slip_acceleration })
 }
 
-/// The last known value where there is none.
+/// The values, where a missing sample has the last known value.
 fn filled(v: &[f64]) -> Vec<f64> {
     let mut last = v.iter().copied().find(|x| x.is_finite()).unwrap_or(0.0);
     v.iter()
@@ -273,7 +276,8 @@ mod tests {
     use super::*;
     use crate::gap::free::tests::recording;
 
-    /// The flywheel falls from 150 at 40 rad/s² and the disc rises to meet it at 60: the slip of 100 is gone after a second, with a balance that is known.
+    /// The flywheel slows down from 150 rad/s at 40 rad/s² and the disc speeds up from 50 rad/s at 60 rad/s²: the slip of 100 rad/s is gone after one second, and the balance gives
+    /// the torque.
     #[test]
     fn an_engagement_is_timed_and_its_energy_is_that_of_the_torque_over_the_slip() {
         let vehicle = Vehicle::paper();
@@ -282,18 +286,18 @@ mod tests {
         let r = recording(150, meets, 30.0);
         let found = |r: &Recording| engagement(&Track::new(r), &(0..150), None, &vehicle);
         let e = found(&r).unwrap();
-        // Until it is below 1.5 rad/s.
+        // The time ends when the slip is below 1.5 rad/s.
         assert!((e.time_s - 0.99).abs() < 1e-9 && (e.slip_acceleration + 100.0).abs() < 1e-6, "{e:?}");
-        // (8a): what the engine gives and the flywheel loses.
+        // (8a): the torque of the engine, and that which the flywheel gives up as it slows down.
         let torque = |t: f64| clutch_torque(d, 30.0, 150.0 - 40.0 * t, -40.0);
         let expected: f64 = (0..99).map(|k| 0.01 * k as f64).map(|t| torque(t) * (100.0 - 100.0 * t) * 0.01).sum();
         assert!(expected > 1000.0 && (e.energy_j / expected - 1.0).abs() < 1e-3, "{} {expected}", e.energy_j);
-        // A transducer is believed instead, and a lost sample is as the one before.
+        // The torque of a transducer takes precedence, and a lost sample has the value of the one before.
         let mut with = Recording { t_fc: Some(vec![20.0; 150]), ..r.clone() };
         with.omega_f[50] = f64::NAN;
         let measured = found(&with).unwrap().energy_j;
         assert!((measured - 20.0 * (50.0 + 0.5 + 0.4 * 0.01)).abs() < 0.2, "{measured}");
-        // A slip that does not begin, does not end, or ends at once says nothing.
+        // There are no figures if the slip is too small at the beginning, does not end, or ends at once.
         let none = |speeds: &dyn Fn(f64) -> [f64; 2]| found(&recording(150, speeds, 30.0)).is_none();
         assert!(none(&|_| [100.0, 86.0]) && none(&|_| [100.0, 50.0]) && none(&|t| [100.0, (50.0 + 400.0 * t).min(100.0)]));
         assert!(!none(&|t| [100.0, (84.0 + 40.0 * t).min(100.0)]));
@@ -326,7 +330,7 @@ mod tests {
             (3.0, 1.0, 1.0, 1.0),
             (3.0, 0.5, 1.0, 1.0),
             (3.0, 4.0, 1.0, -0.5),
-            // Below the floor what counts are the sensors.
+            // A gap below the floor is counted from the noise of the sensors.
             (1.0, 0.55, 1.0, 0.5),
             (0.1, 0.05, 1.0, 0.0),
         ] {

@@ -1,7 +1,8 @@
-//! Whether the recordings are those of a car whose channels are mistaken: speeds exchanged, a torque or a position that counts the other way.
+//! Whether the channels of the recordings are mapped wrongly: the speeds exchanged, or a torque or a position that counts the other way.
 //!
-//! Each is one more explanation: a car under another reading of the channels, which has the prior of a missing law. Its likelihood is that of the same samples, so that it is weighed against the
-//! best explanation of the recordings as they are mapped, to the power to which the likelihood is believed. Only a reading under which the car of the file does better is searched.
+//! Each mistake is a further explanation: another reading of the channels, with the prior of a missing law. Its likelihood is that of the same samples, so that it can be compared
+//! with the best explanation of the recordings as they are mapped, with both likelihoods raised to the same powers. Only a reading under which the car of the file follows the
+//! recordings better is searched.
 
 use super::diagnosis::DiagnosisError;
 use super::infer::belief::{ByAccuracy, overall};
@@ -16,27 +17,27 @@ use crate::vehicle::Vehicle;
 /// A mistake in the channel map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mistake {
-    /// The flywheel's speed is the disc's and the other way round.
+    /// The speeds of flywheel and disc are exchanged.
     Speeds,
     /// The engine torque has the other sign.
     Torque,
-    /// The position grows as the clutch opens where it should fall, or the other way round.
+    /// The position counts the other way: it increases where it should decrease.
     Position,
 }
 
 /// A mistake that explains the recordings, and its probability.
 #[derive(Clone, Copy, Debug)]
 pub struct Mistaken {
-    /// Which.
+    /// The mistake.
     pub mistake: Mistake,
-    /// Its probability, each reading with the explanation that suits it best.
+    /// Probability of the mistake, where every reading is represented by its best explanation.
     pub probability: f64,
 }
 
 impl Mistake {
     const ALL: [Self; 3] = [Self::Speeds, Self::Torque, Self::Position];
 
-    /// What has to be done to the channels for the car of the file to follow them.
+    /// The change of the channels that undoes the mistake, in words.
     pub fn words(self) -> &'static str {
         match self {
             Self::Speeds => "with flywheel and disc speed exchanged",
@@ -45,7 +46,7 @@ impl Mistake {
         }
     }
 
-    /// Recordings without the mistake; none where they have no such channel.
+    /// The recordings with the mistake undone; none if they do not have the channel. A position is mirrored within the range of its command.
     fn mended(self, recordings: &[Recording]) -> Option<Vec<Recording>> {
         let mut all = recordings.to_vec();
         match self {
@@ -66,11 +67,11 @@ impl Mistake {
     }
 }
 
-/// The mistake without which these recordings are likeliest, if they are likelier than as they are mapped: at the car of the file, and then at the best explanation that a search finds. `found` is what it
-/// found of them as they are.
+/// The mistake that is more probable than not, if there is one. A mistake is considered if the recordings with it undone are more likely at the car of the file (with a probability
+/// of at least one half); it is then represented by the best explanation that a search finds. `found` is the search for the recordings as they are mapped.
 ///
 /// # Errors
-/// [`DiagnosisError`] if a campaign without the mistake can't be made ready, as the campaign itself could.
+/// [`DiagnosisError`] if the campaign with a mistake undone cannot be prepared for the fit, although the campaign itself could.
 pub(super) fn mistaken(
     campaign: &Campaign,
     vehicle: &Vehicle,
@@ -88,7 +89,7 @@ pub(super) fn mistaken(
         if mean(irregular::probability(&ready.problem, nominal(&other) - as_mapped)) < 0.5 {
             continue;
         }
-        // Both readings are of the same samples, and believed to the same power.
+        // Both readings are of the same samples, so that their likelihoods are raised to the same powers.
         other.problem.powers = powers;
         read.push((mistake, believed(&other.problem, &searched(&other.problem, None))));
     }
@@ -104,7 +105,8 @@ fn mean(of: ByAccuracy<f64>) -> f64 {
     of.iter().sum::<f64>() / of.len() as f64
 }
 
-/// Logarithm of the posterior of the best explanation that was found, for each accuracy that it may have, the recordings' own scale included.
+/// Log posterior of the best explanation that was found, for each accuracy that it may have, including the determinant of the innovation covariance, which differs between
+/// readings.
 fn believed(problem: &Problem, found: &Search) -> ByAccuracy<f64> {
     let scale: f64 = 0.5 * problem.filters.iter().map(|f| f.log_det).sum::<f64>();
     let best = |a: usize| found.hypotheses.iter().map(|h| h.by_accuracy[a]).fold(f64::NEG_INFINITY, f64::max);
@@ -118,7 +120,7 @@ mod tests {
     use crate::gap::model::prepare::Example;
     use crate::gap::progress::Work;
 
-    /// A car's recordings with each mistake in them are known by it, and without one by none; here the car of the file alone is asked.
+    /// Each mistake is recognised in recordings that contain it, and none in recordings without one. Here, a search fits only the car of the file.
     #[test]
     fn each_mistake_is_known_by_the_car_that_fits_without_it() {
         let example = Example::read();

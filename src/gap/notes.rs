@@ -1,4 +1,4 @@
-//! What a diagnosis says of its data beside the answer.
+//! Notes of an answer on the data, their filter and the search.
 
 use super::infer::density::{Point, Problem};
 use super::model::filter::Disturbances;
@@ -8,7 +8,7 @@ use super::progress::MOST_ROWS;
 use super::prose::three_digits;
 use crate::campaign::Campaign;
 
-/// Says once what recordings without a position can show, and how.
+/// Note on what recordings without a position can show, and how; none if all recordings have one.
 pub(super) fn position(campaign: &Campaign) -> Option<String> {
     let without: Vec<&str> = campaign.recordings.iter().filter(|r| r.x_to_cmd.is_empty()).map(|r| r.name.as_str()).collect();
     let bench = campaign.recordings.iter().any(|r| r.x_to_cmd.is_empty() && (r.x_to.is_some() || r.t_fc.is_some() || r.theta_c.is_some()));
@@ -24,7 +24,7 @@ pub(super) fn position(campaign: &Campaign) -> Option<String> {
     })
 }
 
-/// Says how the noise of the sensors is correlated in time.
+/// Note on how the noise of the sensors is correlated in time.
 pub(super) fn correlated_noise(with: &Disturbances) -> String {
     let channels = [("omega_f", "rad/s"), ("omega_c", "rad/s"), ("x_to", "mm"), ("T_fc", "N·m")];
     let one = |((name, unit), n): ((&str, &str), &Noise)| {
@@ -34,7 +34,7 @@ pub(super) fn correlated_noise(with: &Disturbances) -> String {
     format!("sensor noise is correlated in time, which is allowed for: {}", all.join(", "))
 }
 
-/// Says that a control unit of this interval in s is not the usual one.
+/// Note that the control unit does not have the usual interval, but this one in s; infinite if the recordings miss none of its commands.
 pub(super) fn control_unit(interval: f64) -> String {
     let said = if interval.is_infinite() {
         "the commands seem to change only as often as they are logged: inputs are taken as held from sample to sample, which these data make likelier than a logger that misses some"
@@ -44,7 +44,7 @@ pub(super) fn control_unit(interval: f64) -> String {
     said.to_owned()
 }
 
-/// Says that a search was not allowed to go on.
+/// Note that the search ended early, because it reached the maximum number of replayed rows.
 pub(super) fn cut_short() -> String {
     format!(
         "the search ended after {} million replayed rows, the most that it takes: further combinations of effects are not compared. To compare more of \
@@ -53,10 +53,10 @@ pub(super) fn cut_short() -> String {
     )
 }
 
-/// Standard deviations by which a start temperature may be pulled before that is said.
+/// Number of standard deviations by which a start temperature may be pulled before there is a note.
 const PULLED: f64 = 4.0;
 
-/// Says which start temperatures the recordings contradict: as long as they are believed, effects have to make up for them.
+/// Notes on start temperatures that the recordings contradict. As long as the file declares them to be known that well, effects have to compensate for their errors.
 pub(super) fn temperatures(problem: &Problem, point: &Point) -> Vec<String> {
     let of_node = |node: usize| {
         let (what, key) = [("disc", "theta_c0_sigma_K"), ("body", "theta_b0_sigma_K")][node];
@@ -82,7 +82,7 @@ mod tests {
     use crate::gap::model::prepare::Example;
     use crate::gap::ready::Ready;
 
-    /// Of a bench's position as of a speed, each with its unit.
+    /// The note lists the position or torque of a bench as well as speeds, each with its unit.
     #[test]
     fn noise_with_a_memory_is_said_of_every_channel_that_has_it() {
         let example = Example::read();
@@ -95,7 +95,7 @@ mod tests {
         assert!(all.ends_with("allowed for: omega_c 0.150 rad/s for 0.10 s, T_fc 0.500 N·m for 0.01 s"), "{all}");
     }
 
-    /// Four standard deviations, which are 1 K or more, in either direction; how far off in K, and in which recordings.
+    /// There is a note beyond four standard deviations in either direction; it says how far off the temperature is in K, and in which recordings.
     #[test]
     fn a_start_temperature_that_is_pulled_far_is_said() {
         let Example { campaign, vehicle } = Example::read();

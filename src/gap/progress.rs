@@ -1,14 +1,14 @@
-//! How far a diagnosis is: the work that is done, beside the work that is still expected.
+//! Progress of a diagnosis: the work that is done, compared with the work that is still expected.
 //!
-//! Nearly all of the time goes into replays, so work is counted in rows that replays have stepped through, and measured in passes: replays of every recording once. How
-//! many passes a stage takes is not known beforehand, only expected ([`STAGES`]). After w passes of a stage that is expected to take e, e·exp(−w/e) are taken to remain:
-//! ever fewer, never none. The part of the bar that was empty when the stage began is filled to the share
+//! Nearly all of the time goes into replays, so work is counted in rows that replays have stepped through, and measured in passes. One pass is a replay of every recording. The
+//! number of passes that a stage takes is not known beforehand, only an expected number ([`STAGES`]). After w passes of a stage that is expected to take e, the number of remaining
+//! passes is estimated as e·exp(−w/e), which falls but is never zero. The part of the bar that was empty when the stage began is filled to the share
 //!
 //! ```text
 //! w / (w + e·exp(−w/e) + a),      a passes that the stages after it are expected to take.
 //! ```
 //!
-//! The bar therefore never falls and never leaps, and moves as long as work is done. A second search, which nobody can foresee, makes it slower and does not stop it.
+//! The bar therefore never falls or jumps, and moves as long as work is done. A second search, which cannot be foreseen, makes it slower but does not stop it.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -16,10 +16,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::Duration;
 
-/// Rows that replays may have stepped through before a search ends: some minutes of a processor.
+/// Number of rows that replays may have stepped through before a search ends, which take some minutes of computing time.
 pub const MOST_ROWS: u64 = 200_000_000;
 
-/// Rows that replays have stepped through; copies count together.
+/// Counter of the rows that replays have stepped through. Clones share the counter.
 #[derive(Clone, Debug, Default)]
 pub struct Work(Arc<Counted>);
 
@@ -30,7 +30,7 @@ struct Counted {
 }
 
 impl Work {
-    /// Counts so many more.
+    /// Adds `rows` to the counter.
     pub fn add(&self, rows: usize) {
         self.0.rows.fetch_add(rows as u64, Ordering::Relaxed);
     }
@@ -40,20 +40,20 @@ impl Work {
         self.0.rows.load(Ordering::Relaxed)
     }
 
-    /// Whether a search may go on. To be asked where all threads have come together, so that the answer does not depend on their number.
+    /// Whether a search may go on. It must be called where all threads have joined, so that the result does not depend on the number of threads.
     pub fn may_go_on(&self) -> bool {
         let may = self.rows() < MOST_ROWS;
         self.0.cut_short.fetch_or(!may, Ordering::Relaxed);
         may
     }
 
-    /// Whether a search was not allowed to go on.
+    /// Whether [`Work::may_go_on`] was ever false.
     pub fn was_cut_short(&self) -> bool {
         self.0.cut_short.load(Ordering::Relaxed)
     }
 }
 
-/// Stages of a diagnosis, in order, each with the passes that are expected of it: what it takes on practice campaigns, on a bench as on the road, and a fifth more.
+/// Stages of a diagnosis, in order, each with its expected number of passes: what the stage takes on practice campaigns, from a bench as well as from the road, plus a fifth.
 const STAGES: [(&str, f64); 10] = [
     ("tolerances", 80.0),
     ("effects", 800.0),
@@ -67,32 +67,32 @@ const STAGES: [(&str, f64); 10] = [
     ("what to measure next", 200.0),
 ];
 
-/// Number of stages, from the first on, that may come again, and the passes that are expected of that: about one campaign in four is searched twice.
+/// Number of stages, from the first on, that may be repeated, and the number of passes that are expected for this: about one campaign in four is searched twice.
 const AGAIN: (usize, f64) = (6, 400.0);
 
-/// Time between two looks at the work.
+/// Interval at which progress is reported.
 const LOOK: Duration = Duration::from_millis(100);
 
-/// What is being done, and where the bar stood when it began.
+/// The current stage, and the state of work and bar at its beginning.
 #[derive(Debug)]
 struct Now {
-    /// Place in [`STAGES`].
+    /// Index in [`STAGES`].
     stage: usize,
     begun_at: u64,
     share: f64,
 }
 
-/// Watches a diagnosis, and tells how far it is.
+/// Watches a diagnosis and reports its progress.
 pub struct Watch<'a> {
     tell: &'a (dyn Fn(&str, f64) + Sync),
     work: &'a Work,
-    /// Rows of one pass.
+    /// Number of rows of one pass.
     pass: f64,
     now: Mutex<Now>,
 }
 
 impl Watch<'_> {
-    /// A stage begins, which may be one that was there before.
+    /// Begins a stage, which may be a repeated one.
     pub fn begin(&self, what: &str) {
         let stage = STAGES.iter().position(|(name, _)| *name == what).expect("a stage of the list");
         let mut now = self.now();
@@ -101,7 +101,7 @@ impl Watch<'_> {
         self.say();
     }
 
-    /// Tells how far it is. No other thread tells at the same time, so that the shares come in order.
+    /// Reports stage and share. No other thread reports at the same time, so that the shares come in order.
     fn say(&self) {
         let now = self.now();
         (self.tell)(STAGES[now.stage].0, self.share(&now));
@@ -120,7 +120,7 @@ impl Watch<'_> {
     }
 }
 
-/// Runs `run`, which says what it begins, and tells how far it is. `rows` are those of one pass.
+/// Runs `run`, which announces the stages that it begins, and reports progress to `tell` meanwhile. `rows` is the number of rows of one pass.
 pub fn watched<T>(tell: &(dyn Fn(&str, f64) + Sync), work: &Work, rows: usize, run: impl FnOnce(&Watch) -> T) -> T {
     let watch = Watch { tell, work, pass: rows.max(1) as f64, now: Mutex::new(Now { stage: 0, begun_at: work.rows(), share: 0.0 }) };
     let (working, waits) = channel::<()>();
@@ -132,7 +132,7 @@ pub fn watched<T>(tell: &(dyn Fn(&str, f64) + Sync), work: &Work, rows: usize, r
             }
         };
         thread::Builder::new().spawn_scoped(scope, looks).ok();
-        // The looks end when this is dropped, by a panic too.
+        // The reporting thread ends when this sender is dropped, by a panic as well.
         let _working = working;
         run(watch)
     })
@@ -142,7 +142,7 @@ pub fn watched<T>(tell: &(dyn Fn(&str, f64) + Sync), work: &Work, rows: usize, r
 mod tests {
     use super::*;
 
-    /// A diagnosis with two searches, each stage of which takes a third, all or four times of what is expected of it.
+    /// A diagnosis with two searches, whose stages take 0.3 times, once or four times the expected number of passes.
     #[test]
     fn the_bar_moves_with_the_work_and_never_falls_or_is_full() {
         let work = Work::default();

@@ -1,6 +1,6 @@
 //! Lists and figures in sentences.
 
-/// Items as people list them: commas between all but the last two, which `last` joins, e.g. " and ".
+/// Joins items with commas, and the last two with `last`, e.g. " and ".
 pub fn listed(items: &[impl AsRef<str>], last: &str) -> String {
     let items: Vec<&str> = items.iter().map(AsRef::as_ref).collect();
     match &items[..] {
@@ -9,7 +9,7 @@ pub fn listed(items: &[impl AsRef<str>], last: &str) -> String {
     }
 }
 
-/// As the report's headline has it.
+/// A value with three significant digits, as in the headline of the report.
 pub fn three_digits(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();
@@ -19,12 +19,12 @@ pub fn three_digits(value: f64) -> String {
     format!("{value:.*}", (2 - magnitude).clamp(0, 9) as usize)
 }
 
-/// Rounded down: "100 %" is said of a gap that is closed, not of one that nearly is.
+/// A share in percent, rounded down, so that "100 %" is printed only for a gap that is closed, and not for one that nearly is.
 pub fn percent(share: f64) -> String {
     if share >= 1.0 { "100 %".to_owned() } else { format!("{:.1} %", (1000.0 * share).floor() / 10.0).replace('-', "−") }
 }
 
-/// A probability, which is never all of it.
+/// A probability in percent, which is never printed as 100 %.
 pub fn chance(p: f64) -> String {
     match 100.0 * p {
         p if p >= 99.95 => "over 99.9 %".to_owned(),

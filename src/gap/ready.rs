@@ -1,4 +1,4 @@
-//! A campaign, ready to be fitted; what is left out of it because it is stale; and how its inputs are read between their samples, which depends on how often the control unit computes.
+//! Prepares a campaign for the fit, leaves out its stale samples, and determines how its inputs are read between their samples, which depends on the interval of the control unit.
 
 use super::diagnosis::DiagnosisError;
 use super::held_out::{Split, split};
@@ -31,7 +31,7 @@ impl Ready {
         Self::judged_by(None, campaign, vehicle, work)
     }
 
-    /// The same with another reading of the campaign, or a part of it: what judges this one judges that one.
+    /// Prepares another reading of the campaign, or a part of it, which is judged by the same recording.
     pub(super) fn of(&self, campaign: &Campaign, other: &Campaign, vehicle: &Vehicle) -> Result<Self, DiagnosisError> {
         let judge = campaign.recordings[self.split.judge].name.as_str();
         Self::judged_by(Some(judge), other, vehicle, &self.problem.work)
@@ -45,7 +45,7 @@ impl Ready {
         Self::taught(split, campaign, vehicle, work)
     }
 
-    /// The same rows of the campaign's recordings with other values in their channels.
+    /// Prepares `taught`: the same rows of the campaign's recordings with other values in their channels.
     pub(super) fn with_channels(&self, taught: Vec<Recording>, campaign: &Campaign, vehicle: &Vehicle) -> Result<Self, DiagnosisError> {
         let Split { judge, last_engagement, ref name, .. } = self.split;
         Self::taught(Split { taught, judge, last_engagement, name: name.clone() }, campaign, vehicle, &self.problem.work)
@@ -60,17 +60,17 @@ impl Ready {
     }
 }
 
-/// A campaign without what is stale in it, and what was found with that.
+/// A campaign without its stale samples, and the search that was done with it.
 pub(super) struct Fresh {
     pub(super) campaign: Campaign,
     pub(super) ready: Ready,
     pub(super) found: Search,
-    /// Speeds of which samples were left out, each with the probability that the sensor is at fault, and not a logger that loses messages.
+    /// Speeds of which samples were left out, each with the probability that the sensor is at fault and not a logger that loses messages.
     pub(super) stale: Vec<Irregular>,
 }
 
-/// Searches. Samples of a speed that seem to be stale are left out if the recordings are likelier without them: at the car of the file by so much that no explanation is likely to make up for it,
-/// and then beside the explanation that suits them best without.
+/// Searches, and leaves out the samples of a speed that seem to be stale, if the recordings are more likely without them. This is tested twice: first at the car of the file, where
+/// the gain must be so large that no explanation is likely to make up for it, and then beside the explanation that suits the recordings best without these samples.
 pub(super) fn read_without_stale(
     campaign: &Campaign,
     vehicle: &Vehicle,
@@ -85,7 +85,7 @@ pub(super) fn read_without_stale(
         let other = ready.of(&campaign, &without, vehicle)?;
         let nominal = ready.problem.nominal();
         let cost = |r: &Ready| sensors::minus_log_likelihood(&r.problem, &nominal, &r.with);
-        // Nothing is explained there yet: only what the least exact explanation would leave counts.
+        // The car of the file does not explain anything yet, so that only the gain that would remain at the lowest of the accuracies counts.
         let least =
             irregular::probability(&ready.problem, 0.5 * (cost(&ready) - cost(&other)) + standstill.log_density)[ACCURACIES.len() - 1];
         if least < 0.5 {
@@ -113,15 +113,15 @@ pub(super) fn read_without_stale(
     Ok(Fresh { campaign, ready, found, stale })
 }
 
-/// Where a speed may stand still.
+/// Places at which a speed may stand still, i.e. repeat its last value.
 struct Standstill {
     speed: Channel,
     white: f64,
-    /// By recording of the fit.
+    /// Samples that may be stale, by recording of the fit.
     taught: Vec<Stale>,
-    /// Logarithm of the density of the samples, and of the places at which it stands still.
+    /// Logarithm of the density of these samples and of the prior probability of the places.
     log_density: f64,
-    /// Samples of the speed.
+    /// Number of samples of the speed.
     samples: usize,
 }
 
@@ -135,7 +135,7 @@ impl Standstill {
         (times > 0).then(|| Self { speed, white, taught, log_density: log_prior(times, samples) - 0.5 * own, samples })
     }
 
-    /// What was held out is left out by itself.
+    /// The campaign without the stale samples. They are looked for in the whole recordings, so that those in the held-out data are left out as well.
     fn left_out_of(&self, campaign: &Campaign) -> Campaign {
         let mut campaign = campaign.clone();
         for r in &mut campaign.recordings {
@@ -146,13 +146,13 @@ impl Standstill {
         campaign
     }
 
-    /// How often it stands still, and the samples of that.
+    /// How often the speed stands still, and the number of samples for which it does.
     fn extent(&self) -> [f64; 2] {
         let sum = |of: fn(&Stale) -> usize| self.taught.iter().map(of).sum::<usize>() as f64;
         [sum(Stale::times), sum(Stale::samples)]
     }
 
-    /// That the sensor stands still more often than messages are lost, which has the prior of a missing law.
+    /// Probability that the sensor is at fault, which has the prior of a missing law, rather than a logger that loses messages.
     fn probability_of_fault(&self) -> f64 {
         let [times, stale] = self.extent();
         irregular::posterior(log_odds_of_fault(times, self.samples as f64 * times / stale))
@@ -171,7 +171,7 @@ impl Standstill {
     }
 }
 
-/// A campaign with the control unit that suits it, and what was found with that.
+/// A campaign with the control unit that suits it, and the search that was done with it.
 pub(super) struct Read {
     pub(super) ready: Ready,
     pub(super) found: Search,
@@ -179,7 +179,8 @@ pub(super) struct Read {
     pub(super) control_interval_s: Option<f64>,
 }
 
-/// Tries another control unit than the usual one, with which `ready` was `found`: each with the effects that suit it best, which need not be the same.
+/// Tries a control unit other than the usual one, with which `ready` was prepared and `found` was searched. Each of the two is judged with the effects that suit it best, which
+/// need not be the same.
 pub(super) fn read_with_control_unit(
     campaign: &Campaign,
     vehicle: &Vehicle,
@@ -201,7 +202,7 @@ pub(super) fn read_with_control_unit(
     Ok(Read { ready, found, control_interval_s: None })
 }
 
-/// The same campaign from a control unit that computes at this interval, s.
+/// The campaign, read as one with a control unit that computes at this interval, s.
 pub fn commanded_every(campaign: &Campaign, interval: f64) -> Campaign {
     let mut campaign = campaign.clone();
     campaign.recordings.iter_mut().for_each(|r| r.control_interval_s = Some(interval));

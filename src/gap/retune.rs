@@ -1,15 +1,15 @@
 //! The numbers of the car that is handed back.
 //!
-//! What the innovations say of an effect is what its real law does from one sample to the next, and its form takes up what the library's formula leaves. The retuned plant
-//! has the formula alone, and is asked for whole recordings. Among the numbers that the posterior allows it therefore gets those with which free replays of the
-//! recordings of the fit come nearest: the least
+//! The innovations show what the real law of an effect does from one sample to the next, and the form of the effect absorbs what the library's formula leaves. The retuned plant
+//! has the formula alone, and has to follow whole recordings. Of the numbers that the posterior allows, it therefore gets those with which free replays of the recordings of the
+//! fit come nearest to the car. They minimise
 //!
 //! ```text
 //! Σ A_r²/F_r² + (p − p̂)ᵀ C⁻¹ (p − p̂)
 //! ```
 //!
 //! with the gap A_r of recording r in a free replay, the gap F_r that the true car would leave there, and mode p̂ and covariance C of the posterior. A free replay counts once,
-//! whatever its number of samples: its errors are one long swing.
+//! whatever its number of samples, because its errors are one long swing.
 
 use super::free::Freely;
 use super::infer::coordinate::Coordinate;
@@ -20,16 +20,16 @@ use crate::effects::{self, PARAMETERS};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-/// Iterations, and the factor on the damping of a step that led too far, with the most of them.
+/// Maximum number of iterations; the factor by which the damping grows if a step led too far; and the maximum number of steps that an iteration tries.
 const ITERATIONS: usize = 12;
 const SHRINK: f64 = 10.0;
 const TRIES: usize = 4;
-/// Step of a difference, in standard deviations of the posterior.
+/// Step of the finite differences, in standard deviations of the posterior.
 const STEP: f64 = 0.1;
-/// Fall of the sum below which it ends.
+/// Decrease of the sum in an iteration below which the minimisation ends.
 const LEAST: f64 = 0.1;
 
-/// What a free replay of each recording has to come near to.
+/// The recordings to which free replays have to come near.
 #[derive(Clone, Copy)]
 pub struct Followed<'a> {
     /// The recordings.
@@ -38,19 +38,20 @@ pub struct Followed<'a> {
     pub floors: &'a [f64],
 }
 
-/// A point near the `mode` at which the recordings are followed best; `fit` is that of the mode.
+/// The point near the `mode` at which the recordings are followed best. `fit` is the fit to which the mode belongs; if it has no covariance, the mode itself is returned.
 pub fn retuned(problem: &Problem, fit: &Fit, mode: &Point, followed: Followed) -> Point {
     Nearby::of(problem, fit, mode, followed).map_or_else(|| mode.clone(), |near| near.at(&near.best().z))
 }
 
-/// The same, and what it would be without each of the recordings, whose mode is the one given for it: a step from there.
+/// As [`retuned`], from the mode of `fit`; in addition, for each recording, the point that would result without it, which is one step from the best point. `modes` are the modes of
+/// the posterior without each recording.
 pub fn and_without_each(problem: &Problem, fit: &Fit, modes: &[Point], followed: Followed) -> (Point, Vec<Point>) {
     let Some(near) = Nearby::of(problem, fit, &fit.point, followed) else { return (fit.point.clone(), modes.to_vec()) };
     let best = near.best();
     (near.at(&best.z), modes.iter().enumerate().map(|(k, mode)| near.without(k, &best, mode)).collect())
 }
 
-/// The surroundings of a mode, in coordinates in which the posterior is a standard normal one.
+/// The neighbourhood of a mode, in coordinates in which the posterior is standard normal.
 struct Nearby<'a> {
     problem: &'a Problem,
     mode: &'a Point,
@@ -60,7 +61,7 @@ struct Nearby<'a> {
     floors: &'a [f64],
 }
 
-/// A place there with the errors of each recording and their derivatives.
+/// A place in this neighbourhood, with the errors of each recording and their derivatives.
 struct Place {
     z: DVector<f64>,
     errors: Vec<DVector<f64>>,
@@ -68,12 +69,12 @@ struct Place {
 }
 
 impl Place {
-    /// What recording `r` says of the numbers: half the curvature of its squares, and half their gradient.
+    /// Gauss–Newton normal equations of recording `r`: half the curvature and half the gradient of its sum of squared errors.
     fn normal(&self, r: usize) -> (DMatrix<f64>, DVector<f64>) {
         (self.slopes[r].tr_mul(&self.slopes[r]), self.slopes[r].tr_mul(&self.errors[r]))
     }
 
-    /// The same of all of them.
+    /// Sum of the normal equations of all recordings.
     fn all_normal(&self) -> (DMatrix<f64>, DVector<f64>) {
         let n = self.z.len();
         let add = |(h, g): (DMatrix<f64>, DVector<f64>), (more, slope)| (h + more, g + slope);
@@ -84,7 +85,7 @@ impl Place {
         squares(&self.errors) + self.z.norm_squared()
     }
 
-    /// A place nearby, with derivatives that are those here but for the way there, along which they are what the errors say (Broyden's update).
+    /// Moves to a place nearby. The derivatives stay as they are, except along the step, where they are corrected to agree with the change of the errors (Broyden's update).
     fn follow(mut self, z: DVector<f64>, errors: Vec<DVector<f64>>) -> Self {
         let way = &z - &self.z;
         for ((slopes, before), after) in self.slopes.iter_mut().zip(&self.errors).zip(&errors) {
@@ -102,7 +103,7 @@ impl<'a> Nearby<'a> {
         let is_there = |e: &effects::Entry| e.parameters.clone().any(|p| mode.effects[p] != PARAMETERS[p].null);
         let is_free = |c: Coordinate| if let Coordinate::Effect(k) = c { effects::owner(k).is_none_or(is_there) } else { true };
         let kept: Vec<usize> = (0..shared.len()).filter(|&k| is_free(shared[k])).collect();
-        // The mean that a form may have where these recordings do not show it is as uncertain here as in an interval.
+        // The mean that the form of an effect may have, which these recordings do not show, widens the covariance as it widens the intervals.
         let of_form = |c: Coordinate| match c {
             Coordinate::Effect(k) if effects::owner(k).is_some() => fit.mean_of_form(k).powi(2),
             _ => 0.0,
@@ -141,7 +142,7 @@ impl<'a> Nearby<'a> {
             self.errors(&self.at(&to))
         };
         let mut all: Vec<Vec<DVector<f64>>> = (0..z.len()).into_par_iter().map(moved).collect();
-        // Of an hour of drives they take hundreds of megabytes: what was seen of a recording is let go as its slopes are made.
+        // For an hour of drives, the errors take hundreds of megabytes: those of a recording are released as its slopes are computed.
         let of = |(r, here): (usize, &DVector<f64>)| {
             let seen: Vec<DVector<f64>> = all.iter_mut().map(|moved| std::mem::take(&mut moved[r])).collect();
             DMatrix::from_fn(here.len(), z.len(), |i, k| (seen[k][i] - here[i]) / STEP)
@@ -192,7 +193,8 @@ impl<'a> Nearby<'a> {
         now
     }
 
-    /// Where one recording took no part: a step from the best place by what the others say, around their own mode; or that, if they are followed worse there.
+    /// The point without recording `k`: a Gauss–Newton step from the best place with the normal equations of the other recordings, around `mode`, their own mode; or that mode, if
+    /// they are not followed better after the step.
     fn without(&self, k: usize, best: &Place, mode: &Point) -> Point {
         let off = DVector::from_iterator(self.free.len(), self.free.iter().map(|c| c.get(mode, 0) - c.get(self.mode, 0)));
         let Some(centre) = self.root.solve_lower_triangular(&off) else { return mode.clone() };
@@ -228,7 +230,7 @@ mod tests {
     use crate::gap::progress::Work;
     use crate::gap::ready::Ready;
 
-    /// A slope that is three standard deviations off comes back where the recordings are followed exactly, and stays where the true car would be far off as well.
+    /// A slope that is three standard deviations off is corrected if the true car would follow the recordings closely, and stays as it is if the true car would be far off as well.
     #[test]
     fn a_plant_has_those_of_the_numbers_allowed_that_follow_the_recordings() {
         let Example { campaign, vehicle } = Example::read();
@@ -257,10 +259,10 @@ mod tests {
         assert!(far > 10.0 * least && close < 0.1 * far, "{far} {close} {least}");
         let stays = with(1e4);
         assert!((stays.effects[slope] - off.effects[slope]).abs() < 1e-3 * sigma && gap(&stays) > 0.99 * gap(&off));
-        // Nothing bounds the numbers where there is no covariance.
+        // Without a covariance nothing bounds the numbers, and the mode is returned.
         let unknown = Fit { mean_covariance: None, ..fit.clone() };
         assert_eq!(found(&unknown, 0.2).effects, off.effects);
-        // Where one recording alone can be followed, nothing is learned without it.
+        // If a single recording can be followed closely, nothing is learned without it.
         let mut floors = vec![1e4; split.taught.len()];
         floors[0] = 0.2;
         let modes = vec![off.clone(); floors.len()];

@@ -6,12 +6,12 @@ use super::prose::{listed, percent};
 use super::verdict::Verdict;
 use crate::effects::REGISTRY;
 
-/// Effects, of which some stand with their rivals: "a or b, and c".
+/// A list of effects, some of them with their rivals: "a or b, and c".
 fn each_with_rivals(groups: &[String]) -> String {
     listed(groups, if groups.iter().any(|g| g.contains(" or ")) { ", and " } else { " and " })
 }
 
-/// Whether an effect is likelier not to be there, nor one that may stand in its place.
+/// Whether it is more probable than not that neither an effect nor any of its rivals is present.
 fn likelier_not(f: &Findings, e: usize) -> bool {
     let mut group = rivals(f, e);
     group.push(e);
@@ -19,7 +19,7 @@ fn likelier_not(f: &Findings, e: usize) -> bool {
     holds.map(|x| x.probability).sum::<f64>() < 0.5
 }
 
-/// Verdict, effects and how much of the gap they close, of which `closed` is the share.
+/// The sentence: verdict, effects, and the share `closed` of the gap that they close.
 pub fn sentence(f: &Findings, closed: f64) -> String {
     let said = of_verdict(f, closed);
     if f.posterior.beyond <= 0.5 || matches!(f.conclusion.verdict, Verdict::Unexplained | Verdict::InputsDoNotFit) {

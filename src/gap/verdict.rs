@@ -28,21 +28,22 @@ pub enum Verdict {
 /// Probability above which a rival is named beside what was chosen.
 pub const NAMED_BESIDE: f64 = 0.05;
 
-/// Share of the gap from which a missing law is what is wrong in its subsystem, and effects of that subsystem only stood in for a part of it: they are not named.
+/// Share of the gap above which a missing law is what is wrong in its subsystem. Effects of that subsystem then only stood in for a part of the law, and are not named.
 pub const STAND_IN_SHARE: f64 = 0.5;
 
-/// Mean of Huber's loss of the innovations that the best explanation may leave, 9.5 standard deviations in every sample: with more, these are no recordings of such a car. Its largest errors
-/// on cars with a law that no library holds are a tenth of it.
+/// Largest mean of Huber's loss of the innovations that the best explanation may leave, which corresponds to 9.5 standard deviations in every sample. With a larger mean, the
+/// recordings are not those of this kind of car. On cars with a law that the library does not contain, the mean is at most a tenth of this.
 pub const STRANGE: f64 = 60.0;
 
-/// Departure of an effect, in sizes of a noticeable one, from which it is likelier that an input is not what it is said to be: the prior gives it less than one in a
-/// million. It is asked where no position is known, for then one factor may make up for the inputs of another car; with a position the clutch's own torque contradicts it.
+/// Departure of an effect, in sizes of a noticeable one, beyond which it is more likely that an input is not what it is said to be: the prior probability of such a departure is
+/// less than one in a million. The bound applies only where no position is known, because then a single factor can make the inputs of another car fit; with a position, the torque
+/// of the clutch would contradict it.
 pub const BEYOND_A_CAR: f64 = 5.0;
 
-/// How many times as far off as the car of the file a car with effects may be, in free replays of the recordings that taught them, for the effects to be named.
+/// Ratio of the gap with effects to the gap of the file's car, in free replays of the recordings of the fit, above which the effects are not named.
 pub const MISLED: f64 = 2.0;
 
-/// What was concluded.
+/// The conclusion on a campaign: the verdict and what belongs to it.
 #[derive(Clone, Debug)]
 pub struct Conclusion {
     /// Verdict.
@@ -59,24 +60,24 @@ pub struct Conclusion {
     pub shares: Vec<(Subsystem, f64)>,
     /// Subsystems in which the gap, or its remainder, may lie instead.
     pub or_at: Vec<Subsystem>,
-    /// Effects that were taken back.
+    /// Effects that were withdrawn.
     pub taken_back: Option<TakenBack>,
-    /// What is irregular, in words with its size.
+    /// Irregular disturbances, in words with their size.
     pub irregular: Vec<String>,
     /// A mistake in the channel map that explains the recordings.
     pub mistake: Option<Mistake>,
 }
 
-/// Effects that would account for the innovations, with which the car follows the recordings of the fit worse than without.
+/// Effects that account for the innovations but were withdrawn, because with them the car follows the recordings of the fit worse than without.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TakenBack {
     /// The effects.
     pub effects: Vec<usize>,
-    /// Mean gap of both speeds in free replays of the recordings of the fit, rad/s: of the file's car, and with the effects.
+    /// Mean gap of both speeds in free replays of the recordings of the fit, rad/s: with the file's car, and with the effects.
     pub gaps: [f64; 2],
 }
 
-/// Concludes.
+/// Draws the conclusion from the posterior.
 pub fn conclude(problem: &Problem, search: &Search, posterior: &Posterior) -> Conclusion {
     let best = posterior.best().clone();
     let fit = best.fit.as_ref().expect("the best was fitted");
@@ -112,7 +113,7 @@ pub fn conclude(problem: &Problem, search: &Search, posterior: &Posterior) -> Co
     }
 }
 
-/// What an explanation amounts to that has effects or none, some that are named or none, and a missing law or none.
+/// Verdict of an explanation, depending on whether it has effects, whether any of them is named, and whether it has a missing law.
 fn verdict_of(effects: bool, named: bool, law: bool) -> Verdict {
     match (effects, law) {
         (false, false) => Verdict::NoGap,
@@ -123,8 +124,8 @@ fn verdict_of(effects: bool, named: bool, law: bool) -> Verdict {
 }
 
 impl Conclusion {
-    /// Takes back the effects, with which free replays of the recordings that taught them are further off than without. There is a gap, and a model that does not
-    /// follow it says little about where: no more than that it is in one of the subsystems.
+    /// Withdraws the effects, because free replays of the recordings of the fit are further off with them than without. There is a gap, but a model that does not follow the
+    /// recordings says no more about its place than that it is in one of the subsystems.
     pub fn withdraw(&mut self, gaps: [f64; 2]) {
         self.taken_back = Some(TakenBack { effects: std::mem::take(&mut self.effects), gaps });
         self.verdict = Verdict::Unexplained;
@@ -141,13 +142,13 @@ impl Conclusion {
         self.shares = self.unexplained_at.map(|place| (place, 1.0)).into_iter().collect();
     }
 
-    /// Takes it that a channel is mistaken: what was concluded of the recordings as they are mapped is of no car.
+    /// Records that a channel is mapped wrongly. What was concluded from the recordings as they are mapped does not apply to any car, and is removed.
     pub fn mistake(&mut self, mistaken: Mistaken) {
         (self.verdict, self.probability, self.mistake) = (Verdict::InputsDoNotFit, mistaken.probability, Some(mistaken.mistake));
         (self.effects, self.unexplained_at, self.shares, self.or_at) = (Vec::new(), None, Vec::new(), Vec::new());
     }
 
-    /// Takes it that something irregular is left.
+    /// Records that an irregular disturbance is left.
     pub fn leave(&mut self, irregular: &Irregular) {
         let of = |e: &usize| REGISTRY[*e].effect.subsystem;
         if irregular.share > STAND_IN_SHARE {
@@ -161,14 +162,14 @@ impl Conclusion {
         if self.effects.is_empty() && self.unexplained_at.is_none() {
             self.probability = irregular.probability;
         }
-        // Of places that the recordings do not tell apart, the one in which something is wrong.
+        // Of places that the recordings do not distinguish, the first one with a share of the gap is taken, or else the most likely one.
         let known = |s: &Subsystem| self.shares.iter().any(|(at, _)| at == s);
         let first = irregular.places.iter().copied().find(known).or(irregular.places.first().copied());
         let rest: Vec<Subsystem> = irregular.places.iter().copied().filter(|p| Some(*p) != first).collect();
         if self.unexplained_at.is_none() {
             self.unexplained_at = first;
             self.or_at.extend(rest);
-            // Each place once, though it was doubted for another reason before.
+            // Each place is listed once, even if it was doubted before for another reason.
             let mut seen: Vec<Subsystem> = first.into_iter().collect();
             self.or_at.retain(|place| {
                 !seen.contains(place) && {
@@ -188,7 +189,7 @@ impl Conclusion {
     }
 }
 
-/// Subsystems beside those shown in which something may be wrong instead.
+/// Subsystems other than those shown in which something may be wrong instead: with a total probability of more than [`NAMED_BESIDE`].
 fn doubted(all: &[Explanation], shown: &[Subsystem]) -> Vec<Subsystem> {
     let mass = |s: Subsystem| -> f64 {
         let holds = |e: &&Explanation| e.place == Some(s) || e.effects.iter().any(|&k| REGISTRY[k].effect.subsystem == s);
@@ -197,17 +198,17 @@ fn doubted(all: &[Explanation], shown: &[Subsystem]) -> Vec<Subsystem> {
     Subsystem::ALL.into_iter().filter(|s| !shown.contains(s) && mass(*s) > NAMED_BESIDE).collect()
 }
 
-/// Whether a fit leaves more than any car of this kind does.
+/// Whether a fit leaves larger innovations than those of any car of this kind.
 pub fn leaves_too_much(problem: &Problem, fit: &Fit) -> bool {
     is_strange(fit.misfit() / problem.samples().max(1) as f64)
 }
 
-/// Whether innovations of this mean loss are none of such a car.
+/// Whether innovations with this mean loss cannot be those of such a car.
 fn is_strange(mean_loss: f64) -> bool {
     mean_loss > STRANGE
 }
 
-/// Whether an effect that stands for an input, or for the inertia of another gear, is larger than any car has it.
+/// Whether an effect of engine or sensors, which may stand for another input, or of the vehicle mass, which may stand for another gear, is larger than in any car.
 fn is_beyond_a_car(best: &Explanation) -> bool {
     let Some(fit) = &best.fit else { return false };
     let far = |k: &usize| (fit.point.effects[*k] - PARAMETERS[*k].null).abs() > BEYOND_A_CAR * size(*k);
@@ -218,28 +219,28 @@ fn is_beyond_a_car(best: &Explanation) -> bool {
     best.effects.iter().filter(|e| input(e)).any(|&e| REGISTRY[e].effect.amplitudes.iter().any(far))
 }
 
-/// Cost of an explanation without the price of its law.
+/// Cost of an explanation without the prior terms of its law and of the forms of its effects; infinite if it was not fitted.
 fn cost(e: &Explanation) -> f64 {
     e.fit.as_ref().map_or(f64::INFINITY, without_functions)
 }
 
-/// Cost of a fit without the price of the functions of laws and forms.
+/// Cost of a fit without the prior terms of the functions of laws and forms.
 fn without_functions(fit: &Fit) -> f64 {
     fit.misfit() + prior(&fit.point)
 }
 
-/// Share of the gap between car and vehicle file, as the misfit of that file's car, that a missing law takes beside the effects.
+/// Share of the gap that a missing law accounts for beside the effects. `gap` is the misfit of the car of the vehicle file.
 fn law_share(gap: f64, search: &Search, best: &Explanation) -> f64 {
     let without = search.of(&best.effects).map_or(gap, |h| without_functions(&h.fit));
     share(gap, without, cost(best))
 }
 
-/// Share that a law takes of a gap, from the costs of the file's car, of the effects without the law, and of both.
+/// Share of a gap that a law accounts for, from the costs of the file's car, of the effects without the law, and of both together.
 fn share(gap: f64, without: f64, both: f64) -> f64 {
     (without - both).max(0.0) / (gap - both).max(1e-9)
 }
 
-/// What each subsystem's part takes of the cost, relative to all that is taken.
+/// Share of each subsystem in the total reduction of the cost, largest first.
 fn shares(search: &Search, posterior: &Posterior, best: &Explanation) -> Vec<(Subsystem, f64)> {
     let base = search.base().fit.cost;
     let full = cost(best);
@@ -250,7 +251,7 @@ fn shares(search: &Search, posterior: &Posterior, best: &Explanation) -> Vec<(Su
             .filter(|e| e.effects == effects && e.fit.is_some() && (e.place == if with_place { best.place } else { None }));
         same.map(cost).fold(base, f64::min)
     };
-    // Where the rest was not fitted beside the law, what it leaves alone stands for it.
+    // If the remaining effects were not fitted beside the law, or are cheaper without it, their cost without the law is used.
     let rest_of = |effects: &[usize]| known(effects, best.place.is_some()).min(known(effects, false));
     let mut shares: Vec<(Subsystem, f64)> = Vec::new();
     let mut add = |s: Subsystem, taken: f64| match shares.iter_mut().find(|(o, _)| *o == s) {
@@ -325,7 +326,7 @@ mod tests {
         assert_eq!(c.shares, [(Subsystem::Sensors, 1.0)]);
     }
 
-    /// What is left is that there is a gap, in one of seven subsystems; those of the effects come first.
+    /// All that remains is that there is a gap in one of seven subsystems; those of the effects come first.
     #[test]
     fn effects_that_mislead_are_taken_back() {
         let mut c = concluded(&["vehicle_mass", "friction_level", "engine_torque_lag"]);
@@ -358,7 +359,7 @@ mod tests {
         let mut c = concluded(&["actuator_delay"]);
         c.leave(&left(&[Subsystem::Friction, Subsystem::ClutchForce, Subsystem::Actuator], 0.1));
         assert_eq!((c.unexplained_at, c.or_at), (Some(Subsystem::Actuator), vec![Subsystem::Friction, Subsystem::ClutchForce]));
-        // What was doubted before is not said twice.
+        // A subsystem that was doubted before is not listed twice.
         let mut c = Conclusion { or_at: vec![Subsystem::ClutchForce, Subsystem::Thermal], ..concluded(&["actuator_delay"]) };
         c.leave(&left(&[Subsystem::Friction, Subsystem::ClutchForce, Subsystem::Actuator], 0.1));
         assert_eq!(c.or_at, [Subsystem::ClutchForce, Subsystem::Thermal, Subsystem::Friction]);
@@ -377,7 +378,8 @@ mod tests {
         }
     }
 
-    /// Unknown laws leave a tenth of what inputs of another car do: the bound lies between, and an input that is off by five usual faults is another one.
+    /// The bound on the mean loss lies between what unknown laws leave and ten times as much, which the inputs of another car leave. An input that is off by more than five usual
+    /// faults is not what it is said to be.
     #[test]
     fn inputs_that_are_none_of_this_car_are_far_from_it() {
         assert!(!is_strange(59.0) && is_strange(61.0));
@@ -404,11 +406,12 @@ mod tests {
     #[test]
     fn a_law_takes_the_share_of_the_gap_that_effects_alone_leave() {
         assert!((share(100.0, 60.0, 20.0) - 0.5).abs() < 1e-12 && (share(100.0, 100.0, 20.0) - 1.0).abs() < 1e-12);
-        // What does harm takes nothing, and nothing is taken of no gap.
+        // A law that increases the cost has a share of zero, and so has any law if there is no gap.
         assert_eq!([share(100.0, 15.0, 20.0), share(20.0, 20.0, 20.0)], [0.0; 2]);
     }
 
-    /// Effects leave 60 of 100, of which 20 are the price of their forms, and 20 beside a law: it takes a quarter, for its own price does not count either.
+    /// The cost falls from 100 to 60 with the effects, of which 20 are the prior terms of their forms, and to 30 with a law, of which 10 are prior terms. Without prior terms, the
+    /// law accounts for 20 of 80, a quarter.
     #[test]
     fn the_price_of_forms_is_no_part_of_what_a_law_takes() {
         use crate::gap::infer::search::{Hypothesis, Search};
@@ -434,7 +437,7 @@ mod tests {
         assert_eq!(doubted(&all, &[Subsystem::Driveline]), [Subsystem::Friction, Subsystem::Sensors]);
         assert_eq!(doubted(&all, &[Subsystem::Friction, Subsystem::Sensors]), [Subsystem::Driveline]);
     }
-    /// A car that is off by 90, and by 10 with all three effects: without the first by 30, without the second by 20, without the third, of another subsystem, by 60.
+    /// The cost is 90 without effects, and 10 with all three: it is 30 without the first, 20 without the second, and 60 without the third, which is of another subsystem.
     #[test]
     fn effects_of_one_subsystem_share_what_each_of_them_takes() {
         use crate::gap::infer::fit::Fit;

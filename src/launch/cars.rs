@@ -1,15 +1,15 @@
-//! Cars as they leave the line and grow old, drawn for [`super::monte_carlo`].
+//! Cars with production tolerances and wear, drawn at random for [`super::monte_carlo`].
 //!
-//! | what | how it is drawn |
+//! | quantity | how it is drawn |
 //! |---|---|
 //! | numbers of the vehicle file | normal, with the standard deviations in [`TOLERANCES`] |
 //! | friction, touch point, mass | × 0.8 to 1.2, ± 0.4 mm, × 0.7 to 1.3, uniform |
-//! | grade | 0 to 20 %, uniform; the inclination sensor is off by 1 % (standard deviation), and knows the nominal mass |
-//! | disc and body | 20 to 150 °C at the start; the controller is told a temperature up to 20 K off |
+//! | grade | 0 to 20 %, uniform; the inclination sensor has an error of 1 % (standard deviation), and its torque is computed with the nominal mass |
+//! | disc and body | 20 to 150 °C at the start; the controller is given a temperature that is up to 20 K off |
 //! | actuator | lag 20 to 40 ms, delay 10 to 20 ms, uniform |
 //! | sampling | 10 or 20 ms |
 //! | noise of both speeds | normal, standard deviation 0 to 1 rad/s |
-//! | effects | one or two more of the library, at half to one and a half of a usual size (`starts`) |
+//! | effects | one or two more effects of the library, at 0.5 to 1.5 times a typical size (`starts`) |
 
 use crate::effects::{self, Entry, PARAMETERS, Parameters, REGISTRY, param};
 use crate::vehicle::{NUMBERS, Vehicle};
@@ -28,23 +28,23 @@ pub const TOLERANCES: [(&str, f64); 10] = [
     ("thermal.gamma_2", 0.05),
 ];
 
-/// Effects that every car is drawn with anyway.
+/// Effects that every car has in any case; none of them is drawn as an additional one.
 const DRAWN_ANYWAY: [&str; 6] = ["friction_level", "kiss_point_offset", "vehicle_mass", "road_load", "actuator_lag", "actuator_delay"];
 
 /// One car, and how it is measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Car {
-    /// Its numbers.
+    /// Its numbers in the vehicle file.
     pub vehicle: Vehicle,
-    /// What it has beyond them.
+    /// Its effects.
     pub effects: Parameters,
     /// Temperature of disc and body at the start, °C.
     pub theta: f64,
-    /// What the controller takes it for, °C.
+    /// Temperature that the controller assumes, °C.
     pub theta_believed: f64,
     /// Sampling period of the controller, s.
     pub sampling: f64,
-    /// Standard deviation of both speeds as measured, rad/s.
+    /// Standard deviation of the noise of both measured speeds, rad/s.
     pub noise: f64,
     /// Error of the inclination sensor, as a grade.
     pub grade_error: f64,
@@ -53,14 +53,14 @@ pub struct Car {
 }
 
 impl Car {
-    /// Torque of the grade in N·m as the inclination sensor of a car of this kind says.
+    /// Torque due to the grade, N·m, as computed from the inclination sensor for the nominal vehicle.
     pub fn inclination(&self, nominal: &Vehicle) -> f64 {
         let seen = self.effects[param::road_load::grade] + self.grade_error;
         nominal.driveline.mgR_over_i * seen / seen.hypot(1.0)
     }
 }
 
-/// Numbers that look random: SplitMix64.
+/// Pseudo-random numbers: SplitMix64.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Random(pub u64);
 
@@ -77,7 +77,7 @@ impl Random {
         low + (high - low) * ((self.next() >> 11) as f64 / (1_u64 << 53) as f64)
     }
 
-    /// Normal with mean 0 and standard deviation 1: Box and Muller.
+    /// Normal with mean 0 and standard deviation 1, by the Box–Muller transform.
     pub fn normal(&mut self) -> f64 {
         let (a, b) = (self.between(f64::MIN_POSITIVE, 1.0), self.between(0.0, 1.0));
         (-2.0 * a.ln()).sqrt() * (std::f64::consts::TAU * b).cos()
@@ -88,7 +88,7 @@ impl Random {
     }
 }
 
-/// Car number `k` of the family that `seed` stands for, around the vehicle `nominal`.
+/// Car number `k` of the family with this `seed`, around the vehicle `nominal`.
 pub fn draw(nominal: &Vehicle, seed: u64, k: usize) -> Car {
     let mut random = Random(seed.wrapping_mul(0x2545_f491_4f6c_dd1d) ^ (k as u64).wrapping_mul(0xd134_2543_de82_ef95));
     let mut vehicle = *nominal;
@@ -130,7 +130,7 @@ fn add_effect(p: &mut Parameters, random: &mut Random) {
     let size = random.between(0.5, 1.5);
     for &(k, value) in start {
         let null = PARAMETERS[k].null;
-        // Of a shape, the usual value; of an amplitude, a usual size.
+        // A shape parameter keeps its typical value; an amplitude is scaled.
         let factor = if entry.effect.amplitudes.contains(&k) { size } else { 1.0 };
         p[k] = (null + factor * (value - null)).clamp(PARAMETERS[k].min, PARAMETERS[k].max);
     }

@@ -1,4 +1,4 @@
-//! One launch of a car under a controller that samples its measurements, and what a calibration engineer reads off it.
+//! One launch of a car under a controller that samples its measurements, and the figures that a calibration engineer reads off it.
 
 use super::cars::{Car, Random};
 use super::{IDLE, controller_inputs, plant_inputs};
@@ -11,30 +11,30 @@ use crate::plant::{Plant, Start, clutch};
 /// Step of the plant between two samples of the controller, s.
 const STEP: f64 = 1e-3;
 
-/// Steps into which the step of lock-up is cut, so that the slip acceleration is the one at ω_fc = 0.
+/// Number of parts into which the step of lock-up is divided, so that the slip acceleration is the one at ω_fc = 0.
 const FINE: usize = 100;
 
-/// A change of the torque's direction by more than this counts, N·m.
+/// Least change against the torque's present direction that counts as a reversal, N·m.
 pub const REVERSAL: f64 = 5.0;
 
-/// Engine speed under which it has stalled, rad/s.
+/// Engine speed below which the engine has stalled, rad/s.
 pub const STALLED: f64 = 50.0;
 
 /// Figures of a launch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
-    /// The clutch and the controller agree that it is locked at the end.
+    /// Whether the slip has vanished and clutch and controller agree at the end that the clutch is locked.
     pub locked: bool,
-    /// First time at which the slip is gone, s; the end if never.
+    /// Time at which the slip first vanishes, s; the end of the launch if it never does.
     pub time: f64,
     /// Least engine speed, rad/s.
     pub least_engine_speed: f64,
     /// Greatest engine speed, rad/s.
     pub greatest_engine_speed: f64,
-    /// Greatest speed rolled back, rad/s.
+    /// Greatest speed at which the car rolls back, rad/s.
     pub roll_back: f64,
-    /// Changes of direction of the clutch torque until the slip is down to `slip_lock`; the first is the launch itself. Below, friction goes
-    /// over into its static value whatever the controller does.
+    /// Reversals of the clutch torque until the slip is down to `slip_lock`; the first one belongs to the launch itself. Below that slip, friction
+    /// changes into its static value whatever the controller does.
     pub reversals: usize,
     /// Greatest clutch torque until then, N·m.
     pub peak_torque: f64,
@@ -44,7 +44,7 @@ pub struct Figures {
     pub energy: f64,
 }
 
-/// Counts reversals of a torque.
+/// Counts the reversals of a torque.
 #[derive(Clone, Copy, Debug, Default)]
 struct Reversals {
     extreme: f64,
@@ -63,7 +63,7 @@ impl Reversals {
     }
 }
 
-/// Clutch torque without the pulsation that geometry makes: no controller can take that away, so it is no reversal of its own.
+/// Clutch torque without the pulsation due to geometry: no controller can remove it, so that it does not count as a reversal.
 fn smooth_torque(plant: &Plant, t_fc: f64) -> f64 {
     let (config, y) = (plant.config(), &plant.state().y);
     let slip = (y[index::OMEGA_F] - y[index::OMEGA_C]).abs();
@@ -71,18 +71,18 @@ fn smooth_torque(plant: &Plant, t_fc: f64) -> f64 {
     if factor > 0.1 { t_fc / factor } else { t_fc }
 }
 
-/// The moment at which the slip vanishes.
+/// How the slip vanishes within a step.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Meeting {
     /// Slip acceleration just before, rad/s².
     pub slip_acceleration: f64,
-    /// Greatest clutch torque on the way, N·m.
+    /// Greatest clutch torque within the step until then, N·m.
     pub torque: f64,
-    /// Time into the step, s.
+    /// Time since the start of the step, s.
     pub into: f64,
 }
 
-/// How the slip vanishes within the step of `step` seconds at whose start `plant` stands; `advance` moves it on by the seconds given.
+/// Finds out how the slip vanishes within a step of `step` seconds that starts from the state of `plant`; `advance` integrates it over the given number of seconds.
 pub fn meeting(mut plant: Plant, step: f64, advance: impl Fn(&mut Plant, f64)) -> Meeting {
     let mut before = slip(&plant);
     let fine = step / FINE as f64;
@@ -110,7 +110,7 @@ pub fn has_met(plant: &Plant, before: f64) -> bool {
     plant.outputs().phase == Phase::Locked || slip(plant) * before < 0.0
 }
 
-/// Slip in rad/s under which it may vanish within a step.
+/// Slip below which it may vanish within a step, rad/s.
 pub const NEAR: f64 = 10.0;
 
 /// Greatest clutch torque that the planned launch needs in this car, N·m.
@@ -121,7 +121,7 @@ pub fn planned_torque(plant: &Plant, duration: f64, speed: f64) -> f64 {
     config.constants.driveline.J_c * steepest + resist
 }
 
-/// Whether engine and clutch of this car can carry what its load asks for, with a tenth to spare.
+/// Whether engine torque and clutch capacity of this car exceed its load by a tenth, and the torque that holds the speeds together is positive.
 pub fn can_lock(plant: &Plant, controller: &Controller) -> bool {
     let (config, s) = (plant.config(), controller.settings());
     let d = &config.constants.driveline;

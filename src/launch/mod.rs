@@ -3,19 +3,19 @@
 //! Both advance from communication point to communication point, the plant first (Gauss–Seidel); a master that couples the two
 //! FMUs in this order gets the same numbers.
 //!
-//! | column | plant against the controller's map | torque feedback |
+//! | column | plant compared with the controller's map | torque feedback |
 //! |---|---|---|
 //! | I | the same: perfect inversion | none |
 //! | A | weaker friction, later contact | none |
 //! | B | as A | PI on reference minus observed torque |
 //!
-//! The slip acceleration of Table II is taken where the controller hands over; the clutch then closes at once, and what the slip really ends
-//! with stands beside it, [`Launch::meeting`].
+//! The slip acceleration of Table II is the one at which the controller hands over. The clutch then closes at once; the slip acceleration with which
+//! the slip actually vanishes is in [`Launch::meeting`].
 //!
 //! - [`cars`], [`drive`], [`monte_carlo`]: drawn cars under several controllers
 //! - [`temperature`]: a touch point that moves with temperature, known, ignored and wrongly estimated
 //!
-//! The paper gives neither references and gains nor load and mismatch. [`Settings::paper`] and [`mismatch`] are one set that
+//! The paper states neither references and gains nor load and mismatch. [`Settings::paper`] and [`mismatch`] are one set that
 //! reproduces its nine numbers with the shipped vehicle; the numbers determine the direction of the mismatch, not its kind.
 
 pub mod cars;
@@ -45,15 +45,15 @@ pub const AMBIENT: f64 = 25.0;
 /// One coupled simulation.
 #[derive(Clone, Debug)]
 pub struct Setup {
-    /// The vehicle, as the plant has it.
+    /// The vehicle that the plant simulates.
     pub vehicle: Vehicle,
-    /// The vehicle, as the controller has it.
+    /// The vehicle that the controller assumes.
     pub believed: Vehicle,
-    /// What the plant has beyond it.
+    /// The plant's effects.
     pub effects: Parameters,
     /// The controller's settings.
     pub settings: Settings,
-    /// Start of the plant.
+    /// Start values of the plant.
     pub start: Start,
     /// Communication step, s.
     pub step: f64,
@@ -72,7 +72,7 @@ pub struct Row {
     pub plant: plant::Outputs,
     /// The controller's outputs.
     pub controller: control::Outputs,
-    /// Torque that the clutch transmits, or could at rest once it is locked (the paper's static friction torque), N·m.
+    /// Torque that the clutch transmits or, once it is locked, could transmit at rest (the paper's static friction torque), N·m.
     pub transmissible: f64,
 }
 
@@ -81,9 +81,9 @@ pub struct Row {
 pub struct Launch {
     /// All communication points.
     pub rows: Vec<Row>,
-    /// Figures of the engagement; none if the clutch has not locked.
+    /// Figures of the engagement; `None` if the controller has not detected lock-up.
     pub performance: Option<Performance>,
-    /// How the slip really vanished; none if it has not.
+    /// How the slip actually vanished; `None` if it has not.
     pub meeting: Option<Meeting>,
 }
 
@@ -103,10 +103,10 @@ impl Setup {
         }
     }
 
-    /// Whether the plant can be followed through all of its faults.
+    /// Checks that the plant can be followed through all of its faults.
     ///
     /// # Errors
-    /// The first part that becomes too fast.
+    /// The first part of the plant that becomes too fast.
     pub fn check_faults(&self) -> Result<(), TooFast> {
         let mut time = 0.0;
         while time < self.stop {
@@ -155,7 +155,7 @@ pub const TABLE_II: [Column; 3] = [
     },
 ];
 
-/// What the plant of columns A and B has that the controller's map has not.
+/// Effects of the plant in columns A and B that the controller's map does not have.
 pub fn mismatch() -> Parameters {
     let mut effects = effects::null();
     effects[param::friction_level::factor] = 0.41359;
@@ -180,7 +180,7 @@ impl Column {
 /// Runs the coupled simulation.
 ///
 /// # Panics
-/// Faults that [`Setup::check_faults`] refuses.
+/// If the faults include one that [`Setup::check_faults`] refuses.
 pub fn simulate(setup: &Setup) -> Launch {
     let mut controller = Controller::new(&setup.believed, &setup.settings);
     let mut inputs = plant_inputs(controller.outputs());
@@ -218,7 +218,7 @@ fn row(time_s: f64, plant: &Plant, controller: &Controller) -> Row {
     Row { time_s, plant: outputs, controller: *controller.outputs(), transmissible }
 }
 
-/// A step of `h` seconds, cut where a fault changes an effect.
+/// Makes a step of `h` seconds, divided where a fault changes an effect.
 fn step_through_faults(plant: &mut Plant, setup: &Setup, inputs: &plant::Inputs, h: f64) {
     let mut left = h;
     loop {
@@ -236,19 +236,19 @@ fn step_through_faults(plant: &mut Plant, setup: &Setup, inputs: &plant::Inputs,
     }
 }
 
-/// Figures at the communication point at which the controller sees lock-up; the plant's torque is still that of slip.
+/// Figures at the communication point at which the controller detects lock-up; the plant's torque is still that of the slipping clutch.
 fn figures(vehicle: &Vehicle, row: &Row) -> Performance {
     let p = &row.plant;
     let slip_acceleration = performance::slip_acceleration(&vehicle.driveline, p.omega_f, p.omega_c, p.t_e, p.t_fc, 0.0);
     Performance { time: row.time_s, energy: p.e_d, slip_acceleration }
 }
 
-/// What the plant is given by the controller.
+/// The plant's inputs from the controller's outputs.
 pub fn plant_inputs(from: &control::Outputs) -> plant::Inputs {
     plant::Inputs { x_to: from.x_to, t_e_ref: from.t_e_ref, theta_h: AMBIENT, t_load: 0.0 }
 }
 
-/// What the controller is given by the plant.
+/// The controller's inputs from the plant's outputs.
 pub fn controller_inputs(from: &plant::Outputs, engage: bool) -> control::Inputs {
     control::Inputs {
         omega_f: from.omega_f,

@@ -1,14 +1,14 @@
-//! Many drawn cars under several controllers, and what learning makes of the spread.
+//! Launches of many drawn cars under several controllers, and the effect of learning on their spread.
 //!
-//! | criterion | what it asks |
+//! | criterion | requirement |
 //! |---|---|
-//! | locks | clutch and controller agree at the end that it is locked |
+//! | locks | clutch and controller agree at the end that the clutch is locked |
 //! | no stall | the engine stays above 50 rad/s |
 //! | one reversal | the clutch torque rises and falls once; changes below 5 N·m do not count |
 //! | peak torque | at most 1.3 times what the planned launch needs in this car |
 //! | slip acceleration | at most 60 rad/s² where the slip vanishes |
 //!
-//! Cars that cannot lock whatever the controller does – too little engine torque or capacity for their load – are left out and counted.
+//! Cars that cannot lock whatever the controller does, because their engine torque or capacity is too small for their load, are left out and counted.
 
 use super::cars::{self, Car};
 use super::drive::{self, Figures};
@@ -19,16 +19,16 @@ use crate::plant::{Plant, Start};
 use crate::vehicle::Vehicle;
 use rayon::prelude::*;
 
-/// Time that a launch is watched for, s.
+/// Duration of a launch, s.
 const WATCHED: f64 = 8.0;
 
-/// Greatest peak torque over the planned one.
+/// Largest admissible ratio of peak torque to planned torque.
 pub const MOST_PEAK: f64 = 1.3;
 
-/// Greatest slip acceleration at ω_fc = 0, rad/s².
+/// Largest admissible slip acceleration at ω_fc = 0, rad/s².
 pub const MOST_SLIP_ACCELERATION: f64 = 60.0;
 
-/// Controllers that are compared: name, settings, and launches of the same car that they have learned from before.
+/// Controllers that are compared: name, settings, and number of previous launches of the same car from which the controller has learned.
 pub fn contenders() -> [(&'static str, Settings, usize); 4] {
     [
         ("governed", Settings::robust(), 0),
@@ -41,7 +41,7 @@ pub fn contenders() -> [(&'static str, Settings, usize); 4] {
 /// A launch of a drawn car, and the torque that was planned, N·m.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
-    /// What came of it.
+    /// Figures of the launch.
     pub figures: Figures,
     /// Greatest torque that the planned launch needs in this car, N·m.
     pub planned: f64,
@@ -80,7 +80,7 @@ impl Column {
         std::array::from_fn(|k| self.outcomes.iter().filter(|o| o.meets()[k]).count() as f64 / count)
     }
 
-    /// Quantile `q` of a number of the launches.
+    /// Quantile `q` of a figure over the launches.
     pub fn quantile(&self, q: f64, of: impl Fn(&Outcome) -> f64) -> f64 {
         let mut all: Vec<f64> = self.outcomes.iter().map(of).collect();
         all.sort_by(f64::total_cmp);
@@ -88,7 +88,7 @@ impl Column {
     }
 }
 
-/// Whether this car can lock at all; tried with the first contender's limits.
+/// Whether this car can lock at all, judged with the first contender's settings.
 fn can_lock(nominal: &Vehicle, car: &Car) -> bool {
     let controller = Controller::new(nominal, &Settings::robust());
     drive::can_lock(&plant_of(car, &controller), &controller)
@@ -111,7 +111,7 @@ fn launch(nominal: &Vehicle, settings: &Settings, before: usize, car: &Car) -> O
     Outcome { figures: drive::drive(&car, &mut controller, WATCHED), planned }
 }
 
-/// Launches once and keeps what was learned in the settings of the next launch.
+/// Makes one launch and stores what was learned in the settings for the next one.
 fn next(nominal: &Vehicle, settings: &mut Settings, car: &Car) -> Figures {
     let mut controller = Controller::new(nominal, settings);
     let figures = drive::drive(car, &mut controller, WATCHED);
@@ -120,7 +120,7 @@ fn next(nominal: &Vehicle, settings: &mut Settings, car: &Car) -> Figures {
     figures
 }
 
-/// Draws `count` cars and launches each under every contender; the number of cars that cannot lock is returned beside.
+/// Draws `count` cars and launches each under every contender. Also returns the number of cars that cannot lock.
 pub fn run(nominal: &Vehicle, count: usize, seed: u64) -> ([Column; 4], usize) {
     let cars: Vec<Car> = (0..count).into_par_iter().map(|k| cars::draw(nominal, seed, k)).filter(|car| can_lock(nominal, car)).collect();
     let columns = contenders().map(|(name, settings, before)| {
@@ -130,11 +130,11 @@ pub fn run(nominal: &Vehicle, count: usize, seed: u64) -> ([Column; 4], usize) {
     (columns, count - cars.len())
 }
 
-/// Launches of a series that [`learning`] follows.
+/// Number of launches in a series that [`learning`] follows.
 pub const LAUNCHES: usize = 5;
 
-/// Range of the lock-up time in s at each launch of a series: 25 cars with friction
-/// × 0.8 to 1.2 and a touch point off by ± 0.4 mm, whose controllers keep what they have learned.
+/// Range of the lock-up time at each launch of a series, s: 25 cars with friction × 0.8 to 1.2 and a touch point offset of up to ± 0.4 mm, whose
+/// controllers keep what they have learned.
 pub fn learning(nominal: &Vehicle, rate: f64) -> [f64; LAUNCHES] {
     let grid: Vec<(f64, f64)> = (0..25).map(|k| (0.8 + 0.1 * f64::from(k % 5), -0.4 + 0.2 * f64::from(k / 5))).collect();
     let times: Vec<[f64; LAUNCHES]> = grid.par_iter().map(|&(mu, touch)| series(nominal, rate, mu, touch)).collect();

@@ -1,13 +1,13 @@
 //! The paper's point: a car whose touch point moves with temperature, launched hot.
 //!
-//! | case | what the controller's map has |
+//! | case | the controller's map |
 //! |---|---|
 //! | known | the car's own polynomials, and the right temperature at the start |
 //! | ignored | touch point and friction as they are at 25 °C, whatever the temperature |
 //! | wrong | the car's polynomials, but 25 °C at the start |
 //!
-//! Each is launched without and with the torque feedback, the paper's remedy. Car and controller are those of Table II's column I, but for
-//! the touch point, which comes [`TOUCH_POINT`] mm/K earlier as thermal expansion takes up stroke (paper, Section I).
+//! Each case is launched without and with the torque feedback, which is the paper's remedy. Car and controller are those of Table II's column I
+//! except for the touch point, which comes earlier by [`TOUCH_POINT`] mm/K, because thermal expansion takes up stroke (paper, Section I).
 
 use super::{AMBIENT, Launch, Setup, simulate};
 use crate::control::Settings;
@@ -25,11 +25,11 @@ pub const HOT: f64 = 150.0;
 /// A case with its launches.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
-    /// What the controller knows.
+    /// Name of the case: what the controller knows.
     pub name: &'static str,
     /// Without the torque feedback.
     pub open_loop: Launch,
-    /// With it.
+    /// With the torque feedback.
     pub closed_loop: Launch,
 }
 
@@ -50,7 +50,7 @@ pub fn cases(vehicle: &Vehicle) -> [Case; 3] {
     })
 }
 
-/// The same vehicle with its temperature taken out: everything as at [`AMBIENT`].
+/// The same vehicle without temperature dependence: everything as at [`AMBIENT`].
 fn cold(vehicle: &Vehicle) -> Vehicle {
     let mut cold = *vehicle;
     cold.friction.m_0 = friction::dynamic_friction(&vehicle.friction, AMBIENT);

@@ -1,10 +1,11 @@
-//! A distance that is closed the slower the longer its time constant, which depends on the distance: ė = −e/τ(e).
+//! Approach to a target whose time constant depends on the remaining distance: ė = −e/τ(e).
 //!
-//! The same τ at all distances is a lag. One that grows in proportion to the distance, τ = e/v, is a speed that is not exceeded. Solved exactly, so that no τ is stiff.
+//! A constant τ is a first-order lag; a τ in proportion to the distance, τ = e/v, is a speed limit v. The equation is solved exactly, so that no τ is stiff.
 
-/// Distance that is left after `h` s of one of `from` ≥ 0. `time` s are the time constants at `distance`s that rise from 0; in between they are linear, beyond the last constant.
+/// Distance that is left after `h` s, starting from `from` ≥ 0. `time` are the time constants in s at the `distance`s, which rise from 0; τ is linear in between and constant
+/// beyond the last one.
 ///
-/// Between two distances τ = a + b e, and from e_0 to e it takes a ln(e_0/e) + b (e_0 − e). What is no number stays as it is.
+/// Between two distances τ = a + b e, and the time from e_0 to e is a ln(e_0/e) + b (e_0 − e). A `from` that is not finite is returned as it is.
 pub fn left<const N: usize>(distance: [f64; N], time: [f64; N], from: f64, h: f64) -> f64 {
     if !from.is_finite() {
         return from;
@@ -29,13 +30,13 @@ pub fn left<const N: usize>(distance: [f64; N], time: [f64; N], from: f64, h: f6
     0.0
 }
 
-/// Logarithm of a share of a distance that is nothing.
+/// Logarithm of the share of a distance that counts as zero.
 const LEAST_LOGARITHM: f64 = -700.0;
 
-/// Steps of a search that bisection alone would end by.
+/// Maximum number of search steps; bisection alone would converge within them.
 const MOST_SEARCHED: usize = 60;
 
-/// The e after `time` s from e_0, where a ln(e_0/e) + b (e_0 − e) is that time and e is not below `lower`: by Newton's method in ln e, kept within a bracket.
+/// The distance e after `time` s from e_0, at least `lower`: solves a ln(e_0/e) + b (e_0 − e) = `time` by Newton's method in ln e, kept within a bracket.
 fn within(a: f64, b: f64, [lower, e_0]: [f64; 2], time: f64) -> f64 {
     if b == 0.0 {
         return e_0 * (-time / a).exp();
@@ -43,7 +44,7 @@ fn within(a: f64, b: f64, [lower, e_0]: [f64; 2], time: f64) -> f64 {
     if a == 0.0 {
         return (e_0 - time / b).max(lower);
     }
-    // s = ln(e/e_0) ≤ 0: a s + b e_0 (eˢ − 1) + time = 0, which grows by τ.
+    // s = ln(e/e_0) ≤ 0: a s + b e_0 (eˢ − 1) + time = 0, whose slope over s is τ.
     let at = |s: f64| a * s + b * e_0 * s.exp_m1() + time;
     let (mut low, mut high) = if lower > 0.0 { ((lower / e_0).ln(), 0.0) } else { (-1.0, 0.0) };
     while lower == 0.0 && at(low) > 0.0 && low > LEAST_LOGARITHM {
@@ -78,7 +79,7 @@ mod tests {
         time[k] + ((e - AT[k]) / (AT[k + 1] - AT[k])).min(1.0) * (time[k + 1] - time[k])
     }
 
-    /// Against many small steps; in pieces as in one.
+    /// Compared with many small steps; several pieces give the same result as one.
     #[test]
     fn a_distance_is_closed_as_its_time_constants_say() {
         for time in [[0.02, 0.04, 0.1, 0.5], [0.1, 0.0, 0.2, 0.2], [0.0, 0.02, 0.4, 0.1], [0.02, 0.05, 0.2, 0.3], [0.0, 0.01, 0.07, 0.47]] {
@@ -108,7 +109,7 @@ mod tests {
         close(left(AT, speed, 5.5, 0.2), 3.5);
         close(left(AT, speed, 5.5, 0.55), 0.0);
         close(left(AT, [0.0; 4], 5.5, 1e-9), 0.0);
-        // To where there is a time constant again.
+        // A distance without a time constant is closed at once, down to where there is a time constant again.
         close(left(AT, [0.1, 0.1, 0.0, 0.0], 9.0, 0.0), 2.0);
         close(left(AT, [0.1; 4], 0.0, 0.01), 0.0);
         assert!(left(AT, [0.1; 4], f64::NAN, 0.01).is_nan() && left(AT, [0.1; 4], f64::INFINITY, 0.01) == f64::INFINITY);

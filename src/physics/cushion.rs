@@ -1,4 +1,4 @@
-//! Cushion spring: its force over the normalised throwout position, and back.
+//! Cushion spring: its force over the normalised throwout position, and the inverse.
 //!
 //! F(ξ) = β_1 ξ + β_2 ξ² + β_3 ξ³ above the true contact point ξ_0, and 0 at and below it.
 //!
@@ -52,13 +52,13 @@ pub fn force(p: &CushionSpring, xi_0: f64, xi: f64) -> f64 {
     if xi <= xi_0 { 0.0 } else { polynomial(p, xi).max(0.0) }
 }
 
-/// Newton and bisection steps that [`inverse`] makes at most; bisection alone would need 53.
+/// Maximum number of Newton and bisection steps in [`inverse`]; bisection alone would need 53.
 pub const INVERSE_ITERATIONS: usize = 64;
 
-/// Normalised position at which the spring gives `wanted` N: ξ_0 for none, 1 where the spring cannot give more.
+/// Normalised position at which the spring force is `wanted` N: ξ_0 for a force of zero, 1 where the spring cannot give as much.
 ///
-/// The branch above ξ_0 is monotone for a sound vehicle; of another, which can be simulated all the same, `kisspoint vehicle check` says so, and the
-/// bracket holds anyway.
+/// The branch above ξ_0 is monotone for a sound vehicle. `kisspoint vehicle check` reports any other vehicle, which can be simulated all the same, because the search stays
+/// within its bracket.
 pub fn inverse(p: &CushionSpring, xi_0: f64, wanted: f64) -> f64 {
     if wanted <= 0.0 {
         return xi_0;
@@ -66,7 +66,7 @@ pub fn inverse(p: &CushionSpring, xi_0: f64, wanted: f64) -> f64 {
     if wanted >= polynomial(p, 1.0) { 1.0 } else { searched(p, xi_0, wanted).0 }
 }
 
-/// The position, and the steps that it took to find it.
+/// The position, and the number of steps that it took to find it.
 fn searched(p: &CushionSpring, xi_0: f64, wanted: f64) -> (f64, usize) {
     let (mut low, mut high, mut xi) = (xi_0, 1.0, 1.0);
     for step in 1..=INVERSE_ITERATIONS {
@@ -89,7 +89,7 @@ fn searched(p: &CushionSpring, xi_0: f64, wanted: f64) -> (f64, usize) {
 mod tests {
     use super::*;
 
-    /// Also where its first step leaves the bracket, as on a spring that is stiffest at the contact.
+    /// Also where the first Newton step leaves the bracket, as for a spring that is stiffest at the contact.
     #[test]
     fn newton_finds_a_position_in_a_few_steps() {
         let paper = CushionSpring { beta_1: 26.1195, beta_2: -1304.6, beta_3: 5818.5 };

@@ -10,7 +10,7 @@
 //! | b_f, b_c | damping | N·m·s/rad | Table I (printed in N·m·s) |
 //! | T_L0, ω_L, k_L | rolling load, its speed scale, aerodynamic load | N·m, rad/s, N·m·s²/rad² | open in the paper |
 
-/// Numbers of the driveline.
+/// Parameters of the driveline.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 #[allow(non_snake_case)]
 pub struct Driveline {
@@ -32,10 +32,10 @@ pub struct Driveline {
     pub mgR_over_i: f64,
 }
 
-/// Beyond this tanh is 1 to the last place.
+/// Argument beyond which tanh is 1 to the last place.
 const SATURATED: f64 = 19.1;
 
-/// tanh to rounding, in a third of the time that the library takes: every stage of every step asks for it.
+/// tanh, accurate to rounding, in a third of the time of the standard library: every stage of every step evaluates it.
 #[inline(always)]
 pub fn tanh(z: f64) -> f64 {
     let size = z.abs();
@@ -60,7 +60,8 @@ pub fn flywheel_acceleration(p: &Driveline, omega_f: f64, t_e: f64, t_fc: f64) -
     (t_e - p.b_f * omega_f - t_fc) * (1.0 / p.J_f)
 }
 
-/// [`flywheel_acceleration`] the other way round: clutch torque in N·m that eq. (7a) leaves of the engine torque `t_e` in N·m, at the flywheel speed in rad/s and its rate in rad/s².
+/// Clutch torque in N·m that follows from eq. (7a) for the engine torque `t_e` in N·m, the flywheel speed in rad/s and its rate in rad/s²: the inverse of
+/// [`flywheel_acceleration`].
 pub fn clutch_torque(p: &Driveline, t_e: f64, omega_f: f64, omega_f_rate: f64) -> f64 {
     t_e - p.b_f * omega_f - p.J_f * omega_f_rate
 }
@@ -79,7 +80,7 @@ pub fn driveline_acceleration(j: f64, t_fc: f64, resist: f64) -> f64 {
 
 /// Static clutch torque in N·m that keeps ω_fc = 0 with both sides at `omega`: (7a) and (7b) with equal accelerations.
 ///
-/// `j` is the inertia beyond the disc (kg·m²) and `resist` all that resists it (N·m).
+/// `j` is the inertia that turns with the disc (kg·m²) and `resist` the total torque that resists it (N·m).
 #[inline]
 pub fn holding_torque(p: &Driveline, j: f64, omega: f64, t_e: f64, resist: f64) -> f64 {
     (j * (t_e - p.b_f * omega) + p.J_f * resist) / (p.J_f + j)

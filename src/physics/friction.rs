@@ -8,15 +8,15 @@
 //! | ω | slip speed, ≥ 0 | rad/s | eq. (4), in the units that α_1 and α_2 are printed in |
 //! | θ | disc temperature | °C | eq. (4) |
 //! | μ_0, α_1, α_2 | friction at zero slip, slip coefficients | 1, s/rad, s/rad | text after eq. (4) |
-//! | m_0, m_1, m_2 | dynamic friction | 1, 1/K, 1/K² | text; the quadratic term is lost in the paper |
+//! | m_0, m_1, m_2 | dynamic friction | 1, 1/K, 1/K² | text; the quadratic term is missing from the paper |
 //! | R_1, R_2 | inner and outer radius of the facings | m | text after eq. (4) |
 //!
-//! The paper writes the speed in (3) as a tangential velocity, but prints α in rad/s units: ω ρ/ρ_m serves both.
+//! The paper writes the speed in (3) as a tangential velocity, but prints α in s/rad: ω ρ/ρ_m is the speed at radius ρ in those units.
 
-/// Least friction coefficient: keeps the polynomial μ_d from turning friction into drive far outside its range.
+/// Least friction coefficient: without it, the polynomial μ_d could become negative far outside its range and friction would drive.
 pub const MU_MIN: f64 = 0.02;
 
-/// Numbers of the friction function.
+/// Parameters of the friction function.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 #[allow(non_snake_case)]
 pub struct Friction {
@@ -50,14 +50,14 @@ pub fn friction_coefficient(p: &Friction, omega: f64, theta: f64) -> f64 {
     coefficient_at(p, omega, dynamic_friction(p, theta), (-p.alpha_2 * omega).exp())
 }
 
-/// μ where the exponential e^(−α_2 ω) is `decay`.
+/// Friction coefficient for a given value `decay` of the exponential e^(−α_2 ω).
 #[inline]
 fn coefficient_at(p: &Friction, omega: f64, mu_d: f64, decay: f64) -> f64 {
     (mu_d + (p.mu_0 - mu_d + p.alpha_1 * omega) * decay).max(MU_MIN)
 }
 
-/// Abscissae −a, −b, b, a and weights of the four-point Gauss–Legendre rule on [−1, 1]; the exponential varies by at most e^±0.2α_2ω
-/// over the facing, which it integrates to better than 1e-9.
+/// Abscissae −a, −b, b, a and weights of the four-point Gauss–Legendre rule on [−1, 1]. The exponential varies by at most e^±0.2α_2ω over the facing, and the rule integrates
+/// it to better than 1e-9.
 const GAUSS: [(f64, f64); 4] = [
     (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
     (-0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
@@ -81,7 +81,7 @@ pub fn equivalent_radius(p: &Friction, omega: f64, theta: f64) -> f64 {
         // The integrand is linear in ρ: its mean is its value in the middle.
         return coefficient_at(p, 0.0, mu_d, 1.0) * mean;
     }
-    // Two gaps between the nodes are alike: three exponentials give the four that decay outwards, none of which can overflow.
+    // The two outer gaps between the nodes are equal, so three exponentials give all four, which decay outwards; none of them can overflow.
     let (reach, alpha) = (half / mean, p.alpha_2 * omega);
     let fade = |gap: f64| (-alpha * (reach * gap)).exp();
     let (outer, inner) = (fade(GAUSS[1].0 - GAUSS[0].0), fade(GAUSS[2].0 - GAUSS[1].0));

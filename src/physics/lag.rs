@@ -21,7 +21,7 @@ pub struct Lag {
 }
 
 impl Lag {
-    /// Time constant in s while `short` of its input: upwards where that is not negative.
+    /// Time constant in s while the output is `short` of its input: the one upwards if `short` is not negative, else the one downwards.
     pub fn towards(&self, short: f64) -> f64 {
         self.time_constant * (1.0 + if short >= 0.0 { self.asymmetry } else { -self.asymmetry })
     }
@@ -36,7 +36,7 @@ pub struct LagState {
     pub rate: f64,
 }
 
-/// A lag as short as this, s, is none: it is over within the shortest step, and its rates would leave the range of numbers.
+/// Time constant in s up to which a lag counts as none: it settles within the shortest step, and its rates would overflow.
 const SHORTEST: f64 = 1e-12;
 
 /// State after `h` seconds with the input `u + slope·t`.
@@ -53,14 +53,14 @@ pub fn advance(lag: &Lag, state: LagState, u: f64, slope: f64, h: f64) -> LagSta
     LagState { value: trail + z, rate: slope + v }
 }
 
-/// Mean output over the `h` > 0 seconds in which the lag came from one state to another with the input held at `u`: the lag's law, integrated over them.
+/// Mean output over the `h` > 0 seconds in which the lag went from one state to another with the input held at `u`, from the integral of the differential equation.
 pub fn mean(lag: &Lag, from: LagState, to: LagState, u: f64, h: f64) -> f64 {
     let tau = lag.towards(u - from.value);
     let bent = if lag.curvature < FIRST_ORDER { 0.0 } else { lag.curvature * tau * (to.rate - from.rate) };
     u - tau / h * (to.value - from.value + bent)
 }
 
-/// Below this κ the second pole is faster than 1000 times the first and plays no part.
+/// κ below which the lag is treated as first-order: the second pole is then more than 1000 times as fast as the first.
 pub const FIRST_ORDER: f64 = 1e-3;
 
 fn free_response(lag: &Lag, z0: f64, v0: f64, h: f64) -> (f64, f64) {
@@ -79,7 +79,7 @@ fn free_response(lag: &Lag, z0: f64, v0: f64, h: f64) -> (f64, f64) {
         ((w * h).cos(), (w * h).sin() / w)
     } else if discriminant > 1e-9 * stiffness {
         let w = discriminant.sqrt();
-        // The growing part of the hyperbolic functions is folded into the decay, or it would overflow at small τ.
+        // The growing part of the hyperbolic functions is combined with the decay; otherwise it would overflow at small τ.
         let (grow, fade) = ((w * h - half * h).exp(), (-w * h - half * h).exp());
         let (c, s) = (0.5 * (grow + fade), 0.5 * (grow - fade) / w);
         let a = v0 + half * z0;
@@ -95,7 +95,7 @@ fn free_response(lag: &Lag, z0: f64, v0: f64, h: f64) -> (f64, f64) {
 mod tests {
     use super::*;
 
-    /// Against the mean of 20 000 instants.
+    /// Compared with the mean of 20 000 instants.
     #[test]
     fn the_mean_is_that_of_the_way_there() {
         for (curvature, asymmetry) in [(0.0, 0.0), (5e-4, 0.3), (0.2, -0.4), (0.25, 0.0), (0.8, 0.2)] {

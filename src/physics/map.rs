@@ -1,4 +1,4 @@
-//! Torque map: position and temperature to normalised position (2), to torque capacity (1), and the way back.
+//! Torque map: normalised position (2) from position and temperature, torque capacity (1), and the inverse of the map.
 //!
 //! ξ = sat_0^1((x_to − x_cnt(θ)) / (x_cls(θ) − x_cnt(θ))), T_cap = 2 R_μ(ω, θ) F(ξ).
 //!
@@ -52,7 +52,7 @@ pub fn contact(p: &Actuator, theta: f64) -> Contact {
 
 /// Normalised position ξ of eq. (2), in 0..1, at `x_to` in mm.
 ///
-/// A kiss point at or beyond the closed point, where an effect or heat has driven it, leaves no travel between open and closed.
+/// If an effect or heat has driven the kiss point to or beyond the closed point, no travel is left between open and closed: ξ is then 0 up to the kiss point and 1 above it.
 #[inline]
 pub fn normalised_position(contact: Contact, x_to: f64) -> f64 {
     if contact.x_cls <= contact.x_cnt {
@@ -67,13 +67,13 @@ pub fn torque_capacity(p: &Friction, force: f64, omega: f64, theta: f64) -> f64 
     if force == 0.0 { 0.0 } else { torque_at_radius(friction::equivalent_radius(p, omega, theta), force) }
 }
 
-/// As [`torque_capacity`], with the equivalent radius `radius` in m known.
+/// As [`torque_capacity`], for a given equivalent radius `radius` in m.
 #[inline]
 pub fn torque_at_radius(radius: f64, force: f64) -> f64 {
     FACES * radius * force
 }
 
-/// Torque in N·m that a friction coefficient `mu`, the same all over the facing, makes under a spring force in N; eq. (1), (3).
+/// Torque in N·m for a friction coefficient `mu`, uniform over the facing, under a spring force in N; eq. (1), (3).
 #[inline]
 pub fn torque_of(p: &Friction, force: f64, mu: f64) -> f64 {
     FACES * friction::mean_radius(p) * mu * force
@@ -85,13 +85,13 @@ pub fn inverse(f: &Friction, a: &Actuator, c: &CushionSpring, torque: f64, omega
     inverse_above(f, a, c, cushion::contact_point(c), torque, omega, theta)
 }
 
-/// As [`inverse`], with the true contact point `xi_0` known: for those who ask again and again.
+/// As [`inverse`], for a given true contact point `xi_0`, which saves computing it in repeated calls.
 #[inline]
 pub fn inverse_above(f: &Friction, a: &Actuator, c: &CushionSpring, xi_0: f64, torque: f64, omega: f64, theta: f64) -> f64 {
     inverse_with_slope(f, a, c, xi_0, torque, omega, theta).0
 }
 
-/// As [`inverse_above`], and beside the position in mm the slope of the torque there, N·m/mm.
+/// As [`inverse_above`]; returns the position in mm and the slope of the torque over position there, N·m/mm.
 #[inline]
 pub fn inverse_with_slope(f: &Friction, a: &Actuator, c: &CushionSpring, xi_0: f64, torque: f64, omega: f64, theta: f64) -> (f64, f64) {
     let contact = contact(a, theta);

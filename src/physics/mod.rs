@@ -1,6 +1,6 @@
-//! The nominal plant's equations, each once, as pure functions of numbers.
+//! The equations of the nominal plant, each implemented once, as pure functions of numbers.
 //!
-//! Nothing here knows of effects, of FMI or of files. Units: s, rad/s, N·m, N, mm for throwout position, °C, J.
+//! Nothing here depends on effects, FMI or files. Units: s, rad/s, N·m, N, mm for throwout position, °C, J.
 
 pub mod approach;
 pub mod cushion;

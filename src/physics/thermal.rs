@@ -9,13 +9,13 @@
 //! | δ | 1 while the clutch is not open | 1 | eq. (5) |
 //! | P | friction power T_fc ω_fc | W | eq. (5) |
 //! | C_1, C_2, C_b | heat capacities | J/K | Table I; C_2 is not given |
-//! | γ_b | conductance of the body to the air whatever the clutches do | W/K | not in the paper |
+//! | γ_b | conductance from the body to the air, whatever state the clutches are in | W/K | not in the paper |
 //! | γ_1, γ_2 | conductances disc–body and to the air | W/K | Table I |
 //! | γ_3 | share of P that enters the disc | 1 | Table I |
 //!
-//! The paper gives γ_3 P to disc and body both, which conserves energy for γ_3 = 1/2 alone; the body's share is read as
-//! 1 − γ_3. With both clutches engaged its factor 2 − Σ δ_i vanishes, so a body between two closed clutches would never cool; γ_b is the loss
-//! that is missing there, and 0 is the paper as printed. Eq. (6b) follows with δ_2 = 0, where the paper prints δ_2 = 1, which would cancel γ_2.
+//! The paper assigns γ_3 P to disc and body alike, which conserves energy only for γ_3 = 1/2; the body's share is therefore read as 1 − γ_3. With both clutches engaged the
+//! factor 2 − Σ δ_i vanishes, so a body between two closed clutches would never cool; γ_b is the missing heat loss, and γ_b = 0 is the paper as printed. Eq. (6b) follows with
+//! δ_2 = 0; the paper prints δ_2 = 1, which would cancel γ_2.
 
 /// Coefficients of the thermal model.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
@@ -37,7 +37,7 @@ pub struct Thermal {
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 #[allow(non_snake_case)]
 pub struct DualThermal {
-    /// Coefficients of the first clutch, and those that both share.
+    /// Coefficients of the first clutch, and those that both clutches share.
     pub first: Thermal,
     /// Capacity of the second disc, J/K.
     pub C_2: f64,
@@ -46,7 +46,7 @@ pub struct DualThermal {
 }
 
 impl DualThermal {
-    /// Two equal clutches as the paper prints (5).
+    /// Two equal clutches with eq. (5) as the paper prints it.
     pub fn equal(p: &Thermal) -> Self {
         Self { first: *p, C_2: p.C_1, body_loss: 0.0 }
     }
@@ -54,7 +54,7 @@ impl DualThermal {
 
 /// Temperature rates in K/s of both discs and the body, eq. (5a) to (5c).
 ///
-/// `theta_c`, `engaged` and `power` (W) are of disc 1 and disc 2; `theta_b`, `theta_h` in °C.
+/// `theta_c`, `engaged` and `power` (W) hold the values of disc 1 and disc 2; `theta_b`, `theta_h` in °C.
 #[inline]
 pub fn dual_rates(
     dual: &DualThermal,

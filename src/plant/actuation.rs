@@ -1,7 +1,7 @@
 //! From commands to engine torque and bearing position.
 //!
-//! Command → delay → rate limit → lag → what was learned → play → bearing; report → gain and bias → lag, with what was learned of its time → crankshaft. Inputs are held over
-//! a substep, so the chain is solved exactly at its start, middle and end and no lag, however short, is stiff.
+//! Command → delay → rate limit → lag → learned time constants → release friction → offset and play → bearing; report → gain and bias → lag, with a learned change of its time
+//! constant → crankshaft. Inputs are held over a substep, so the chain is solved exactly at its start, middle and end, and no lag is stiff, however short it is.
 
 use super::clutch::Branch;
 use super::config::Config;
@@ -19,7 +19,7 @@ pub struct Drive {
     pub x: f64,
 }
 
-/// Chain states at one instant.
+/// States of the actuation chain at one instant.
 #[derive(Clone, Copy, Debug)]
 pub struct Chain {
     engine: LagState,
@@ -30,7 +30,7 @@ pub struct Chain {
 }
 
 impl Chain {
-    /// What drives the driveline at this instant.
+    /// Engine torque and bearing position at this instant.
     #[inline]
     pub fn drive(&self) -> Drive {
         Drive { t_e: self.engine.value, x: self.bearing }
@@ -50,7 +50,7 @@ impl Chain {
 /// Chain at the start, in the middle and at the end of a piece.
 #[derive(Clone, Copy, Debug)]
 pub struct Way {
-    /// Start: where the chain stands, or what a jump of the command makes of it.
+    /// Start, after any immediate response to a jump of the command.
     pub begin: Chain,
     /// Middle.
     pub middle: Chain,
@@ -58,7 +58,7 @@ pub struct Way {
     pub end: Chain,
 }
 
-/// The chain along `h` seconds with the (delayed) command `x_cmd` held.
+/// The chain over `h` seconds with the (delayed) command `x_cmd` held.
 #[inline]
 pub fn way(config: &Config, state: &State, x_cmd: f64, h: f64) -> Way {
     let end = advance(config, state, x_cmd, h);
@@ -68,7 +68,7 @@ pub fn way(config: &Config, state: &State, x_cmd: f64, h: f64) -> Way {
     Way { begin: advance(config, state, x_cmd, 0.0), middle: advance(config, state, x_cmd, 0.5 * h), end }
 }
 
-/// Whether engine and bearing follow their commands at once: a held command then gives one and the same drive throughout a substep.
+/// Whether engine and bearing follow their commands without any dynamics, so that a held command gives the same drive throughout a substep.
 #[inline]
 pub fn immediate(config: &Config) -> bool {
     let c = &config.constants;
@@ -76,7 +76,7 @@ pub fn immediate(config: &Config) -> bool {
     engine && c.actuator_lag.time_constant <= 0.0 && c.inverse_speed <= 0.0 && !config.empirical.slow
 }
 
-/// Torque on the crankshaft that the report asks for, N·m.
+/// Torque on the crankshaft in steady state for a reported torque, N·m.
 #[inline]
 pub fn engine_target(config: &Config, report: f64) -> f64 {
     config.constants.engine_gain * report + config.constants.engine_bias
@@ -89,7 +89,7 @@ pub fn advance(config: &Config, state: &State, x_cmd: f64, h: f64) -> Chain {
     Chain { engine: engine(config, state, h), limited, lagged, led, bearing }
 }
 
-/// The engine's lag with what was learned of its time constant, where it is asked for `target` N·m and `short` of them.
+/// Lag of the engine torque with the learned change of its time constant, at a requested torque of `target` N·m that the engine is `short` N·m below.
 #[inline]
 fn engine_lag(config: &Config, target: f64, short: f64) -> lag::Lag {
     let known = config.constants.engine_lag;
@@ -113,7 +113,7 @@ fn engine(config: &Config, state: &State, h: f64) -> LagState {
     }
 }
 
-/// The same where something was learned of its time constant: exactly, unless the lag is one of second order, whose time constant is then as it is half-way.
+/// As [`engine`], with a learned time constant. A first-order lag is solved exactly; a second-order lag takes the time constant at the middle of the step.
 fn learned_engine(config: &Config, state: &State, target: f64, h: f64) -> LagState {
     let known = &config.constants.engine_lag;
     let short = target - state.engine.value;
@@ -125,7 +125,7 @@ fn learned_engine(config: &Config, state: &State, target: f64, h: f64) -> LagSta
     LagState { value: target - left, rate: 0.0 }
 }
 
-/// The chain's part behind the command.
+/// States of the actuator's part of the chain, behind the delayed command.
 struct Actuated {
     limited: f64,
     lagged: LagState,
@@ -140,7 +140,7 @@ fn actuate(config: &Config, state: &State, x_cmd: f64, h: f64) -> Actuated {
     let limited = rate_limited(c.inverse_speed, c.approach, state.limited, x_cmd, h);
     let lagged = match c.actuator_lag.time_constant > 0.0 {
         true if h == 0.0 => state.lagged,
-        // A command that jumps at the start of the substep counts as held.
+        // A command that jumps at the start of the substep counts as held over the substep.
         true if c.inverse_speed <= 0.0 => lag::advance(&c.actuator_lag, state.lagged, x_cmd, 0.0, h),
         true => behind_the_limit(config, state, x_cmd, limited, h),
         false => LagState { value: limited, rate: 0.0 },
@@ -156,38 +156,38 @@ fn actuate(config: &Config, state: &State, x_cmd: f64, h: f64) -> Actuated {
     Actuated { limited, lagged, led, bearing }
 }
 
-/// Position as share of the closed clutch's, cold and as the vehicle's file has it; there it is positive.
+/// Position as a share of the vehicle file's closed point in the cold state, which is positive.
 fn share_of_closed(config: &Config, x: f64) -> f64 {
     x / config.vehicle.actuator.x_cls_0
 }
 
-/// Whether what leads a learned law moves by itself, behind the command.
+/// Whether the input of the actuator's learned law has dynamics of its own behind the command: a lag or a rate limit.
 fn leads(config: &Config) -> bool {
     config.constants.actuator_lag.time_constant > 0.0 || config.constants.inverse_speed > 0.0
 }
 
-/// Position after `h` seconds of an actuator whose way of following was learned, behind one that came to `leader` by then.
+/// Position after `h` seconds behind the actuator's learned time constants, whose input has moved to `leader` mm by then.
 fn learned(config: &Config, state: &State, leader: f64, h: f64) -> f64 {
     if h == 0.0 {
         return state.led;
     }
-    // What leads it on its way counts as held half-way.
+    // A moving input counts as held at its mean over the step.
     let target = if leads(config) { 0.5 * (state.lagged.value + leader) } else { leader };
     target - empirical::approach(&config.parameters, target - state.led, share_of_closed(config, state.led), h)
 }
 
-/// Memory of the release bearing's friction: where the actuator had it, and how far both parts of the friction have gone, −1 to 1.
+/// Memory of the release bearing's friction: last actuator position, and the two friction states, each from −1 (opening) to 1 (closing).
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Presliding {
-    /// Position behind the lag, mm.
+    /// Position behind the lag and the learned time constants, mm.
     pub x: f64,
-    /// z, the part that stays.
+    /// z, the slow state, to which the friction settles.
     pub slow: f64,
-    /// w, the part that is ahead of it.
+    /// w, the quick state, which runs ahead of z.
     pub quick: f64,
 }
 
-/// Memory after the actuator came to `x` mm.
+/// Memory after the actuator has moved to `x` mm.
 fn follow(config: &Config, memory: Presliding, x: f64) -> Presliding {
     let travel = x - memory.x;
     if travel == 0.0 {
@@ -199,27 +199,27 @@ fn follow(config: &Config, memory: Presliding, x: f64) -> Presliding {
     Presliding { x, slow: part(memory.slow, 2.0), quick: part(memory.quick, 8.0) }
 }
 
-/// How far friction holds the bearing back, mm.
+/// Distance by which friction holds the bearing back, mm.
 fn held_back(config: &Config, memory: Presliding) -> f64 {
     let release = &config.constants.release;
     0.5 * release.width * (memory.slow + release.stiction * (memory.quick - memory.slow))
 }
 
-/// The friction's memory takes in where the actuator has come to.
+/// Updates the friction's memory with the position that the actuator has reached.
 pub fn remember(config: &Config, state: &mut State) {
     if config.constants.release.width > 0.0 {
         state.presliding = follow(config, state.presliding, state.led);
     }
 }
 
-/// Share of a step under which a lag's time constant is too short for the step's stages, and the time constants after which it has all but arrived.
+/// Ratio of time constant to step below which a lag is too short for the step's stages, and number of time constants after which such a lag has practically settled.
 const SHORT_LAG: f64 = 0.5;
 const ARRIVAL: f64 = 4.0;
 
-/// What drives the driveline at a step's start, middle and end, as the stages of one Runge–Kutta step weigh it: 1, 4 and 1 sixths.
+/// Engine torque and bearing position at a step's start, middle and end, which the stages of one Runge–Kutta step weight with 1/6, 4/6 and 1/6.
 ///
-/// A lag that is over within the step would be seen by its first stage as if a sixth of the step had passed before anything moved; its start is then the one
-/// with which the stages give the mean over the step. So a lag that goes to zero becomes none, also in steps as long as a fit's.
+/// To the first stage, a lag that settles within the step would look as if nothing had moved for a sixth of the step. Its start value is therefore replaced by the one with
+/// which the weighted stages give the mean over the step. A lag that goes to zero thus becomes no lag, also in steps as long as those of a fit.
 pub fn stages(config: &Config, state: &State, x_cmd: f64, h: f64, way: &Way) -> [Drive; 3] {
     let [mut begin, middle, end] = [way.begin, way.middle, way.end].map(|c| c.drive());
     let c = &config.constants;
@@ -241,7 +241,7 @@ pub fn stages(config: &Config, state: &State, x_cmd: f64, h: f64, way: &Way) -> 
     [begin, middle, end]
 }
 
-/// Time in s within which a lag that is short for a step of `h` seconds is over; none for one that is not.
+/// Time in s within which a lag settles if it is short compared with a step of `h` seconds; `None` if it is not.
 #[inline]
 fn over_within(lag: &lag::Lag, h: f64) -> Option<f64> {
     let tau = lag.time_constant * (1.0 - lag.asymmetry.abs());
@@ -253,15 +253,16 @@ fn short(tau: f64, h: f64) -> Option<f64> {
     (tau < SHORT_LAG * h).then(|| (ARRIVAL * tau).min(h))
 }
 
-/// The first of three stages with which they give the mean over `h` seconds, by Simpson's rule before and after what is `over` until then.
+/// Value of the first of three stages for which their weighted sum is the mean over `h` seconds. The mean is taken by Simpson's rule, separately over the first `over` seconds,
+/// in which the lag settles, and over the rest.
 fn first_stage([begin, middle, end]: [f64; 3], at: impl Fn(f64) -> f64, over: f64, h: f64) -> f64 {
     let between = at(over);
     let simpson = |from: f64, a: f64, b: f64, to: f64| (to - from) / 6.0 * (a + 4.0 * at(0.5 * (from + to)) + b);
     6.0 * (simpson(0.0, begin, between, over) + simpson(over, between, end, h)) / h - 4.0 * middle - end
 }
 
-/// What moves along once it is further than `reach` from `leader`. Unlike `clamp`, this passes on what is no number instead of panicking:
-/// an absurd saved state may overflow, and the step then says so.
+/// Play operator: moves the follower along once it is further than `reach` from `leader`. Unlike `clamp`, this returns NaN for a `leader` that is NaN instead of panicking: an
+/// absurd saved state may overflow, and the step then reports it.
 #[inline]
 fn drag_along(follower: f64, leader: f64, reach: f64) -> f64 {
     let (low, high) = (leader - reach, leader + reach);
@@ -274,20 +275,20 @@ fn drag_along(follower: f64, leader: f64, reach: f64) -> f64 {
     }
 }
 
-/// Share of a lag's time constant that one piece may take while the lag is under way: three stages then see its exponential to 1e-7.
+/// Longest piece as a share of a lag's time constant while the lag is settling: three stages then reproduce its exponential to 1e-7.
 const PIECE_OF_A_LAG: f64 = 0.2;
 
-/// Departure from its target, of engine torque in N·m and bearing in mm, under which a lag has arrived.
+/// Deviation from the target below which a lag counts as settled, in N·m for the engine torque and in mm for the bearing.
 const ARRIVED: f64 = 1e-9;
 
-/// Shortest piece that is cut for the sake of a learned law, s: where its time constants go to zero, pieces would too.
+/// Shortest piece that is cut for a learned law, s: where its time constants go to zero, the pieces would otherwise do so as well.
 const SHORTEST_PIECE_OF_A_TABLE: f64 = MAX_SUBSTEP / 16.0;
 
-/// Shortest piece that is cut for the chain's sake, s.
+/// Shortest piece that is cut for the actuation chain, s.
 pub const SHORTEST_PIECE: f64 = 1e-9;
 
-/// Time in s for which the chain is smooth enough for one Runge–Kutta step, up to the moment at which the rate limit reaches its target. A fit,
-/// which asks for more than [`MAX_SUBSTEP`], is content with the stages that a substep has.
+/// Time in s for which the chain is smooth enough for one Runge–Kutta step, up to the moment at which the rate limit reaches its target or begins to slow down. For a fit,
+/// which requests more than [`MAX_SUBSTEP`], the stages of an uncut substep are accurate enough.
 pub fn smooth_for(config: &Config, state: &State, x_cmd: f64, max_substep: f64) -> f64 {
     if max_substep > MAX_SUBSTEP || immediate(config) {
         return f64::MAX;
@@ -325,7 +326,7 @@ pub fn smooth_for(config: &Config, state: &State, x_cmd: f64, max_substep: f64) 
     longest.max(SHORTEST_PIECE)
 }
 
-/// Puts the chain to rest in the values of the state's inputs.
+/// Puts the chain into the steady state of the state's inputs.
 pub fn rest(config: &Config, state: &mut State) {
     let x = state.inputs.x_to;
     let at = |value| LagState { value, rate: 0.0 };
@@ -349,15 +350,15 @@ mod tests {
         assert_eq!(over_within(&lag(0.0, 0.0), 0.01), None, "none at all is not over: it was never under way");
         assert_eq!(over_within(&lag(0.006, 0.0), 0.01), None);
         assert_eq!(over_within(&lag(0.005, 0.0), 0.01), None);
-        // After four of its times, or by the end of the step.
+        // Settled after four time constants, or by the end of the step.
         assert_eq!(over_within(&lag(0.002, 0.0), 0.01), Some(0.008));
         assert_eq!(over_within(&lag(0.004, 0.0), 0.01), Some(0.01));
-        // The quicker of both directions counts.
+        // The quicker of the two directions counts.
         for asymmetry in [0.5, -0.5] {
             assert_eq!(over_within(&lag(0.004, asymmetry), 0.01), Some(0.008));
         }
     }
-    /// A bearing of limited speed moves evenly until it slows down, exponentially from there, and not at all once it has arrived.
+    /// A bearing of limited speed moves at constant speed until it slows down, approaches exponentially from there, and limits no piece once it has arrived.
     #[test]
     fn a_piece_ends_where_a_bearing_slows_down() {
         use crate::effects::{null, param::actuator_rate_limit};
@@ -380,7 +381,7 @@ mod tests {
         assert_eq!([piece(0.5, 0.0), piece(0.0, 0.0)], [f64::MAX; 2]);
     }
 
-    /// What was learned of the engine's time constant, if it is 20 ms everywhere, is a lag that is 20 ms longer, of first order as of second.
+    /// A learned change of 20 ms at every breakpoint makes the engine's lag 20 ms longer, for first and second order alike.
     #[test]
     fn an_engine_that_was_learned_to_be_slower_throughout_has_a_longer_lag() {
         use crate::effects::{Subsystem, null, param::engine_torque_lag};

@@ -1,4 +1,4 @@
-//! Effects that are set while the plant runs.
+//! Transfer of the state when effects are set while the plant runs.
 
 use super::State;
 use super::actuation::Presliding;
@@ -8,7 +8,7 @@ use super::motion::{self, index};
 use super::{events, sensed};
 use crate::physics::driveline;
 
-/// Torque in N·m that a rigid driveline passes on behind the disc's share of its inertia.
+/// Torque in N·m that the old, rigid driveline transmits behind the disc's share of the inertia in the new configuration.
 fn carried_behind_disc(old: &Config, new: &Config, state: &State) -> f64 {
     let (d, y) = (&old.constants.driveline, &state.y);
     let t_fc = events::clutch_torque(old, &Found::NOTHING, state);
@@ -18,7 +18,7 @@ fn carried_behind_disc(old: &Config, new: &Config, state: &State) -> f64 {
     t_fc - new.disc_inertia() * acceleration
 }
 
-/// Disc and car become one, and the flywheel that sticks to them, at the speed that keeps their momentum. What stands is decided anew.
+/// Joins disc and car, and a flywheel that sticks to the disc, at the common speed that conserves momentum. Whether car and engine stand is decided anew.
 fn stiffen(old: &Config, state: &mut State) {
     let (d, disc) = (&old.constants.driveline, old.disc_inertia());
     let before = if state.stuck { disc + d.J_f } else { disc };
@@ -31,8 +31,8 @@ fn stiffen(old: &Config, state: &mut State) {
     events::correct_speeds(state, 0.0, 0.0);
 }
 
-/// When effects are set while running, a state that was not in use starts where its signal is; shafts that become elastic are twisted by the
-/// torque that they carry, and those that become rigid make one speed of two.
+/// Adapts the state when effects are set while the plant runs. A state that was not in use starts at its signal's current value; shafts that become elastic take the twist of
+/// the torque that they transmit; shafts that become rigid give disc and car a common speed.
 pub fn carry_over(old: &Config, new: &Config, state: &mut State) {
     let springs = |config: &Config| [config.constants.compliance, config.constants.tyre.softness].map(|soft| soft > 0.0);
     if old.compliant() && !new.compliant() {

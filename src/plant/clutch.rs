@@ -1,11 +1,11 @@
-//! From throwout position to torque capacity: paper eq. (1) to (4) with whatever effects bend them.
+//! From throwout position to torque capacity: paper eq. (1) to (4) with the effects that modify them.
 
 use super::config::Config;
 use super::motion::{Motion, index};
 use crate::effects::empirical;
 use crate::physics::{cushion, friction, map};
 
-/// Kiss point and closed point at the disc temperature `theta` in °C, after `work` J of wear.
+/// Kiss point and closed point at the disc temperature `theta` in °C, after `work` J of friction work, which wears the facings.
 #[inline]
 fn contact(config: &Config, theta: f64, work: f64) -> map::Contact {
     let mut contact = map::contact(&config.vehicle.actuator, theta);
@@ -20,49 +20,51 @@ fn contact(config: &Config, theta: f64, work: f64) -> map::Contact {
     contact
 }
 
-/// Normalised position at the bearing position `x` in mm and the disc temperature `theta` in °C; eq. (2), at the start of a run.
+/// Normalised position ξ of eq. (2) at the bearing position `x` in mm and the disc temperature `theta` in °C, before any friction work of the run.
 #[inline]
 pub fn normalised_position(config: &Config, x: f64, theta: f64) -> f64 {
     worn_position(config, x, theta, 0.0)
 }
 
-/// As [`normalised_position`], after `work` J of wear.
+/// As [`normalised_position`], after `work` J of friction work in the run.
 #[inline]
 fn worn_position(config: &Config, x: f64, theta: f64, work: f64) -> f64 {
     map::normalised_position(contact(config, theta, work), x)
 }
 
-/// How far the bearing at `x` mm has closed the clutch: 0 at the true contact ξ_0, 1 at the closed point; at the start of a run.
+/// Closing ratio of the clutch at the bearing position `x` in mm and the disc temperature `theta` in °C: 0 at the true contact point ξ_0, 1 at the closed point; before any
+/// friction work of the run.
 #[inline]
 pub fn closing(config: &Config, x: f64, theta: f64) -> f64 {
     closing_after(config, x, theta, 0.0)
 }
 
-/// As [`closing`], after `work` J of wear.
+/// As [`closing`], after `work` J of friction work in the run.
 #[inline]
 pub fn closing_after(config: &Config, x: f64, theta: f64, work: f64) -> f64 {
     (worn_position(config, x, theta, work) - config.xi_0) / (1.0 - config.xi_0)
 }
 
-/// Bearing position in mm of this [`closing`].
+/// Bearing position in mm with the closing ratio `closing`: the inverse of [`closing`].
 pub fn position_of(config: &Config, closing: f64, theta: f64) -> f64 {
     let contact = contact(config, theta, 0.0);
     contact.x_cnt + (config.xi_0 + closing * (1.0 - config.xi_0)) * (contact.x_cls - contact.x_cnt)
 }
 
-/// As [`Found::engaged`], at bearing position `x` mm and disc temperature `theta` °C; at the start of a run.
+/// As [`Found::engaged`], at the bearing position `x` in mm and the disc temperature `theta` in °C, before any friction work of the run.
 #[inline]
 pub fn engaged(config: &Config, x: f64, theta: f64) -> bool {
     engaged_after(config, x, theta, 0.0)
 }
 
-/// As [`engaged`], after `work` J of wear.
+/// As [`engaged`], after `work` J of friction work in the run.
 #[inline]
 pub fn engaged_after(config: &Config, x: f64, theta: f64, work: f64) -> bool {
     worn_position(config, x, theta, work) > config.xi_0
 }
 
-/// What was found of the faces at one instant, each beside what it was found at: where a step ends its outputs look too, and the next step begins.
+/// Cache of normalised position and equivalent radius, each with the arguments that it was computed for. At the end of a step its outputs need these values, and so does the
+/// beginning of the next step.
 #[derive(Clone, Copy, Debug)]
 pub struct Found {
     /// Bearing position, mm.
@@ -71,15 +73,15 @@ pub struct Found {
     theta: f64,
     /// Friction work that has worn the faces, J.
     work: f64,
-    /// Normalised position there.
+    /// Normalised position for these arguments.
     xi: f64,
-    /// Slip in its direction, rad/s.
+    /// Slip speed ≥ 0 that `radius` was computed for, rad/s.
     slip: f64,
-    /// Equivalent radius there, m.
+    /// Equivalent radius at `slip` and `theta`, m.
     radius: f64,
 }
 
-/// It follows from the rest of a plant, so that it never tells two plants apart.
+/// Always equal: the cache follows from the rest of a plant, so two plants never differ by it alone.
 impl PartialEq for Found {
     fn eq(&self, _: &Self) -> bool {
         true
@@ -87,10 +89,10 @@ impl PartialEq for Found {
 }
 
 impl Found {
-    /// Nothing yet: no number equals what it was found at.
+    /// An empty cache: its arguments are NaN, which no number equals.
     pub const NOTHING: Self = Self { x: f64::NAN, theta: f64::NAN, work: f64::NAN, xi: f64::NAN, slip: f64::NAN, radius: f64::NAN };
 
-    /// This, and the normalised position at `x` mm under the temperature and wear of `y`.
+    /// Returns the cache with the normalised position at `x` mm and the temperature and wear of `y`; a radius for another temperature becomes invalid.
     #[inline]
     pub fn with_position(self, config: &Config, x: f64, y: &Motion) -> Self {
         let (theta, work) = (y[index::THETA_C], y[index::E_D]);
@@ -98,7 +100,7 @@ impl Found {
         Self { x, theta, work, xi: self.position(config, x, theta, work), slip, ..self }
     }
 
-    /// This, and the equivalent radius at a slip of `slip` ≥ 0 rad/s under the temperature found.
+    /// Returns the cache with the equivalent radius at a slip of `slip` ≥ 0 rad/s and the cached temperature.
     #[inline]
     pub fn with_radius(self, config: &Config, slip: f64) -> Self {
         Self { slip, radius: self.radius(config, slip, self.theta), ..self }
@@ -125,7 +127,7 @@ impl Found {
     }
 }
 
-/// Memory of the force hysteresis: where the bearing was, and on which branch.
+/// Memory of the force hysteresis: last bearing position, and branch.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Branch {
     /// Bearing position, mm.
@@ -134,7 +136,7 @@ pub struct Branch {
     pub z: f64,
 }
 
-/// Memory after the bearing came to `x` mm: each branch is approached exponentially over half the stroke, as in Dahl's model.
+/// Memory after the bearing has moved to `x` mm. Each branch is approached exponentially with half the stroke as length constant, as in Dahl's model.
 #[inline]
 pub fn advance_branch(config: &Config, memory: Branch, x: f64) -> Branch {
     let travel = x - memory.x;
@@ -165,7 +167,7 @@ pub fn force(config: &Config, found: &Found, x: f64, memory: Branch, y: &Motion)
     force
 }
 
-/// Temperature in °C that friction sees: the disc's, or that of faces which are hotter.
+/// Temperature in °C at which friction is evaluated: the disc's, plus the excess temperature of the faces where that effect is active.
 #[inline]
 fn face_temperature(config: &Config, y: &Motion) -> f64 {
     if config.constants.surface.resistance == 0.0 { y[index::THETA_C] } else { y[index::THETA_C] + y[index::SURFACE] }
@@ -214,7 +216,7 @@ pub fn capacity(config: &Config, x: f64, memory: Branch, slip: f64, y: &Motion) 
 pub struct Slipping {
     /// Friction of the faces: capacity in the direction of slip, eq. (1).
     pub friction: f64,
-    /// Drag. It churns air and oil, whose heat they carry away: eq. (5) has no friction power while the clutch is open.
+    /// Drag. It churns air and oil, which carry its heat away, so it does not heat the clutch: eq. (5) has no friction power while the clutch is open.
     pub drag: f64,
 }
 
@@ -226,7 +228,7 @@ impl Slipping {
     }
 }
 
-/// Slip in rad/s as friction sees it: that in its direction.
+/// Slip speed in rad/s at which friction is evaluated: the slip in its `direction`, at least 0.
 #[inline]
 pub fn along(direction: f64, slip: f64) -> f64 {
     (direction * slip).max(0.0)
@@ -247,7 +249,7 @@ mod tests {
     use crate::plant::{Inputs, Plant, Start};
     use crate::vehicle::Vehicle;
 
-    /// Nothing is carried up to the true contact, and the closed point is the vehicle's.
+    /// No torque is transmitted up to the true contact point, and the closed point is the vehicle's.
     #[test]
     fn closing_counts_from_the_true_contact_to_the_closed_point() {
         let config = Config::new(&Vehicle::paper(), &effects::null());
@@ -267,7 +269,7 @@ mod tests {
         }
     }
 
-    /// Eq. (2): from 0 at the contact to 1 at the closed point, in proportion, and no further.
+    /// Eq. (2): ξ rises linearly from 0 at the kiss point to 1 at the closed point and is limited to that range.
     #[test]
     fn a_normalised_position_counts_from_the_contact_to_the_closed_point() {
         let config = Config::new(&Vehicle::paper(), &effects::null());

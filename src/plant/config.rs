@@ -1,4 +1,4 @@
-//! Vehicle and effects compiled for the step: constants, and short lists of the effects that act in it.
+//! Vehicle and effects compiled into the form that an integration step needs: constants, and a list of the active effects of each kind.
 
 use super::pace::Pace;
 use crate::effects::empirical::{self, Active};
@@ -6,10 +6,10 @@ use crate::effects::{self, Act, Constants, Parameters, REGISTRY, SIMULATED};
 use crate::physics::cushion;
 use crate::vehicle::Vehicle;
 
-/// Effects that there are.
+/// Number of effects: those of the library and those that are simulated only.
 const EFFECTS: usize = REGISTRY.len() + SIMULATED.len();
 
-/// Functions of one kind that are active, in the order of the registry.
+/// Functions of the active effects of one kind, in the order of the registry.
 #[derive(Clone, Copy, Debug)]
 pub struct List<F: Copy> {
     /// The first `count` are active; the rest are never called.
@@ -18,7 +18,7 @@ pub struct List<F: Copy> {
 }
 
 impl<F: Copy> List<F> {
-    /// An empty list; `filler` takes the places that are not used.
+    /// An empty list; the unused slots hold `filler`.
     fn new(filler: F) -> Self {
         Self { functions: [filler; EFFECTS], count: 0 }
     }
@@ -33,27 +33,27 @@ impl<F: Copy> List<F> {
     }
 }
 
-/// What couples flywheel and disc in place of the clutch's own law.
+/// Coupling of flywheel and disc that replaces the clutch's own friction law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Coupling {
-    /// This torque in N·m from flywheel to disc, whatever the slip.
+    /// A given torque in N·m from flywheel to disc, independent of the slip.
     Torque(f64),
-    /// They turn as one.
+    /// Flywheel and disc turn as one.
     Rigid,
 }
 
-/// What the step needs to know.
+/// Configuration of the plant: everything that a step needs besides state and inputs.
 #[derive(Clone, Debug)]
 pub struct Config {
     /// The nominal vehicle.
     pub vehicle: Vehicle,
     /// Effect parameters.
     pub parameters: Parameters,
-    /// Constants as the effects leave them.
+    /// Plant constants after the effects have changed them.
     pub constants: Constants,
-    /// True contact point of the cushion spring.
+    /// True contact point ξ_0 of the cushion spring.
     pub xi_0: f64,
-    /// How fast the plant is.
+    /// Rates of the plant's parts, which bound the substep.
     pub pace: Pace,
     /// See [`Act::Contact`].
     pub contact: List<fn(&Parameters, f64, &mut crate::physics::map::Contact)>,
@@ -77,9 +77,9 @@ pub struct Config {
     pub shafts: List<fn(&Parameters, [f64; 2]) -> f64>,
     /// See [`Act::Worn`].
     pub worn: List<fn(&Parameters, f64, &mut crate::physics::map::Contact)>,
-    /// Laws that were learned.
+    /// Which learned laws are active.
     pub empirical: Active,
-    /// What couples both sides in place of the clutch; none but in a replay whose clutch torque is known otherwise than by its position.
+    /// Coupling that replaces the clutch law; `None` except in a replay in which the clutch torque does not follow from the bearing position.
     pub coupling: Option<Coupling>,
 }
 
@@ -90,7 +90,7 @@ impl PartialEq for Config {
 }
 
 impl Config {
-    /// Compiles; effects at their null value are left out.
+    /// Compiles vehicle and effect parameters; effects at their null values are left out.
     pub fn new(vehicle: &Vehicle, parameters: &Parameters) -> Self {
         let mut config = Self {
             vehicle: *vehicle,
@@ -135,33 +135,33 @@ impl Config {
         config
     }
 
-    /// Whether the force remembers which way the bearing moved.
+    /// Whether the force on the faces depends on the direction in which the bearing has moved (force hysteresis or its learned counterpart).
     #[inline]
     pub fn remembers(&self) -> bool {
         self.constants.hysteresis_width != 0.0 || self.empirical.direction
     }
 
-    /// Whether a speed is sensed behind a filter.
+    /// Whether either speed sensor has a filter.
     #[inline]
     pub fn filters(&self) -> bool {
         (0..2).any(|k| super::sensed::filters(self, k))
     }
 
-    /// Whether something twists between disc and car: shafts, or tyres.
+    /// Whether there is an elastic element between disc and car: shafts or tyres.
     #[inline]
     pub fn compliant(&self) -> bool {
         self.constants.compliance > 0.0 || self.constants.tyre.softness > 0.0
     }
 
-    /// Inertia that the disc drags without the shafts' spring, kg·m².
+    /// Inertia on the disc side of the elastic element, kg·m²; all of J_c if the driveline is rigid.
     #[inline]
     pub fn disc_inertia(&self) -> f64 {
         let j = self.constants.driveline.J_c;
         if self.compliant() { self.constants.disc_share * j } else { j }
     }
 
-    /// By how much the shafts are twisted too far, rad/(N·m), where an observer that holds them for rigid found a torque on the car's side while the clutch is `stuck` or not: what
-    /// accelerates the whole car so shows as an acceleration of the disc first.
+    /// Excess twist of the shafts in rad per N·m of torque that an observer with a rigid driveline model found on the car's side, while the clutch is `stuck` or not. The
+    /// observer derived that torque from an acceleration of the whole car, but behind elastic shafts the acceleration first appears at the inertia before the shafts.
     pub fn misread_twist(&self, stuck: bool) -> f64 {
         let c = &self.constants;
         let with = if stuck { c.driveline.J_f } else { 0.0 };

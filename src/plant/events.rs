@@ -7,8 +7,8 @@
 //!                    |T_hold| > T_cap(0)
 //! ```
 //!
-//! `Open` and `Slipping` are the same motion, told apart by contact. Where slip reaches 0 and the clutch cannot hold, it
-//! slips on in the other direction.
+//! `Open` and `Slipping` have the same equations of motion and are distinguished by contact. Where the slip reaches 0 and the clutch cannot hold, it continues to slip in the
+//! other direction.
 
 use super::actuation::{self, Chain, Way};
 use super::clutch::{self, Found};
@@ -19,26 +19,27 @@ use super::rest::{self, Rest};
 use super::sensed;
 use super::{Inputs, Phase, Plant, Start, State};
 
-/// Slip in rad/s, or torque in N·m, at which an event counts as met.
+/// Value of an event function, slip in rad/s or torque in N·m, below which the event counts as located.
 const EVENT_TOLERANCE: f64 = 1e-12;
 
-/// Steps of the search for an event; it usually needs five.
+/// Maximum number of search steps for an event; a search usually needs five.
 pub const LOCATE_ITERATIONS: usize = 60;
 
-/// Switches that one substep serves. What chatters more often sticks in the mean: where both sides meet next, they stay together to its end.
+/// Maximum number of stick-slip switches in one substep. A clutch that chatters more often is settled: once its sides meet again, they stay together until the end of the
+/// substep.
 pub const EVENTS_PER_SUBSTEP: usize = 8;
 
-/// Pieces, ended by contact or by an event, that one substep is cut into.
+/// Maximum number of pieces into which one substep is cut by contact, by events and by the actuation chain.
 pub const PIECES_PER_SUBSTEP: usize = 64;
 
-/// Inner iterations of one substep, at most: each piece may look for contact and is then integrated, each switch is looked for, and
-/// what is left is integrated in two, before and after both sides meet for the last time.
+/// Maximum number of inner iterations of one substep: each piece may search for contact and is then integrated, each switch is searched for, and the rest is integrated in two
+/// parts, before and after both sides meet for the last time.
 pub const ITERATIONS_PER_SUBSTEP: usize = PIECES_PER_SUBSTEP * (LOCATE_ITERATIONS + 1) + (EVENTS_PER_SUBSTEP + 1) * LOCATE_ITERATIONS + 2;
 
-/// Relative length under which what remains of a step is rounding.
+/// Relative length below which the remainder of a step is rounding.
 const SLIVER: f64 = 1e-9;
 
-/// State before the chain is put to rest and the phase is found.
+/// Initial state, before the actuation chain is put into its steady state and the phase is determined.
 pub fn initial(start: &Start, inputs: &Inputs) -> State {
     let mut y = [0.0; motion::N];
     y[index::OMEGA_F] = start.omega_f;
@@ -64,13 +65,13 @@ pub fn initial(start: &Start, inputs: &Inputs) -> State {
     }
 }
 
-/// Finds phase and direction of slip at the start; shafts begin without twist.
+/// Determines phase and direction of slip at the start; shafts begin without twist.
 pub fn settle_phase(config: &Config, state: &mut State) {
     let slip = motion::slip(&state.y);
     if slip == 0.0 { decide_at_zero_slip(config, state) } else { state.direction = slip.signum() }
 }
 
-/// With both sides at one speed: stick if the clutch can hold, else slip the way that the torque pushes.
+/// With both sides at the same speed: the clutch sticks if it can hold, else it slips in the direction of the holding torque.
 fn decide_at_zero_slip(config: &Config, state: &mut State) {
     let hold = motion::sticking_torque(config, &state.y, state.engine.value, state.inputs.t_load, &state.rest);
     let most = clutch::capacity(config, state.bearing, state.memory, 0.0, &state.y);
@@ -80,7 +81,7 @@ fn decide_at_zero_slip(config: &Config, state: &mut State) {
     }
 }
 
-/// Clutch torque now, N·m.
+/// Current clutch torque, N·m.
 pub fn clutch_torque(config: &Config, found: &Found, s: &State) -> f64 {
     if s.stuck {
         motion::sticking_torque(config, &s.y, s.engine.value, s.inputs.t_load, &s.rest)
@@ -91,7 +92,7 @@ pub fn clutch_torque(config: &Config, found: &Found, s: &State) -> f64 {
     }
 }
 
-/// Phase now.
+/// Current phase.
 pub fn phase(config: &Config, found: &Found, s: &State) -> Phase {
     if s.stuck {
         Phase::Locked
@@ -102,7 +103,7 @@ pub fn phase(config: &Config, found: &Found, s: &State) -> Phase {
     }
 }
 
-/// Speed at which two inertias (kg·m²) keep the momentum that they have at two speeds (rad/s).
+/// Common speed that conserves the momentum of two inertias (kg·m²) at two speeds (rad/s).
 pub fn common_speed(j: [f64; 2], omega: [f64; 2]) -> f64 {
     (j[0] * omega[0] + j[1] * omega[1]) / (j[0] + j[1])
 }
@@ -140,7 +141,7 @@ pub fn step(plant: &mut Plant, inputs: &Inputs, h: f64) {
     }
 }
 
-/// What stands, or begins to move, with the inputs of the step that begins.
+/// Decides whether car and engine stand or move, with the inputs of the step that begins.
 fn settle_rest(plant: &mut Plant) {
     let (config, state) = (&plant.config, &mut plant.state);
     if state.rest.brake > 0.0 || state.rest.car || state.y[index::OMEGA_F] == 0.0 {
@@ -149,14 +150,14 @@ fn settle_rest(plant: &mut Plant) {
     }
 }
 
-/// Substeps that a step of `h` seconds takes.
+/// Number of substeps of a step of `h` seconds.
 pub fn substeps(plant: &Plant, h: f64) -> f64 {
     let speeds = [plant.state.y[index::OMEGA_F], plant.state.y[index::OMEGA_C]];
     let longest = plant.config.pace.longest_substep(plant.max_substep).min(plant.config.pace.pulse(speeds, plant.max_substep));
     (h / longest * (1.0 - SLIVER)).ceil().max(1.0)
 }
 
-/// What outputs and the next substep ask of the faces; a stuck clutch is asked for neither.
+/// Position and radius of the faces for the outputs and the next substep; empty for a stuck clutch, for which neither is needed.
 fn look(config: &Config, s: &State) -> Found {
     if s.stuck {
         return Found::NOTHING;
@@ -201,7 +202,7 @@ fn substep(plant: &mut Plant, until: f64, delayed: bool) {
     }
 }
 
-/// Shortens `h` to the moment at which a moving bearing makes or breaks contact.
+/// Time in s, at most `h`, until a moving bearing makes or breaks contact.
 fn until_contact(config: &Config, state: &State, x_cmd: f64, h: f64, way: &Way, iterations: &mut u64) -> f64 {
     if actuation::immediate(config) || config.coupling.is_some() {
         return h;
@@ -245,11 +246,11 @@ fn integrate(config: &Config, state: &State, setting: &Setting, x_cmd: f64, h: f
     motion::runge_kutta(config, setting, &state.y, drive, h)
 }
 
-/// Time over which the accelerations at the ends of a piece are taken, s.
+/// Length of the integration step from which the accelerations at the ends of a piece are computed, s.
 const MOMENT: f64 = 1e-6;
 
-/// The sensors' filters over a piece that goes `way` up to `y` and `end`; apart, for most plants have none. Accelerations come from a step of a moment: another copy of the balances
-/// would cost every plant.
+/// Advances the sensors' filters over a piece with the chain `way`, which ends in `y` and `end`. It is a separate function because most plants have no filters. The
+/// accelerations come from an integration step of length [`MOMENT`], because another copy of the balances would slow down every plant.
 #[cold]
 #[inline(never)]
 fn filter_speeds(config: &Config, state: &mut State, found: &Found, way: &Way, (y, end): (&Motion, &Chain), h: f64) {
@@ -279,7 +280,7 @@ fn accept(config: &Config, state: &mut State, y: Motion, chain: &Chain, h: f64) 
     }
 }
 
-/// Integrates over `h`, or up to the first switch inside it; true if it ended in a switch. A `settled` clutch sticks from where its sides meet.
+/// Integrates over `h`, or up to the first switch inside it; returns true if it ended in a switch. A `settled` clutch sticks once its sides meet and does not break away.
 #[allow(clippy::too_many_arguments)]
 fn smooth_piece(
     config: &Config,
@@ -292,7 +293,7 @@ fn smooth_piece(
     iterations: &mut u64,
 ) -> bool {
     *iterations += 1;
-    // What couples both sides in place of the clutch decides by itself when they are one.
+    // A coupling that replaces the clutch law decides by itself whether both sides turn as one: there is no event to locate.
     if config.coupling.is_some() {
         let y = integrate(config, state, &setting(config, state, found, way), x_cmd, h, way);
         if config.filters() {
@@ -307,13 +308,13 @@ fn smooth_piece(
         return true;
     }
     let setting = setting(config, state, found, way);
-    // Positive once the event has happened.
+    // Event function of the clutch, positive once it breaks away or both sides meet.
     let meets = |y: &Motion, chain: &Chain| match setting.stuck {
         true if settled => 0.0,
         true => overload(config, state, y, chain),
         false => -setting.direction * motion::slip(y),
     };
-    // What settles in the mean does not ask what stands any more: the next step does.
+    // A settled clutch no longer checks for a standstill; the next step does.
     let stands = |y: &Motion, chain: &Chain| if settled { [f64::NEG_INFINITY; 2] } else { rest::passed(config, state, y, chain) };
     let passed = |y: &Motion, chain: &Chain| {
         let [car, engine] = stands(y, chain);
@@ -369,7 +370,7 @@ fn smooth_piece(
     true
 }
 
-/// Interval that holds an event: its function is not positive at `low` and positive at `high`.
+/// Interval that contains an event: the event function is not positive at `low` and positive at `high`.
 struct Bracket {
     low: f64,
     high: f64,
@@ -378,7 +379,7 @@ struct Bracket {
 }
 
 impl Bracket {
-    /// Where to look next: regula falsi in the Illinois form; none when the interval is down to rounding.
+    /// Next point of the search, by regula falsi in the Illinois form; `None` once the interval is down to rounding.
     fn next(&self) -> Option<f64> {
         if self.high - self.low <= 4.0 * f64::EPSILON * self.high {
             return None;
@@ -387,10 +388,10 @@ impl Bracket {
         Some(if secant > self.low && secant < self.high { secant } else { 0.5 * (self.low + self.high) })
     }
 
-    /// Takes in the value at `x`; true if the event lies before it.
+    /// Narrows the interval by the value at `x`; returns true if the event lies before `x`.
     fn narrow(&mut self, x: f64, value: f64) -> bool {
         if value > 0.0 {
-            // The end that stays loses half its weight, or the secant would creep.
+            // The value at the end that stays is halved; otherwise the secant would converge slowly.
             self.at_low *= 0.5;
             (self.high, self.at_high) = (x, value);
             true
@@ -402,8 +403,7 @@ impl Bracket {
     }
 }
 
-/// Torque by which a stuck clutch is asked for more than it can hold, N·m; negative while it holds. One without capacity holds nothing, not
-/// even where nothing is asked.
+/// Excess of the holding torque over the capacity of a stuck clutch, N·m; negative while it holds. A clutch without capacity holds nothing, not even a torque of zero.
 fn overload(config: &Config, state: &State, y: &Motion, chain: &Chain) -> f64 {
     let drive = chain.drive();
     let hold = motion::sticking_torque(config, y, drive.t_e, state.inputs.t_load, &state.rest);
@@ -417,13 +417,13 @@ fn break_away(config: &Config, state: &mut State) {
     state.direction = 1.0_f64.copysign(hold);
 }
 
-/// Slip has reached zero: both sides take the speed that keeps their momentum, then stick or slip on.
+/// Handles a slip of zero: both sides take the common speed that conserves momentum, then the clutch sticks or continues to slip.
 fn meet(config: &Config, state: &mut State) {
     join(config, state);
     decide_at_zero_slip(config, state);
 }
 
-/// Both sides take the speed that keeps their momentum.
+/// Gives both sides the common speed that conserves momentum, or 0 if one of them is held at a standstill.
 pub fn join(config: &Config, state: &mut State) {
     let d = &config.constants.driveline;
     let stands = state.rest.engine || state.rest.car && !config.compliant();
@@ -442,7 +442,7 @@ mod tests {
     use crate::effects::{self, param};
     use crate::vehicle::Vehicle;
 
-    /// Flywheel and disc at these speeds, disengaged or closed; the vehicle has 0.2 and 0.6 kg·m².
+    /// A plant with flywheel and disc at these speeds, disengaged or closed; the vehicle has 0.2 and 0.6 kg·m².
     fn plant(speeds: [f64; 2], x_to: f64, set: &[(usize, f64)]) -> Plant {
         let (mut vehicle, mut parameters) = (Vehicle::paper(), effects::null());
         (vehicle.driveline.J_f, vehicle.driveline.J_c) = (0.2, 0.6);
@@ -468,7 +468,7 @@ mod tests {
         }
     }
 
-    /// As after more switches than a substep serves.
+    /// The clutch is settled as it is after more switches than one substep allows.
     #[test]
     fn a_settled_clutch_neither_breaks_away_nor_slips_past_zero() {
         let smooth = |plant: &mut Plant, h: f64| {
@@ -481,7 +481,7 @@ mod tests {
         assert!(meets.state.stuck && meets.slip() == 0.0 && meets.state.time < 0.1);
         let dissipated = meets.energy().dissipated;
         assert!(dissipated > 0.0);
-        // Opened, it would break away; it is settled until the substep ends.
+        // The opened clutch would break away, but it stays settled until the substep ends.
         meets.state.bearing = 0.0;
         meets.state.inputs.x_to = 0.0;
         meets.state.inputs.t_e_ref = 50.0;

@@ -1,23 +1,23 @@
 //! Delay lines: the last values of signals with their times, in rings of fixed size.
 //!
-//! The longest delay (0.2 s) is kept at a resolution of [`RESOLUTION`]: of values that come faster the newest replaces its
-//! predecessor, so that a ring never loses its oldest needed value, however short the steps.
+//! The longest delay (0.2 s) is covered at a resolution of [`RESOLUTION`]: where values arrive faster, the newest replaces its predecessor, so that a ring never loses the
+//! oldest value that is still needed, however short the steps are.
 
-/// Values that each line keeps.
+/// Number of values that each line holds.
 pub const CAPACITY: usize = 1024;
 
-/// Age up to which values are surely kept, s.
+/// Age up to which values are guaranteed to be kept, s.
 pub const LONGEST: f64 = 0.2;
 
-/// Least time between two values kept, but for the newest, s. A full line then reaches back over 1022 such times, which is [`LONGEST`]; steps of 0.2 ms keep every value.
+/// Minimum time between two stored values except for the newest, s. A full line then spans 1022 such intervals, which is [`LONGEST`]; with steps of 0.2 ms every value is kept.
 pub const RESOLUTION: f64 = 1.96e-4;
 
 const _: () = assert!((CAPACITY - 2) as f64 * RESOLUTION >= LONGEST);
 
-/// How many signals have a line.
+/// Number of signals with a delay line.
 const LINES: usize = 3;
 
-/// A signal that may come late.
+/// A signal that can be delayed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Signal {
     /// Position command.
@@ -28,13 +28,13 @@ pub enum Signal {
     Disc,
 }
 
-/// All of them, in the order in which a saved state has them.
+/// All signals, in the order of a saved state.
 pub const SIGNALS: [Signal; LINES] = [Signal::Command, Signal::Flywheel, Signal::Disc];
 
 /// A time and a value.
 type Pair = (f64, f64);
 
-/// Where the pairs of a line stand in its ring.
+/// Range of slots that a line occupies in its ring.
 #[derive(Clone, Copy, Debug, Default)]
 struct Span {
     first: usize,
@@ -50,8 +50,8 @@ impl Span {
 /// The delay lines of a plant.
 #[derive(Debug)]
 pub struct History {
-    /// Slots of the rings, side by side; on the heap, for a task with a small stack makes plants too. All the room is there from the beginning, but a
-    /// slot is first written to when a line gets there: most plants have no delay, and pay nothing for untouched memory.
+    /// Slots of all rings side by side. They are on the heap because tasks with a small stack create plants too. The full capacity is reserved at the beginning, but a slot is
+    /// written to only once a line reaches it: most plants have no delay, and untouched memory costs them nothing.
     slots: Vec<[Pair; LINES]>,
     spans: [Span; LINES],
 }
@@ -62,12 +62,12 @@ impl History {
         Self { slots: Vec::with_capacity(CAPACITY), spans: [Span::default(); LINES] }
     }
 
-    /// The line of a signal, to be read.
+    /// The line of a signal, for reading.
     pub fn line(&self, signal: Signal) -> Line<'_> {
         Line { slots: &self.slots, span: self.spans[signal as usize], signal }
     }
 
-    /// Forgets a signal.
+    /// Empties the line of a signal.
     pub fn clear(&mut self, signal: Signal) {
         self.spans[signal as usize] = Span::default();
     }
@@ -82,7 +82,7 @@ impl History {
         &mut self.slots[slot][signal as usize]
     }
 
-    /// Appends a pair that [`Line::iter`] gave, as it stands; false when the line is full.
+    /// Appends a pair from [`Line::iter`] unchanged; returns false if the line is full.
     pub fn restore(&mut self, signal: Signal, time: f64, value: f64) -> bool {
         let span = &mut self.spans[signal as usize];
         if span.len == CAPACITY {
@@ -93,7 +93,7 @@ impl History {
         true
     }
 
-    /// Adds a value at a time that is not before the last one.
+    /// Adds a value; `time` must not be before that of the last one.
     pub fn push(&mut self, signal: Signal, time: f64, value: f64) {
         let line = self.line(signal);
         // The newest value is replaced while it is close to the one before it; the first value of all always stays.
@@ -109,8 +109,8 @@ impl History {
         *self.newest(signal) = (time, value);
     }
 
-    /// Moves the values by `by`, and by what has `grown` up to their age in s: what an observer finds wrong of a moment ago was wrong before it, and has been
-    /// getting worse since. Nothing is asked for any more that is older than the `oldest`, s, but the value before it.
+    /// Corrects the stored values by `by` plus `grown` at their age in s: an error that an observer finds in a past value was already present before it, and has grown since.
+    /// The correction ends with the first value older than `oldest` s, because none before it can be requested any more.
     pub fn correct(&mut self, signal: Signal, by: f64, grown: impl Fn(f64) -> f64, now: f64, oldest: f64) {
         let span = self.spans[signal as usize];
         for k in (0..span.len).rev() {
@@ -124,7 +124,7 @@ impl History {
     }
 }
 
-/// A copy has all the room, too.
+/// The copy reserves the full capacity as well.
 impl Clone for History {
     fn clone(&self) -> Self {
         let mut copy = Self { spans: self.spans, ..Self::new() };
@@ -154,7 +154,7 @@ pub struct Line<'a> {
 }
 
 impl<'a> Line<'a> {
-    /// Whether nothing is kept.
+    /// Whether the line is empty.
     pub fn is_empty(&self) -> bool {
         self.span.len == 0
     }
@@ -178,7 +178,7 @@ impl<'a> Line<'a> {
         low.checked_sub(1)
     }
 
-    /// Value held at `time`: that of the last event at or before it, or the oldest; none of an empty line.
+    /// Value of a piecewise constant signal at `time`: the last one at or before it, or else the oldest; `None` if the line is empty.
     pub fn held(&self, time: f64) -> Option<f64> {
         (!self.is_empty()).then(|| self.at(self.before(time).unwrap_or(0)).1)
     }
@@ -189,7 +189,7 @@ impl<'a> Line<'a> {
         (next < self.span.len).then(|| self.at(next).0)
     }
 
-    /// Value at `time`, linear between samples; after the last one towards `value_now` at `now`.
+    /// Value at `time`, linear between samples, and after the last one linear towards `value_now` at `now`.
     pub fn interpolate(&self, time: f64, now: f64, value_now: f64) -> f64 {
         let Some(k) = self.before(time) else {
             return if self.is_empty() { value_now } else { self.at(0).1 };

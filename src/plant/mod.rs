@@ -1,20 +1,21 @@
 //! The plant: physics and effects, stepped through stick and slip.
 //!
-//! A [`Plant`] allocates its delay lines when it is made, and nothing after. [`Plant::step`] holds the inputs over the step and cuts it into
-//! substeps of at most [`Plant::max_substep`]; events (a delayed command arriving, contact, lock-up, break-away) cut further, so that
+//! A [`Plant`] allocates its delay lines when it is created, and nothing afterwards. [`Plant::step`] holds the inputs over the step and cuts it into
+//! substeps of at most [`Plant::max_substep`]; events (a delayed command arriving, contact, lock-up, break-away) cut these further, so that
 //! the result does not depend on the communication step. Each substep is one Runge–Kutta step of fourth order.
 //!
-//! - [`config`]: vehicle and effects, compiled into constants and lists of what is active
+//! - [`config`]: vehicle and effects, compiled into constants and lists of the active effects
 //! - [`clutch`]: from throwout position to torque capacity
 //! - [`actuation`]: from commands to engine torque and bearing position, solved exactly
 //! - [`rate_limit`]: an actuator of limited speed, and a lag behind it
-//! - [`carry_over`]: effects that are set while it runs
+//! - [`carry_over`]: transfer of the state when effects are set while the plant runs
 //! - [`motion`]: the balances as rates of the state, and the Runge–Kutta step
 //! - [`events`]: the stick-slip state machine
-//! - [`rest`]: brakes, and an engine that has stalled
+//! - [`rest`]: brakes, and a stalled engine
 //! - [`pace`]: how long a substep may be
 //! - [`history`]: delay lines
-//! - [`sensed`]: speeds behind filter and dead time
+//! - [`sensed`]: speeds as sensed, behind filter and dead time
+//! - [`saved`]: saving and restoring the state
 
 pub mod actuation;
 pub mod carry_over;
@@ -40,19 +41,19 @@ use motion::{Motion, index};
 use pace::TooFast;
 use rest::Rest;
 
-/// Substep of the plant unless set otherwise, s.
+/// Default maximum substep of the plant, s.
 pub const MAX_SUBSTEP: f64 = 1e-3;
 
 /// Inputs, held over a step.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Inputs {
-    /// Throwout position commanded, mm.
+    /// Commanded throwout position, mm.
     pub x_to: f64,
-    /// Engine torque asked for, or reported, N·m.
+    /// Requested or reported engine torque, N·m.
     pub t_e_ref: f64,
     /// Housing air temperature, °C.
     pub theta_h: f64,
-    /// Load torque added, N·m.
+    /// Additional load torque, N·m.
     pub t_load: f64,
 }
 
@@ -92,16 +93,16 @@ pub struct Outputs {
     pub phase: Phase,
 }
 
-/// Energy books since the start, J: `work_in` = change of `stored` + `dissipated` + `losses`.
+/// Energy balance since the start, J: `work_in` = change of `stored` + `dissipated` + `losses`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Energy {
     /// Work of the engine.
     pub work_in: f64,
-    /// Kinetic energy, and that of the shafts.
+    /// Kinetic energy plus the elastic energy of shafts and tyres.
     pub stored: f64,
-    /// Friction heat of the clutch.
+    /// Energy dissipated by the clutch, by friction and drag.
     pub dissipated: f64,
-    /// Damping and load.
+    /// Energy lost to damping and load.
     pub losses: f64,
 }
 
@@ -112,11 +113,11 @@ pub struct State {
     pub time: f64,
     /// Continuous states, see [`motion::index`].
     pub y: Motion,
-    /// Stuck: flywheel and disc turn as one.
+    /// Whether the clutch sticks: flywheel and disc turn as one.
     pub stuck: bool,
     /// Direction of slip, ±1, while not stuck.
     pub direction: f64,
-    /// What stands still.
+    /// Standstill of car and engine, and the brakes.
     pub rest: Rest,
     /// Engine torque behind its lag, N·m.
     pub engine: LagState,
@@ -126,7 +127,7 @@ pub struct State {
     pub lagged: LagState,
     /// Position behind the learned law of the actuator, mm.
     pub led: f64,
-    /// Position behind the play: the bearing's, mm.
+    /// Bearing position, behind release friction, offset and play, mm.
     pub bearing: f64,
     /// Memory of the force hysteresis.
     pub memory: clutch::Branch,
@@ -134,17 +135,17 @@ pub struct State {
     pub presliding: actuation::Presliding,
     /// Inputs of the last step.
     pub inputs: Inputs,
-    /// Speeds of flywheel and disc behind their sensors' filters, where there are any, rad/s.
+    /// Speeds of flywheel and disc behind the filters of their sensors, if there are any, rad/s.
     pub filtered: [f64; 2],
 }
 
 /// A driveline with a dry clutch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plant {
-    /// On the heap, for a task with a small stack makes plants too.
+    /// On the heap, because tasks with a small stack create plants too.
     config: Box<Config>,
     state: State,
-    /// What the last substep found of the faces at its end, under this configuration.
+    /// Cached position and radius of the faces at the end of the last substep, valid for this configuration.
     found: Found,
     history: History,
     max_substep: f64,
@@ -152,12 +153,12 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// A plant at rest at its start values.
+    /// Creates a plant at its start values, with actuator and engine torque settled at `inputs`.
     pub fn new(vehicle: &Vehicle, effects: &Parameters, start: &Start, inputs: &Inputs) -> Self {
         Self::of(Box::new(Config::new(vehicle, effects)), start, inputs)
     }
 
-    /// As [`Plant::new`], of a configuration that stands.
+    /// As [`Plant::new`], from a compiled configuration.
     pub(crate) fn of(config: Box<Config>, start: &Start, inputs: &Inputs) -> Self {
         let mut plant = Self {
             config,
@@ -171,7 +172,7 @@ impl Plant {
         plant
     }
 
-    /// Back to time 0 at `start`; actuator and engine rest in the values of `inputs`. The effects that are set stay.
+    /// Resets the plant to time 0 and `start`, with actuator and engine torque settled at `inputs`. The effects stay set.
     pub fn restart(&mut self, start: &Start, inputs: &Inputs) {
         self.state = events::initial(start, inputs);
         for signal in SIGNALS {
@@ -182,7 +183,7 @@ impl Plant {
         self.start_delay_lines(inputs.x_to);
     }
 
-    /// Turns the flywheel against the disc to this slip angle in rad, which is 0 at a start: a torque that pulsates with it goes on from there.
+    /// Sets the slip angle between flywheel and disc in rad, which is 0 at a start: a torque that pulsates with it continues from there.
     pub fn turn_to(&mut self, slip_angle: f64) {
         self.state.y[index::ANGLE] = slip_angle;
     }
@@ -192,21 +193,21 @@ impl Plant {
         self.state.y[index::ANGLE]
     }
 
-    /// Greatest substep in s; the default serves 1e-6, a fit may take a longer one.
+    /// Maximum substep in s; the default gives an accuracy of 1e-6, a fit may use a longer one.
     pub fn max_substep(&self) -> f64 {
         self.max_substep
     }
 
-    /// Sets the greatest substep in s; it must be positive.
+    /// Sets the maximum substep in s; it must be positive.
     pub fn set_max_substep(&mut self, seconds: f64) {
         debug_assert!(seconds > 0.0, "a substep must be positive");
         self.max_substep = seconds;
     }
 
-    /// Sets all effect parameters, also while running: states are kept, so nothing jumps where physics has no jump.
+    /// Sets all effect parameters, also while the plant runs: the states are kept, so a quantity jumps only where the physics has a jump.
     ///
     /// # Errors
-    /// A plant that is too fast to be followed; then the effects that were set before stay.
+    /// If the plant is too fast to be integrated; the effects that were set before then stay.
     pub fn set_effects(&mut self, vehicle: &Vehicle, effects: &Parameters) -> Result<(), TooFast> {
         let config = Config::new(vehicle, effects);
         config.pace.check()?;
@@ -218,7 +219,7 @@ impl Plant {
         Ok(())
     }
 
-    /// A delay line begins with the value that its signal has now, and ends with its delay.
+    /// Starts the delay line of each delayed signal with the signal's current value, and clears the lines of the others.
     fn start_delay_lines(&mut self, command: f64) {
         let s = &self.state;
         let [flywheel, disc] = sensed::speeds(&self.config, s, &self.history);
@@ -237,7 +238,7 @@ impl Plant {
         }
     }
 
-    /// Sets the greatest torque of the brakes in N·m at the clutch, from the next step on; 0 is no brake.
+    /// Sets the greatest torque of the brakes in N·m, referred to the clutch, from the next step on; 0 means no brakes.
     pub fn set_brake(&mut self, torque: f64) {
         self.state.rest.brake = torque.max(0.0);
     }
@@ -247,19 +248,19 @@ impl Plant {
         events::step(self, inputs, h);
     }
 
-    /// Inner iterations of the last step: pieces integrated, and looks for a contact or a switch of stick and slip.
+    /// Number of inner iterations of the last step: pieces integrated, and steps of the searches for contact and for switches of stick and slip.
     pub fn iterations(&self) -> u64 {
         self.iterations
     }
 
-    /// Inner iterations that a step of `h` seconds takes at most: the bound that a real-time bench relies on.
+    /// Maximum number of inner iterations of a step of `h` seconds: the bound that a real-time bench relies on.
     pub fn most_iterations(&self, h: f64) -> u64 {
         events::substeps(self, h) as u64 * events::ITERATIONS_PER_SUBSTEP as u64
     }
 
-    /// Moves the speeds of flywheel and disc by `by` rad/s: the correction of an observer. A stuck clutch stays stuck and takes the mean that keeps its
-    /// momentum. What the observer saw was the speed of the flywheel (`seen` 0) or the disc (1), as old as that sensor is late, and torques that it found
-    /// missing have been moving the speeds by `rate` rad/s² since then.
+    /// Corrects the speeds of flywheel and disc by `by` rad/s, as required by an observer. A stuck clutch stays stuck: both of its sides take the common correction that
+    /// conserves momentum. The measurement that the observer used was the speed of the flywheel (`seen` 0) or the disc (1), as old as the delay of that sensor; the missing
+    /// torques that the observer found have been changing the speeds by `rate` rad/s² since then.
     pub fn correct_speeds(&mut self, by: [f64; 2], rate: [f64; 2], seen: usize) {
         let d = &self.config.constants.driveline;
         let smoothing = [0, 1].map(|k| sensed::smoothing(&self.config, k, self.state.y[sensed::PLACES[k]]));
@@ -269,7 +270,8 @@ impl Plant {
         events::correct_speeds(&mut self.state, by[0] + rate[0] * since, by[1] + rate[1] * since);
         let now = self.state.time;
         for (k, signal) in sensed::LINES.into_iter().enumerate() {
-            // What was seen has been growing for longer than its filter remembers: a beginning within that would show as another size.
+            // The error in the measured channel is assumed to have been growing for longer than its filter's memory; had it begun within that time, the measurement would show
+            // a different size.
             let steady = |age: f64| since - smoothing[k] - age;
             let begun = |age: f64| sensed::ramp((since - age).max(0.0), smoothing[k]);
             let grown = |age: f64| rate[k] * if k == seen { steady(age) } else { begun(age) };
@@ -278,8 +280,8 @@ impl Plant {
         }
     }
 
-    /// Couples flywheel and disc rigidly, or by the torque that the clutch transmits now, in place of the clutch's own law from now on: for a replay whose position is
-    /// not known. Sides that become one take the speed that keeps their momentum.
+    /// From now on replaces the clutch's own law by a rigid coupling of flywheel and disc, or by the torque that the clutch transmits at present: for a replay whose bearing
+    /// position is not known. Sides that are coupled rigidly take the common speed that conserves momentum.
     pub fn couple(&mut self, rigidly: bool) {
         if rigidly && !self.state.stuck {
             events::join(&self.config, &mut self.state);
@@ -289,7 +291,7 @@ impl Plant {
         self.state.stuck = rigidly;
     }
 
-    /// Makes sides that are coupled by a torque pass on what brings the flywheel to `omega_f` rad/s within a step of `h` seconds under these inputs.
+    /// Sets the coupling torque to the one that brings the flywheel to `omega_f` rad/s within a step of `h` seconds under these inputs.
     pub fn pass_on(&mut self, inputs: &Inputs, h: f64, omega_f: f64) {
         let state = State { inputs: *inputs, ..self.state };
         let way = actuation::way(&self.config, &state, inputs.x_to, h);
@@ -298,12 +300,12 @@ impl Plant {
         self.config.coupling = Some(Coupling::Torque(motion::torque_to(&self.config, &state.y, t_e, omega_f, h)));
     }
 
-    /// Tells twisted shafts of `torque` N·m that an observer found on the car's side, see [`Config::misread_twist`]. Rigid shafts have no twist.
+    /// Corrects the twist of elastic shafts for the `torque` in N·m that an observer found on the car's side, see [`Config::misread_twist`]. Rigid shafts have no twist.
     pub fn correct_shafts(&mut self, torque: f64) {
         self.state.y[index::TWIST] -= self.config.misread_twist(self.state.stuck) * torque;
     }
 
-    /// Tells elastic shafts that the car behind them stands, held by its brakes: they carry the clutch torque alone. Rigid shafts have no twist.
+    /// Stops the car behind elastic shafts, as held by its brakes, and gives them the twist of the clutch torque alone. Rigid shafts have no twist.
     pub fn hold_car(&mut self) {
         if self.config.compliant() {
             let torque = events::clutch_torque(&self.config, &self.found, &self.state);
@@ -312,7 +314,7 @@ impl Plant {
         }
     }
 
-    /// Outputs now.
+    /// Current outputs.
     pub fn outputs(&self) -> Outputs {
         let s = &self.state;
         let [omega_f, omega_c] = sensed::speeds(&self.config, s, &self.history);
@@ -329,20 +331,20 @@ impl Plant {
         }
     }
 
-    /// Slip now, engine over disc, rad/s.
+    /// Current slip ω_f − ω_c, rad/s.
     #[inline]
     pub fn slip(&self) -> f64 {
         motion::slip(&self.state.y)
     }
 
-    /// How far the bearing has closed the clutch now: 0 at the true contact, 1 at the closed point.
+    /// Current closing ratio of the clutch: 0 at the true contact point, 1 at the closed point.
     #[inline]
     pub fn closing(&self) -> f64 {
         let y = &self.state.y;
         clutch::closing_after(&self.config, self.state.bearing, y[index::THETA_C], y[index::E_D])
     }
 
-    /// Energy books since the start.
+    /// Energy balance since the start.
     pub fn energy(&self) -> Energy {
         let y = &self.state.y;
         Energy {
@@ -353,12 +355,12 @@ impl Plant {
         }
     }
 
-    /// The state, to look at.
+    /// The state.
     pub fn state(&self) -> &State {
         &self.state
     }
 
-    /// The compiled vehicle and effects, to look at.
+    /// The compiled vehicle and effects.
     pub fn config(&self) -> &Config {
         &self.config
     }

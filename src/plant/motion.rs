@@ -1,8 +1,7 @@
 //! The balances as rates of the state, and the Runge–Kutta step.
 //!
-//! Paper eq. (6), (7) and (10) with stick and slip: while the clutch slips, T_fc = ±T_cap; while it sticks, flywheel and disc are one
-//! inertia and T_fc is the torque that keeps them together. Work and losses are integrated along, so that every run carries its
-//! energy books.
+//! Paper eq. (6), (7) and (10) with stick and slip: while the clutch slips, T_fc = ±T_cap; while it sticks, flywheel and disc are one inertia and T_fc is the torque that keeps
+//! them together. Work and losses are integrated as states, so that every run carries its energy balance.
 
 use super::actuation::Drive;
 use super::clutch::{self, Branch, Found, Slipping};
@@ -17,13 +16,13 @@ pub const N: usize = 12;
 /// Continuous states.
 pub type Motion = [f64; N];
 
-/// Places in [`Motion`].
+/// Indices in [`Motion`].
 pub mod index {
     /// Flywheel speed, rad/s.
     pub const OMEGA_F: usize = 0;
     /// Disc speed, rad/s.
     pub const OMEGA_C: usize = 1;
-    /// Vehicle speed at the clutch beyond the shafts, rad/s; the disc's while they are rigid.
+    /// Vehicle speed behind the shafts, referred to the clutch, rad/s; equal to the disc's while they are rigid.
     pub const OMEGA_V: usize = 2;
     /// Twist of shafts and tyres together, rad.
     pub const TWIST: usize = 3;
@@ -41,44 +40,43 @@ pub mod index {
     pub const LOSSES: usize = 9;
     /// Crank angle, rad.
     pub const CRANK: usize = 10;
-    /// How much hotter the faces are than the disc, K.
+    /// Excess temperature of the faces over the disc, K.
     pub const SURFACE: usize = 11;
 }
 use index::{ANGLE, CRANK, E_D, LOSSES, OMEGA_C, OMEGA_F, OMEGA_V, SURFACE, THETA_B, THETA_C, TWIST, WORK_IN};
 
-/// A plant at rest whose disc has `theta` °C.
+/// State of a plant at rest with the disc at `theta` °C and everything else zero.
 pub fn warm(theta: f64) -> Motion {
     let mut y = [0.0; N];
     y[THETA_C] = theta;
     y
 }
 
-/// What does not change within a substep.
+/// Quantities that do not change within one integration step.
 #[derive(Clone, Copy, Debug)]
 pub struct Setting {
-    /// Flywheel and disc turn as one.
+    /// Whether flywheel and disc turn as one.
     pub stuck: bool,
     /// Direction of slip, ±1.
     pub direction: f64,
-    /// The faces touch.
+    /// Whether the faces touch.
     pub engaged: bool,
-    /// What is known of them at the start.
+    /// Cached position and radius of the faces for the first stage.
     pub found: Found,
     /// Memory of the force hysteresis.
     pub memory: Branch,
-    /// What stands still.
+    /// Standstill of car and engine, and the brakes.
     pub rest: Rest,
     /// Housing air, °C.
     pub theta_h: f64,
-    /// Load torque added, N·m.
+    /// Additional load torque, N·m.
     pub t_load: f64,
 }
 
 /// Speed in rad/s below which an accessory takes constant torque, not constant power.
 const ACCESSORY_SPEED: f64 = 50.0;
 
-/// Torque in N·m at the crankshaft, at `omega_f` rad/s and a crank angle in rad: what the engine gives of the `t_e` that it is asked for, less accessories, with a law
-/// that was learned.
+/// Crankshaft torque in N·m at `omega_f` rad/s and a crank angle in rad: what the engine delivers for a requested torque of `t_e` N·m, minus accessories, plus the learned law.
 #[inline(always)]
 fn crankshaft_torque(config: &Config, t_e: f64, omega_f: f64, angle: f64) -> f64 {
     let mut given = t_e;
@@ -90,19 +88,19 @@ fn crankshaft_torque(config: &Config, t_e: f64, omega_f: f64, angle: f64) -> f64
     if config.empirical.engine { given + empirical::engine(&config.parameters, omega_f, t_e) } else { given }
 }
 
-/// Torque in N·m at the crankshaft where the report asks for `t_e`.
+/// Crankshaft torque in N·m in the state `y`, for a requested torque of `t_e` N·m.
 #[inline(always)]
 pub fn engine_torque(config: &Config, y: &Motion, t_e: f64) -> f64 {
     crankshaft_torque(config, t_e, y[OMEGA_F], y[CRANK])
 }
 
-/// Torque in N·m that the driveline behind the disc puts up against it, `braking` N·m of it from brakes.
+/// Torque in N·m with which the driveline behind the disc resists it: the shaft torque, or in a rigid driveline damping and load including `braking` N·m from brakes.
 #[inline(always)]
 pub fn resistance(config: &Config, y: &Motion, t_load: f64, braking: f64) -> f64 {
     if config.compliant() { shaft_torque(config, y) } else { vehicle_resistance(config, y[OMEGA_C], t_load + braking) }
 }
 
-/// What carries between disc and car: its spring's torque in N·m, the share of its twist that is the tyres' in rad, and how fast they slip, rad/s.
+/// Elastic element between disc and car: its spring torque in N·m, the tyres' part of its twist in rad, and the tyres' slip speed in rad/s.
 #[derive(Clone, Copy, Debug)]
 struct Shafts {
     torque: f64,
@@ -110,7 +108,7 @@ struct Shafts {
     slip: f64,
 }
 
-/// The twist is that of shafts and tyres in series, φ = φ_s(T) + u(T); where the shafts are linear, that is a quadratic in T.
+/// Solves for the torque T of shafts and tyres in series, whose twist is φ = φ_s(T) + u(T); where the shafts are linear, this is a quadratic equation in T.
 #[inline(always)]
 fn shafts(config: &Config, y: &Motion) -> Shafts {
     let c = &config.constants;
@@ -119,13 +117,13 @@ fn shafts(config: &Config, y: &Motion) -> Shafts {
         return Shafts { torque: (y[TWIST] - (1.0 - c.soft_share) * within) / c.compliance, tyres: 0.0, slip: 0.0 };
     }
     let tyre = &c.tyre;
-    // Slope and offset of the shafts' twist over torque; beyond the soft range if the twist is more than both have at its end.
+    // Slope and offset of the shafts' twist over torque: those beyond the soft range if the twist exceeds that of shafts and tyres together at its end.
     let end = if c.compliance > 0.0 { c.soft_share * c.soft_angle / c.compliance } else { 0.0 };
     let twist = y[TWIST].abs();
     let soft = twist < c.soft_angle + tyre.deflection(end);
     let (slope, offset) = match (soft, c.soft_share > 0.0) {
         (true, true) => (c.compliance / c.soft_share, 0.0),
-        // Lash: nothing is carried in it.
+        // Lash transmits no torque.
         (true, false) => return Shafts { torque: 0.0, tyres: 0.0, slip: 0.0 },
         (false, _) => (c.compliance, (1.0 - c.soft_share) * c.soft_angle),
     };
@@ -164,7 +162,7 @@ pub fn twist_under(config: &Config, torque: f64) -> f64 {
     shafts + tyres
 }
 
-/// Torque in N·m that damping and load put up against the vehicle at `omega` rad/s.
+/// Torque in N·m with which damping and load resist the vehicle at `omega` rad/s.
 #[inline(always)]
 pub fn vehicle_resistance(config: &Config, omega: f64, t_load: f64) -> f64 {
     let mut added: f64 = config.load.iter().map(|effect| effect(&config.parameters, &config.vehicle, omega)).sum();
@@ -174,7 +172,7 @@ pub fn vehicle_resistance(config: &Config, omega: f64, t_load: f64) -> f64 {
     driveline::resistance(&config.constants.driveline, omega, t_load + added)
 }
 
-/// Slip now, engine over disc, rad/s.
+/// Slip ω_f − ω_c, rad/s.
 #[inline(always)]
 pub fn slip(y: &Motion) -> f64 {
     y[OMEGA_F] - y[OMEGA_C]
@@ -193,7 +191,8 @@ pub fn sticking_torque(config: &Config, y: &Motion, t_e: f64, t_load: f64, rest:
     holding_torque(config, y, engine_torque(config, y, t_e), resist, rest)
 }
 
-/// As [`sticking_torque`], with `t_e` N·m at the crankshaft and `resist` N·m behind the disc. What is held outside passes its torque on.
+/// As [`sticking_torque`], with `t_e` N·m at the crankshaft and `resist` N·m behind the disc. If one side is held at a standstill, the clutch torque is the torque of the other
+/// side.
 #[inline(always)]
 fn holding_torque(config: &Config, y: &Motion, t_e: f64, resist: f64, rest: &Rest) -> f64 {
     if rest.car && !config.compliant() {
@@ -205,7 +204,7 @@ fn holding_torque(config: &Config, y: &Motion, t_e: f64, resist: f64, rest: &Res
     }
 }
 
-/// Clutch torque in N·m that takes a slipping flywheel to `omega_f` rad/s within `h` seconds; `t_e` is the engine's mean torque over them, N·m.
+/// Clutch torque in N·m that brings a slipping flywheel to `omega_f` rad/s within `h` seconds; `t_e` is the engine's mean torque over that time, N·m.
 pub fn torque_to(config: &Config, y: &Motion, t_e: f64, omega_f: f64, h: f64) -> f64 {
     let mean = 0.5 * (y[OMEGA_F] + omega_f);
     driveline::clutch_torque(&config.constants.driveline, crankshaft_torque(config, t_e, mean, y[CRANK]), mean, (omega_f - y[OMEGA_F]) / h)
@@ -286,7 +285,7 @@ pub fn runge_kutta(config: &Config, set: &Setting, y: &Motion, drive: [Drive; 3]
     next
 }
 
-/// Kinetic energy and that of the shafts, J.
+/// Kinetic energy plus the elastic energy of shafts and tyres, J.
 pub fn stored_energy(config: &Config, y: &Motion) -> f64 {
     let d = &config.constants.driveline;
     let disc = config.disc_inertia();
@@ -312,7 +311,7 @@ mod tests {
     use crate::effects::{null, param};
     use crate::vehicle::Vehicle;
 
-    /// Shafts and tyres in series carry one torque: at the sum of what it twists each of them, it is found again, within the soft range and beyond.
+    /// Shafts and tyres in series transmit the same torque: it is recovered from the sum of the twists that it causes in each of them, within the soft range and beyond.
     #[test]
     fn the_torque_of_shafts_and_tyres_is_found_from_their_common_twist() {
         let (compliance, angle, slip_per_torque) = (1e-3, 0.02, 3e-4);
@@ -338,7 +337,7 @@ mod tests {
                 }
             }
         }
-        // Lash carries nothing.
+        // Lash transmits no torque.
         let mut p = null();
         p[param::driveline_compliance::compliance] = compliance;
         p[param::driveline_compliance::soft_angle] = angle;

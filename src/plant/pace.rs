@@ -1,10 +1,10 @@
-//! How long a substep may be, and which plants are too fast to be followed.
+//! How long a substep may be, and which plants are too fast to be integrated.
 //!
-//! A Runge–Kutta step of fourth order is stable while λ h < 2.8, λ the fastest rate of the plant. λ is bounded by the sum of the rates
-//! at which each part would settle alone (the trace of the balances), with the slopes of friction and load taken by differences where
-//! they are steepest. For a car it is some hundred per second, and a substep is as long as is asked for; a small inertia behind
-//! stiff friction shortens it, and so do the shafts. A fit that asks for more than [`MAX_SUBSTEP`] answers for friction itself.
-//! [`SHORTEST_SUBSTEP`] bounds the work of a step; what would be unstable even then is [`TooFast`].
+//! A Runge–Kutta step of fourth order is stable while λ h < 2.8, where λ is the fastest rate of the plant. λ is bounded by the sum of the rates at which each part would settle
+//! alone (the trace of the system matrix), with the slopes of friction and load taken as difference quotients where they are steepest. For a car λ is some hundred per second,
+//! and a substep is as long as requested; a small inertia behind steep friction shortens it, and so do elastic shafts. For a fit that requests more than [`MAX_SUBSTEP`], a
+//! stability limit above [`MAX_SUBSTEP`] does not shorten the substep: the fit itself is responsible for resolving friction. [`SHORTEST_SUBSTEP`] bounds the work of a step; a
+//! plant that would be unstable even then is [`TooFast`].
 
 use super::MAX_SUBSTEP;
 use super::clutch::{self, Branch, Found};
@@ -12,37 +12,37 @@ use super::config::Config;
 use super::motion;
 use crate::effects::empirical;
 
-/// Shortest substep that a plant can ask for, s: it bounds the work of a step.
+/// Shortest substep to which the rates of a plant can shorten it, s: it bounds the work of a step.
 pub const SHORTEST_SUBSTEP: f64 = 2e-5;
 
-/// The shafts' rate times substep, at most: their oscillation is followed, not only survived. A fit that asks for more than [`MAX_SUBSTEP`] is content
-/// to lose half a percent of their phase and amplitude per radian.
+/// Upper limit of the shafts' rate times the substep: their oscillation is resolved, not only kept stable. A fit that requests more than [`MAX_SUBSTEP`] has a higher limit,
+/// with an error of half a percent of phase and amplitude per radian.
 const TURN_PER_SUBSTEP: f64 = 0.5;
 const TURN_PER_SUBSTEP_OF_A_FIT: f64 = 1.0;
 
-/// Greatest speed at which a tyre is followed, rad/s.
+/// Speed for which the rate of a tyre is computed, rad/s: the greatest at which the tyre is resolved.
 const TOP_SPEED: f64 = 300.0;
 
-/// Turn of a pulsation per substep, at most, rad.
+/// Upper limit of a pulsation's phase advance per substep, rad.
 const PULSE_PER_SUBSTEP: f64 = 0.1;
 
-/// Fastest rate times substep, at most: with more it is no longer stable. A simulation follows what settles as well, or the friction work of its stages,
-/// which overshoot, would not be that of the motion; a fit is content with less, and so is what is faster than the shortest substep.
+/// Upper limits of the fastest rate times the substep. Above `STABLE` a step is no longer stable. `FOLLOWED` holds for a simulation, which also resolves decaying motions:
+/// otherwise the stages overshoot, and their friction work is not that of the motion. `STABLE` suffices for a fit, and for a plant that needs the shortest substep.
 const STABLE: f64 = 2.5;
 const FOLLOWED: f64 = 1.0;
 
-/// Rates of a plant, 1/s.
+/// Rates at which the parts of a plant settle, 1/s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pace {
     /// Flywheel, disc, vehicle behind the shafts, twist of the shafts; the latter two are 0 while the shafts are rigid.
     motion: [f64; 4],
     /// Disc, body.
     heat: [f64; 2],
-    /// Pulsations per radian of slip, of the engine's angle and of the input shaft's.
+    /// Greatest phase advance of the torque pulsations per radian of slip angle, of engine angle and of input-shaft angle.
     orders: [f64; 3],
 }
 
-/// What the rates are of, and what makes them fast.
+/// Part of the plant that each rate belongs to, and what makes it fast.
 const PARTS: [(&str, &str); 6] = [
     ("the flywheel", "driveline.J_f is small for driveline.b_f and the friction's slope over slip"),
     ("the disc", "driveline.J_c is small for its damping, its load's slope over speed and the friction's slope over slip"),
@@ -60,12 +60,12 @@ pub struct TooFast {
     pub part: &'static str,
     /// Its time constant, s.
     pub time: f64,
-    /// Numbers that make it fast.
+    /// Parameters that make it fast.
     pub reason: &'static str,
 }
 
 impl Pace {
-    /// Of a plant that does not move.
+    /// Pace of a plant that does not move: all rates are 0.
     pub const STILL: Self = Self { motion: [0.0; 4], heat: [0.0; 2], orders: [0.0; 3] };
 
     /// Rates of a plant; the slopes are those of a closed clutch, cold and warm, from standstill to top speed.
@@ -78,14 +78,14 @@ impl Pace {
             let beyond = c.driveline.J_c - disc;
             let reduced = disc * beyond / c.driveline.J_c;
             let shafts = (1.0 / ((c.compliance + c.tyre.softness) * reduced)).sqrt().max(c.shaft_damping / reduced);
-            // A tyre forgets its deflection over an angle.
+            // The deflection of a tyre decays over a rolled angle.
             let shafts = if c.tyre.softness > 0.0 { shafts + TOP_SPEED / c.tyre.relaxation } else { shafts };
             (c.shaft_damping, shafts, (c.shaft_damping + load) / beyond)
         } else {
             (load, 0.0, 0.0)
         };
         let t = &c.thermal;
-        // Friction that follows the faces' temperature may make it settle a few times as fast.
+        // Friction that depends on the faces' temperature may make that temperature settle a few times as fast.
         let surface = if c.surface.resistance > 0.0 { 3.0 / c.surface.time_constant } else { 0.0 };
         Self {
             motion: [(c.driveline.b_f + engine + slip) / c.driveline.J_f, (behind + slip) / disc, vehicle, shafts],
@@ -94,25 +94,26 @@ impl Pace {
         }
     }
 
-    /// Bound of the fastest rate, 1/s.
+    /// Upper bound of the fastest rate, 1/s.
     #[inline]
     fn fastest(&self) -> f64 {
         self.motion.iter().sum::<f64>().max(self.heat.iter().sum())
     }
 
-    /// Longest substep, s, where `most` is asked for.
+    /// Longest admissible substep in s if `most` is requested.
     #[inline]
     pub fn longest_substep(&self, most: f64) -> f64 {
         let shafts = self.motion[3];
         let turn = if most > MAX_SUBSTEP { TURN_PER_SUBSTEP_OF_A_FIT } else { TURN_PER_SUBSTEP };
-        // Nothing is divided by zero: an importer may trap that.
+        // No division by zero: an importer may trap it.
         let turning = if shafts > 0.0 { turn / shafts } else { f64::MAX };
         let stable = if most > MAX_SUBSTEP { STABLE } else { FOLLOWED } / self.fastest();
         let longest = if stable < MAX_SUBSTEP { turning.min(stable) } else { turning };
         most.min(longest.max(SHORTEST_SUBSTEP))
     }
 
-    /// Longest substep, s, that follows torques which pulsate with the angles of flywheel and disc at these speeds in rad/s, where `most` is asked for.
+    /// Longest substep in s that resolves torque pulsations with the angles of flywheel and disc at these speeds in rad/s, if `most` is requested; `f64::MAX` if they do not
+    /// limit it.
     #[inline]
     pub fn pulse(&self, [omega_f, omega_c]: [f64; 2], most: f64) -> f64 {
         let [slip, engine, input] = self.orders;
@@ -139,7 +140,7 @@ impl Pace {
 /// Greatest slope of the clutch torque over slip, N·m·s/rad.
 fn steepest_friction(config: &Config) -> f64 {
     const SLIPS: [f64; 10] = [0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 150.0];
-    // From end to end of the range in which the equations hold.
+    // The temperature range in which the equations are valid, from end to end.
     const TEMPERATURES: [f64; 4] = [-20.0, 25.0, 120.0, 250.0];
     let mut most = 0.0_f64;
     for theta in TEMPERATURES {
@@ -156,11 +157,11 @@ fn steepest_friction(config: &Config) -> f64 {
     most
 }
 
-/// Greatest changes of a torque pulsation's phase per radian of slip angle, of the engine's angle and of the input shaft's.
+/// Greatest phase advance of the torque pulsations per radian of slip angle, of engine angle and of input-shaft angle.
 fn fastest_pulsations(config: &Config) -> [f64; 3] {
     let p = &config.parameters;
     let slip = config.pulsation.iter().map(|effect| fastest(|angle| effect(p, angle, 0.0)));
-    // An engine that is asked for a torque, at a speed.
+    // An engine with a requested torque of 20 N·m, at 150 rad/s.
     let engine = config.engine.iter().map(|effect| fastest(|angle| effect(p, 20.0, 150.0, angle)));
     let engine = engine.chain(config.shafts.iter().map(|effect| fastest(|angle| effect(p, [angle, 0.0]))));
     let input = config.shafts.iter().map(|effect| fastest(|angle| effect(p, [0.0, angle])));
@@ -205,7 +206,7 @@ mod tests {
         assert_eq!(config.pace.check(), Ok(()));
     }
 
-    /// A vehicle with friction and load that no speed changes, and the pace of it with these effects.
+    /// Pace of a vehicle with these changes and effects; without them its friction and load do not depend on speed.
     fn pace(change: impl Fn(&mut Vehicle), set: &[(usize, f64)]) -> Pace {
         let (mut vehicle, mut effects) = (Vehicle::paper(), effects::null());
         (vehicle.friction.alpha_1, vehicle.friction.mu_0, vehicle.friction.m_0) = (0.0, 0.3, 0.3);
@@ -228,23 +229,23 @@ mod tests {
         let t = Vehicle::paper().thermal;
         close(plain.heat[0], t.gamma_2 / t.C_1);
         close(plain.heat[1], (t.gamma_1 + 2.0 * t.gamma_2) / t.C_b);
-        // Faces that are hotter than their disc come and go three times as fast as by themselves.
+        // The excess temperature of the faces settles up to three times as fast as it would by itself.
         let hotter = [(param::surface_temperature::resistance, 0.01), (param::surface_temperature::time_constant, 0.05)];
         close(pace(|_| (), &hotter).heat[0], t.gamma_2 / t.C_1 + 60.0);
         // A drag per slip acts on both sides of the clutch.
         let dragged = pace(|_| (), &[(param::clutch_drag::viscosity, 0.4)]);
         close(dragged.motion[0], 0.43 / 0.2);
         close(dragged.motion[1], 0.42 / 0.5);
-        // Friction that grows over slip: 2 R F μ' of a closed clutch, on the stiffer branch of the hysteresis.
+        // Friction that changes with slip: 2 R F μ' of a closed clutch, on the stiffer branch of the hysteresis.
         let slope = [(param::friction_slip_gradient::slope, -0.001), (param::cushion_hysteresis::width, 0.4)];
         let graded = pace(|_| (), &slope);
         let force = 1.2 * (26.1195 - 1304.6 + 5818.5);
         close(graded.motion[0], (0.03 + 2.0 * 0.091 * force * 0.001) / 0.2);
-        // Friction of facings whose dynamic friction changes with temperature is as steep as at the cold or at the hot end.
+        // If dynamic friction depends on temperature, the slope is taken at the cold or at the hot end, whichever is steeper.
         let facings = |m_0: f64, m_1: f64| pace(|v| (v.friction.m_0, v.friction.m_1) = (m_0, m_1), &[]).motion[0];
         close(facings(0.35, -1e-4), facings(0.352, 0.0));
         close(facings(0.35, 1e-4), facings(0.375, 0.0));
-        // Friction that falls at rest faster than anywhere else.
+        // Friction whose steepest fall is at zero slip.
         use param::friction_slip_gradient::{exponent, speed, stribeck};
         let falling = pace(|_| (), &[(stribeck, 0.3), (speed, 1.0), (exponent, 1.0)]).motion[0];
         close(falling, (0.03 + 2.0 * 0.091 * force / 1.2 * 0.3 * -(-0.01_f64).exp_m1() / 0.01) / 0.2);
@@ -254,7 +255,7 @@ mod tests {
         assert!((rolling * 0.5 - 0.02 - 16.0).abs() < 1e-4, "{rolling}");
     }
 
-    /// Nothing up to 50 rad/s and 6 N·m from 100 on: no speed that is always looked at lies between.
+    /// The load is 0 up to 50 rad/s and 6 N·m from 100 rad/s on: none of the fixed sampling speeds lies in between.
     #[test]
     fn a_learned_load_is_as_steep_as_between_its_breakpoints() {
         use param::empirical::{load_speed_5, load_speed_6, load_speed_7};
@@ -271,7 +272,7 @@ mod tests {
         assert_eq!(fastest(|_| 3.0), 0.0);
     }
 
-    /// A tenth of a radian of all phases together, or a whole one in a fit.
+    /// All phases together may advance by a tenth of a radian per substep, or by one radian in a fit.
     #[test]
     fn pulsations_bound_the_substep_by_the_turn_of_their_phases() {
         let pulse = |orders: [f64; 3], speeds: [f64; 2], most: f64| Pace { orders, ..Pace::STILL }.pulse(speeds, most);
@@ -290,14 +291,14 @@ mod tests {
     fn shafts_divide_the_driveline() {
         use param::driveline_compliance::{compliance, damping, disc_share};
         let soft = pace(|_| (), &[(compliance, 1e-3), (disc_share, 0.2), (damping, 0.7)]);
-        // 0.1 and 0.4 kg·m², together 0.08.
+        // 0.1 and 0.4 kg·m², with a reduced inertia of 0.08 kg·m².
         close(soft.motion[1], 0.7 / 0.1);
         close(soft.motion[2], 0.72 / 0.4);
         close(soft.motion[3], (1.0_f64 / (1e-3 * 0.08)).sqrt());
         close(pace(|_| (), &[(compliance, 1e-3), (disc_share, 0.2), (damping, 40.0)]).motion[3], 40.0 / 0.08);
     }
 
-    /// A tyre twists in series with the shafts, and forgets its deflection over 15 rad of at most 300 rad/s.
+    /// A tyre twists in series with the shafts, and its deflection decays over 15 rad at up to 300 rad/s.
     #[test]
     fn a_tyre_is_a_spring_that_forgets() {
         use param::driveline_compliance::{compliance, damping as shaft_damping, disc_share};
@@ -322,14 +323,14 @@ mod tests {
             assert_eq!(refused.part, part);
             close(refused.time, 1.0 / motion.iter().sum::<f64>().max(heat.iter().sum()));
         }
-        // 2.5 within the shortest substep of 20 µs.
+        // The limit is a rate of 2.5 per shortest substep of 20 µs.
         assert!(Pace { motion: [1.249e5, 0.0, 0.0, 0.0], ..Pace::STILL }.check().is_ok());
         assert!(Pace { motion: [1.251e5, 0.0, 0.0, 0.0], ..Pace::STILL }.check().is_err());
         // The same bound shortens a substep.
         close(Pace { motion: [5e3, 0.0, 0.0, 0.0], ..Pace::STILL }.longest_substep(1e-2), 5e-4);
         close(Pace { motion: [5e3, 0.0, 0.0, 0.0], ..Pace::STILL }.longest_substep(1e-3), 2e-4);
         close(Pace { motion: [1e9, 0.0, 0.0, 0.0], ..Pace::STILL }.longest_substep(1e-3), SHORTEST_SUBSTEP);
-        // Of stable parts that are not oscillations a fit may ask for longer substeps than a simulation.
+        // The oscillation of the shafts may advance by one radian per substep in a fit, by half a radian in a simulation.
         close(Pace { motion: [1.0, 1.0, 0.0, 50.0], ..Pace::STILL }.longest_substep(1e-1), 1.0 / 50.0);
         close(Pace { motion: [1.0, 1.0, 0.0, 800.0], ..Pace::STILL }.longest_substep(1e-3), 0.5 / 800.0);
     }

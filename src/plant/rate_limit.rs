@@ -1,11 +1,12 @@
-//! An actuator of limited speed, which may slow down as it arrives, and a lag behind it.
+//! An actuator of limited speed, which may slow down near its target, and a lag behind it.
 
 use super::State;
 use super::actuation::SHORTEST_PIECE;
 use super::config::Config;
 use crate::physics::lag::{self, LagState};
 
-/// Lag behind a rate limit that comes to `limited` in `h` seconds: a ramp at full speed, one that takes as long on average as the approach does, and what is left of the time at rest.
+/// State of the lag behind a rate limit that reaches `limited` mm within `h` seconds. The input of the lag is approximated by a ramp at full speed, a ramp with the same mean
+/// delay as the exponential approach (twice its time constant long), and rest for the remaining time.
 pub fn behind_the_limit(config: &Config, state: &State, x_cmd: f64, limited: f64, h: f64) -> LagState {
     let c = &config.constants;
     let approach = c.approach.max(0.0);
@@ -14,7 +15,7 @@ pub fn behind_the_limit(config: &Config, state: &State, x_cmd: f64, limited: f64
     let there = rate_limited(c.inverse_speed, approach, state.limited, x_cmd, full);
     let mut at = state.lagged;
     for (from, to, seconds) in [(state.limited, there, full), (there, limited, slowing), (limited, limited, h - full - slowing)] {
-        // What takes no time jumps.
+        // A part that takes no time is a jump of the lag's input.
         if seconds > SHORTEST_PIECE {
             at = lag::advance(&c.actuator_lag, at, from, (to - from) / seconds, seconds);
         }
@@ -22,7 +23,7 @@ pub fn behind_the_limit(config: &Config, state: &State, x_cmd: f64, limited: f64
     at
 }
 
-/// Position in mm after `h` seconds on the way to `to`.
+/// Position in mm after `h` seconds of an actuator of limited speed on its way to `to`.
 #[inline]
 pub fn rate_limited(inverse_speed: f64, approach: f64, from: f64, to: f64, h: f64) -> f64 {
     if inverse_speed <= 0.0 {
@@ -32,7 +33,7 @@ pub fn rate_limited(inverse_speed: f64, approach: f64, from: f64, to: f64, h: f6
     if approach <= 0.0 || distance - most >= approach {
         return from + (to - from).clamp(-most, most);
     }
-    // Full speed down to the approach, then the rest of the distance decays.
+    // Full speed until the approach begins; from there the remaining distance decays exponentially.
     let slowing = h - (distance - approach).max(0.0) * inverse_speed;
     let left = distance.min(approach) * (-slowing / (approach * inverse_speed)).exp();
     to - left * (to - from).signum()
@@ -43,7 +44,7 @@ mod tests {
     use super::*;
     use crate::plant::{actuation, events};
 
-    /// However long the step, a fast rate limit is none: what it lacks to that is no more than the time that it takes. With an approach, too.
+    /// A very fast rate limit acts like none, however long the step: the error is bounded by the time that the motion takes. With an approach, too.
     #[test]
     fn a_lag_behind_a_fast_rate_limit_is_the_lag_of_what_is_commanded() {
         use crate::effects::{null, param};

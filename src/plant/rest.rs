@@ -1,9 +1,9 @@
-//! What stands still: a car held by its brakes, and an engine that has stalled.
+//! Standstill: a car held by its brakes, and a stalled engine.
 //!
-//! - **Brakes** are friction behind the shafts: they carry up to their torque T_B while the car stands, and take T_B from it while it rolls.
-//! - **An engine** does not run backwards: at ω_f = 0 it stays until what drives it forwards exceeds what the clutch takes.
+//! - **Brakes** act as friction behind the shafts: they hold up to their torque T_B while the car stands, and oppose its motion with T_B while it rolls.
+//! - **An engine** does not run backwards: at ω_f = 0 it stands until its torque exceeds the clutch torque.
 //!
-//! Both are found inside a substep, as lock-up and break-away are. With T_B = 0 and a running engine nothing of this takes part.
+//! The events of both are located inside a substep, like lock-up and break-away. With T_B = 0 and a running engine this module has no influence.
 
 use super::State;
 use super::actuation::Chain;
@@ -11,16 +11,16 @@ use super::clutch::Found;
 use super::config::Config;
 use super::motion::{self, Motion, index};
 
-/// What stands, and the brakes.
+/// Standstill of car and engine, and the brakes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rest {
-    /// T_B: greatest torque of the brakes, at the clutch, N·m.
+    /// T_B: greatest torque of the brakes, referred to the clutch, N·m.
     pub brake: f64,
-    /// The car stands, held by its brakes.
+    /// Whether the car stands, held by its brakes.
     pub car: bool,
-    /// Direction ±1 in which it rolls, or is about to.
+    /// Direction ±1 in which the car rolls or is about to roll.
     pub rolling: f64,
-    /// The engine stands.
+    /// Whether the engine stands.
     pub engine: bool,
 }
 
@@ -31,30 +31,30 @@ impl Default for Rest {
 }
 
 impl Rest {
-    /// Torque in N·m that the brakes put up against a car that rolls.
+    /// Torque in N·m with which the brakes oppose a rolling car, signed; 0 while the car stands.
     #[inline(always)]
     pub fn braking(&self) -> f64 {
         if self.car { 0.0 } else { self.brake * self.rolling }
     }
 }
 
-/// What stands at a moment: torques at the clutch and behind it, N·m.
+/// Net torques that would set engine and car in motion at one instant, N·m.
 #[derive(Clone, Copy, Debug)]
 struct Torques {
-    /// Of the engine, over that of the clutch.
+    /// Engine torque minus clutch torque.
     engine: f64,
-    /// On the car, over its resistance without brakes.
+    /// Torque that drives the car minus its resistance without brakes.
     car: f64,
 }
 
-/// An engine is asked for its torque where it stands: damping has no say.
+/// Net torques in the state `y`. Engine damping does not appear, because the engine's value is used only while it stands.
 fn torques(config: &Config, state: &State, y: &Motion, chain: &Chain) -> Torques {
     let (drive, t_load) = (chain.drive(), state.inputs.t_load);
     let t_e = motion::engine_torque(config, y, drive.t_e);
     let load = motion::vehicle_resistance(config, y[index::OMEGA_V], t_load);
     let behind = if config.compliant() { motion::resistance(config, y, t_load, 0.0) } else { load };
     let t_fc = if state.stuck {
-        // What would have to move them together.
+        // While stuck, engine and disc can only start to move together.
         return Torques { engine: t_e - behind, car: if config.compliant() { behind } else { t_e } - load };
     } else {
         motion::slipping(config, &Found::NOTHING, y, state.direction, state.memory, drive.x).total()
@@ -62,13 +62,13 @@ fn torques(config: &Config, state: &State, y: &Motion, chain: &Chain) -> Torques
     Torques { engine: t_e - t_fc, car: if config.compliant() { behind } else { t_fc } - load }
 }
 
-/// Whether the car takes part: it has brakes on.
+/// Whether the brakes are applied; without them the car's standstill is not tracked.
 #[inline]
 fn braked(state: &State) -> bool {
     state.rest.brake > 0.0
 }
 
-/// How far car and engine are past their next event; positive once it has happened. In N·m or rad/s.
+/// Event functions of car and engine, for stopping or starting to move, in N·m or rad/s; positive once the event has happened.
 pub fn passed(config: &Config, state: &State, y: &Motion, chain: &Chain) -> [f64; 2] {
     let none = f64::NEG_INFINITY;
     let rest = &state.rest;
@@ -86,7 +86,7 @@ pub fn passed(config: &Config, state: &State, y: &Motion, chain: &Chain) -> [f64
     [car, engine]
 }
 
-/// The car has come to a stand, or is torn off.
+/// Handles the car's event: it has come to a standstill, or its brakes cannot hold it any longer.
 pub fn switch_car(config: &Config, state: &mut State, chain: &Chain) {
     if !state.rest.car {
         stop_car(config, state);
@@ -94,7 +94,7 @@ pub fn switch_car(config: &Config, state: &mut State, chain: &Chain) {
     decide_car(config, state, chain);
 }
 
-/// The engine has come to a stand, or is turned.
+/// Handles the engine's event: it has come to a standstill, or starts to turn.
 pub fn switch_engine(config: &Config, state: &mut State, chain: &Chain) {
     if !state.rest.engine {
         stop_engine(config, state);
@@ -102,7 +102,7 @@ pub fn switch_engine(config: &Config, state: &mut State, chain: &Chain) {
     state.rest.engine = torques(config, state, &state.y, chain).engine <= 0.0;
 }
 
-/// At the start of a step, with its inputs: what has been standing may start to move, and the other way round.
+/// Decides at the start of a step, with its inputs, whether car and engine stand or move.
 pub fn settle(config: &Config, state: &mut State, chain: &Chain) {
     if braked(state) && state.y[index::OMEGA_V] == 0.0 {
         decide_car(config, state, chain);

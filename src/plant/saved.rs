@@ -1,4 +1,4 @@
-//! Taking a plant out of its state and putting it back, for roll-back and for going on in another process.
+//! Saving and restoring the state of a plant, for roll-back and for continuing in another process.
 
 use super::clutch::Found;
 use super::config::Config;
@@ -8,18 +8,17 @@ use crate::effects::Parameters;
 use crate::vehicle::Vehicle;
 
 impl Plant {
-    /// The delay lines. With state, vehicle and effects they determine all that follows,
-    /// bit for bit.
+    /// The delay lines. Together with state, vehicle and effects they determine all that follows, bit for bit.
     pub fn history(&self) -> &History {
         &self.history
     }
 
-    /// The delay lines, to be filled beside [`Plant::take_up`].
+    /// The delay lines, to be restored together with [`Plant::take_up`].
     pub fn history_mut(&mut self) -> &mut History {
         &mut self.history
     }
 
-    /// Takes up a state that [`Plant::state`] gave, under the vehicle and effects that held then.
+    /// Restores a state from [`Plant::state`], under the vehicle and effects that applied then.
     pub fn take_up(&mut self, vehicle: &Vehicle, effects: &Parameters, state: &State) {
         if !equal(&self.config.parameters, effects) || self.config.vehicle != *vehicle {
             *self.config = Config::new(vehicle, effects);
@@ -29,7 +28,7 @@ impl Plant {
     }
 }
 
-/// Whether numbers are equal, all of them compared: nearly always they are, and without a way out in between the compiler takes several at a time.
+/// Whether two slices of numbers are equal. All of them are compared without an early exit: they are nearly always equal, and the compiler can then compare several at a time.
 pub fn equal(a: &[f64], b: &[f64]) -> bool {
     a.len() == b.len() && a.iter().zip(b).fold(true, |all, (a, b)| all & (a == b))
 }

@@ -1,7 +1,7 @@
-//! Speeds as they are sensed: behind a filter of first order, τ ṡ + s = ω, and a dead time.
+//! Speeds as sensed: behind a first-order filter, τ ṡ + s = ω, and a dead time.
 //!
-//! The filter is solved exactly for the cubic that a speed follows between two instants, from both speeds and accelerations: no τ, however short, is stiff, and one that goes to
-//! zero becomes none. Its output is what the delay line keeps, for filter and dead time may change places.
+//! Between two instants a speed is taken as the cubic through both speeds and accelerations, for which the filter is solved exactly: no τ is stiff, however short it is, and
+//! the filter vanishes as τ goes to zero. The delay line stores the output of the filter, because filter and dead time may be interchanged.
 
 use super::State;
 use super::config::Config;
@@ -12,7 +12,7 @@ use crate::effects::{Parameters, SignalDelay, empirical, param};
 /// Delay lines of flywheel and disc.
 pub const LINES: [Signal; 2] = [Signal::Flywheel, Signal::Disc];
 
-/// Their places among the states.
+/// Indices of flywheel and disc speed among the states.
 pub const PLACES: [usize; 2] = [index::OMEGA_F, index::OMEGA_C];
 
 #[inline]
@@ -33,32 +33,33 @@ pub fn smoothing(config: &Config, k: usize, speed: f64) -> f64 {
     delay(config, k).smoothing + learned
 }
 
-/// Whether channel `k` has a filter, be it that it lets everything through now.
+/// Whether channel `k` has a filter, even if its time constant is zero at the current speed.
 #[inline]
 pub fn filters(config: &Config, k: usize) -> bool {
     delay(config, k).smoothing > 0.0 || config.empirical.filters
 }
 
-/// Speed of channel `k` behind its filter now, rad/s.
+/// Current speed of channel `k` behind its filter, rad/s.
 #[inline]
 fn filtered(config: &Config, state: &State, k: usize) -> f64 {
     if filters(config, k) { state.filtered[k] } else { state.y[PLACES[k]] }
 }
 
-/// What the sensor of channel `k` makes of a speed behind filter and dead time, rad/s.
+/// Sensor output of channel `k`, with its scale errors, for a speed behind filter and dead time, rad/s.
 #[inline]
 pub fn shown(config: &Config, k: usize, speed: f64) -> f64 {
     let scaled = if k == 1 { config.constants.clutch_speed_gain * speed } else { speed };
     if config.empirical.scales { scaled * empirical::scale(&config.parameters, k, speed) } else { scaled }
 }
 
-/// Speed that the sensor of channel `k` shows as `seen` once it is steady, rad/s: exact but for the change of a learned scale over its own error.
+/// Steady speed for which the sensor of channel `k` outputs `seen`, rad/s. It is exact except that a learned scale is evaluated at a speed that still contains the scale's own
+/// error.
 pub fn meant(effects: &Parameters, k: usize, seen: f64) -> f64 {
     let speed = if k == 1 { seen / effects[param::clutch_speed_gain::gain] } else { seen };
     speed / empirical::scale(effects, k, speed)
 }
 
-/// Both speeds as they are sensed now, rad/s.
+/// Both speeds as currently sensed, without the scale errors of [`shown`], rad/s.
 #[inline]
 pub fn speeds(config: &Config, state: &State, history: &History) -> [f64; 2] {
     std::array::from_fn(|k| {
@@ -70,7 +71,7 @@ pub fn speeds(config: &Config, state: &State, history: &History) -> [f64; 2] {
     })
 }
 
-/// Keeps what the delay lines need of the present.
+/// Appends the present filtered speeds to the delay lines of delayed channels.
 #[inline]
 pub fn record(config: &Config, state: &State, history: &mut History) {
     if (0..2).any(|k| dead_time(config, k) > 0.0) {
@@ -85,7 +86,7 @@ fn push(config: &Config, state: &State, history: &mut History) {
     }
 }
 
-/// Filters after `h` s that take the speeds to those of `y`, with the accelerations at the beginning and at the end, rad/s².
+/// Advances the filters by `h` s, in which the speeds go to those of `y`, with the accelerations at the beginning and at the end in rad/s².
 pub fn advance(config: &Config, state: &mut State, y: &Motion, accelerations: [[f64; 2]; 2], h: f64) {
     for (k, place) in PLACES.into_iter().enumerate().filter(|(k, _)| filters(config, *k)) {
         let (u, v) = ([state.y[place], y[place]], accelerations.map(|a| a[k]));
@@ -95,7 +96,7 @@ pub fn advance(config: &Config, state: &mut State, y: &Motion, accelerations: [[
         };
         let (begin, end) = ([u[0], v[0]], [u[1], v[1]]);
         state.filtered[k] = if config.empirical.filters {
-            // A time constant that changes with the speed is a mean over either half.
+            // A time constant that changes with the speed is replaced by a mean over either half.
             let middle = [0.5 * (u[0] + u[1]) + 0.125 * h * (v[0] - v[1]), 1.5 * (u[1] - u[0]) / h - 0.25 * (v[0] + v[1])];
             through(through(state.filtered[k], [begin, middle], 0.5 * h), [middle, end], 0.5 * h)
         } else {
@@ -104,15 +105,15 @@ pub fn advance(config: &Config, state: &mut State, y: &Motion, accelerations: [[
     }
 }
 
-/// What an input that has been growing by 1 per second for `time` s has added to the output of a filter.
+/// Response of a filter with time constant `tau` s to a ramp of slope 1 per second that began `time` s ago.
 pub fn ramp(time: f64, tau: f64) -> f64 {
     if tau > 0.0 { time + tau * (-time / tau).exp_m1() } else { time }
 }
 
-/// Share of the time constant below which a step is integrated by [`GAUSS`]: the closed form would lose its digits.
+/// Share of the time constant below which a step is integrated by [`GAUSS`], because the closed form would suffer from cancellation.
 const SHORT: f64 = 0.5;
 
-/// Gauss and Legendre's rule of four points on [0, 1].
+/// Abscissae and weights of the four-point Gauss–Legendre rule on [0, 1].
 const GAUSS: [(f64, f64); 4] = [
     (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
     (0.330_009_478_207_571_87, 0.326_072_577_431_273_07),
@@ -120,7 +121,7 @@ const GAUSS: [(f64, f64); 4] = [
     (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
 ];
 
-/// Output of τ ṡ + s = u after `h` s from `s`, u being the cubic between two values with two slopes.
+/// Output of τ ṡ + s = u after `h` s from `s`, where u is the cubic with the given values and slopes at both ends.
 fn filter(s: f64, [u_0, u_1]: [f64; 2], [v_0, v_1]: [f64; 2], tau: f64, h: f64) -> f64 {
     // u = u_0 + x (b + x (c + x d)), x from 0 to 1.
     let (b, rise) = (v_0 * h, u_1 - u_0);
@@ -130,7 +131,7 @@ fn filter(s: f64, [u_0, u_1]: [f64; 2], [v_0, v_1]: [f64; 2], tau: f64, h: f64) 
         let part = |(x, w): (f64, f64)| w * (u_0 - s + x * (b + x * (c + x * d))) * (-n * (1.0 - x)).exp();
         return s + n * GAUSS.into_iter().map(part).sum::<f64>();
     }
-    // The steady response, u less its derivatives over n, n² and n³ in turn; what departs from it decays.
+    // The steady response is u − u'/n + u''/n² − u'''/n³, with derivatives over x; the deviation from it decays.
     let steady = |u: f64, first: f64, second: f64| u - (first - (second - 6.0 * d / n) / n) / n;
     let (from, to) = (steady(u_0, b, 2.0 * c), steady(u_1, v_1 * h, 2.0 * c + 6.0 * d));
     to + (s - from) * (-n).exp()
@@ -140,7 +141,7 @@ fn filter(s: f64, [u_0, u_1]: [f64; 2], [v_0, v_1]: [f64; 2], tau: f64, h: f64) 
 mod tests {
     use super::*;
 
-    /// A filter of t³ − 2t + 1: its steady response, by hand, and what decays.
+    /// Filter with the input t³ − 2t + 1, against its analytical steady response plus the decaying deviation from it.
     #[test]
     fn a_filter_of_a_cubic_is_exact_for_every_step() {
         let (u, v) = (|t: f64| t.powi(3) - 2.0 * t + 1.0, |t: f64| 3.0 * t * t - 2.0);

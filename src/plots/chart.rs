@@ -1,4 +1,4 @@
-//! Line charts as SVG: panels under each other over one time axis each.
+//! Line charts as SVG: panels one below the other, each with its own axes.
 
 use std::fmt::Write as _;
 
@@ -7,9 +7,9 @@ use std::fmt::Write as _;
 pub struct Series {
     /// Name in the legend.
     pub name: String,
-    /// Points of the line; it is broken where an ordinate is not a number.
+    /// Points of the line; the line is broken where an ordinate is not a number.
     pub points: Vec<(f64, f64)>,
-    /// Drawn dashed.
+    /// Whether the line is dashed.
     pub dashed: bool,
 }
 
@@ -24,13 +24,13 @@ pub struct Panel {
     pub series: Vec<Series>,
 }
 
-/// Colours that stay apart for colour-blind readers and in print.
+/// Colours that colour-blind readers can tell apart, also in print.
 pub const COLOURS: [&str; 5] = ["#0072b2", "#d55e00", "#009e73", "#56b4e9", "#e69f00"];
 
 pub(super) const WIDTH: f64 = 860.0;
 const HEIGHT: f64 = 300.0;
 const LEFT: f64 = 70.0;
-/// Room for the legend, beside the lines.
+/// Room for the legend, to the right of the lines.
 const RIGHT: f64 = 216.0;
 const TOP: f64 = 46.0;
 const BOTTOM: f64 = 48.0;
@@ -46,7 +46,7 @@ pub fn render(title: &str, panels: &[Panel]) -> String {
     svg
 }
 
-/// Head of a document with its title.
+/// Beginning of an SVG document, with its title.
 pub(super) fn begin(title: &str, height: f64) -> String {
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{height}\" viewBox=\"0 0 {WIDTH} {height}\" \
@@ -66,7 +66,7 @@ pub(super) fn ticks(low: f64, high: f64, count: f64) -> Vec<f64> {
     (first..=last).map(|k| k as f64 * step).collect()
 }
 
-/// A tick's label: as many decimals as its distance to the next needs.
+/// Label of a tick, with as many decimals as the distance between ticks requires.
 pub(super) fn label(value: f64, ticks: &[f64]) -> String {
     let step = ticks.get(1).map_or(1.0, |next| next - ticks[0]);
     let decimals = (-step.log10().floor()).max(0.0) as usize;

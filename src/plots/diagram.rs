@@ -18,7 +18,7 @@ const BLOCKS: [(f64, f64, f64, [&str; 2]); 9] = [
     (200.0, 380.0, 320.0, ["torque observer (9), thermal model (6)", "T̂_fc, θ̂_c"]),
 ];
 
-/// A signal: its way and its name with the place of that.
+/// A signal: its path, and its name with the position of the name.
 const SIGNALS: [(&str, &str, f64, f64); 14] = [
     ("M140 105H200", "", 0.0, 0.0),
     ("M140 115H165V185H200", "", 0.0, 0.0),
@@ -36,7 +36,7 @@ const SIGNALS: [(&str, &str, f64, f64); 14] = [
     ("M300 380V345H345V315H390", "T̂_fc", 305.0, 338.0),
 ];
 
-/// Signals that go back along the margin.
+/// Feedback signals, routed along the margin.
 const BACK: [(&str, &str, f64, f64); 2] =
     [("M450 380V345H460V320", "θ̂_c to the map", 466.0, 350.0), ("M200 405H175V215H200", "ω_f, ω_c", 112.0, 330.0)];
 

@@ -1,6 +1,6 @@
 //! The paper's figures as SVG.
 //!
-//! - [`chart`]: line charts, panels under each other
+//! - [`chart`]: line charts with panels one below the other
 //! - [`diagram`]: the block diagram of the controller
 //!
 //! | figure | content | from |
@@ -48,7 +48,7 @@ fn torque(v: &Vehicle, x: f64, slip: f64, theta: f64) -> f64 {
     map::torque_capacity(&v.friction, force, slip, theta)
 }
 
-/// Torque over the position, one line per `name`d (slip, temperature).
+/// Torque over position, one line for each (name, slip, temperature).
 fn torque_lines(v: &Vehicle, lines: &[(String, f64, f64)]) -> Panel {
     let (low, high) = (v.actuator.x_cnt_0, v.actuator.x_cls_0);
     let series = lines.iter().map(|(name, slip, theta)| {
@@ -58,7 +58,7 @@ fn torque_lines(v: &Vehicle, lines: &[(String, f64, f64)]) -> Panel {
     Panel { x_label: "x_to [mm]".to_owned(), y_label: "T_fc [N·m]".to_owned(), series: series.collect() }
 }
 
-/// Figure 1, cut at two slip speeds and, as a surface is hard to read, at one position over all of them.
+/// Figure 1 as cuts, because a surface is hard to read: over position at two slip speeds, and over slip at one position.
 fn torque_over_slip(v: &Vehicle) -> String {
     let lines = |slip: f64| [25.0, 75.0, 150.0].map(|theta| (format!("{slip:.0} rad/s, {theta:.0} °C"), slip, theta));
     let x = 0.5 * (v.actuator.x_cnt_0 + v.actuator.x_cls_0) + 0.25 * (v.actuator.x_cls_0 - v.actuator.x_cnt_0);
@@ -72,7 +72,7 @@ fn torque_over_slip(v: &Vehicle) -> String {
     chart::render("Figure 1: torque map over position and slip speed, for several temperatures", &panels)
 }
 
-/// Figure 2, cut at two temperatures and at one position over all of them.
+/// Figure 2 as cuts: over position at two temperatures, and over temperature at one position.
 fn torque_over_temperature(v: &Vehicle) -> String {
     let lines = |theta: f64| [0.0, 3.0, 40.0].map(|slip| (format!("{theta:.0} °C, {slip:.0} rad/s"), slip, theta));
     let x = 0.5 * (v.actuator.x_cnt_0 + v.actuator.x_cls_0) + 0.25 * (v.actuator.x_cls_0 - v.actuator.x_cnt_0);
@@ -117,7 +117,7 @@ fn positions(open_loop: &Launch, closed_loop: &Launch) -> String {
 }
 
 fn torques(launch: &Launch) -> String {
-    // From lock-up on the paper shows what the clutch can carry at rest, and so does its estimate.
+    // From lock-up on, the paper shows the torque that the clutch can transmit at rest, and so does its estimate.
     let locked = launch.rows.iter().find(|r| r.controller.phase == Phase::Locked).map_or(f64::INFINITY, |r| r.time_s);
     let lines = vec![
         series("engine T_e", launch, false, |r| r.plant.t_e),
@@ -152,7 +152,7 @@ pub fn hot_launches(cases: &[Case; 3]) -> String {
     chart::render("A hot launch: kiss point moves with temperature", &panels)
 }
 
-/// How the launches of many drawn cars are spread, under each controller.
+/// Distributions of the launches of many drawn cars, for each controller.
 pub fn monte_carlo(columns: &[Column]) -> String {
     let shown = |x_label: &str, most: f64, of: fn(&Outcome) -> f64| {
         let series = columns.iter().map(|column| {

@@ -1,4 +1,4 @@
-//! Which: the effects chosen with their parameters, and every candidate with its evidence.
+//! Section "which": the effects chosen with their parameters, and every candidate with its evidence.
 
 use serde_json::Value;
 
@@ -70,7 +70,7 @@ fn parameter(id: &str, name: &str, p: &Value) -> String {
     )
 }
 
-/// Estimate and interval beside the value at which the effect is absent.
+/// Drawing of estimate and interval, with a mark at the value at which the effect is absent.
 fn whisker(value: f64, low: f64, high: f64, null: f64) -> String {
     let (least, most) = super::chart::range([value, low, high, null].iter());
     let x = Scale { low: least, high: most, a: 4.0, b: 136.0 };
@@ -100,7 +100,7 @@ fn ambiguity(e: &Value) -> String {
     )
 }
 
-/// Parameters that move together with another one, or with a number of the vehicle file.
+/// Parameters whose estimates are correlated with another parameter or with a number of the vehicle file.
 fn correlations(which: &Value) -> String {
     let row = |c: &Value| {
         let r = real(c, "coefficient")?;
@@ -125,7 +125,7 @@ fn correlations(which: &Value) -> String {
     )
 }
 
-/// Rejected candidates of one reason that are listed in a paragraph, not each in a row of its own, from this number on.
+/// Number of rejected candidates from which they are listed in a paragraph by reason, instead of a row each.
 const MANY: usize = 3;
 
 fn ranked(diagnosis: &Value) -> String {
@@ -134,7 +134,7 @@ fn ranked(diagnosis: &Value) -> String {
         return absent("The ranking of all candidates is missing.");
     }
     let law = text(&diagnosis["where"], "unexplained_at");
-    // Whatever stands out has a row; the many that do not share a paragraph.
+    // Candidates of interest have a row each; the rest share a paragraph.
     let far = |c: &Value| text(c, "verdict") == Some("rejected") && (screened(c) || real(c, "evidence").is_some_and(|e| e < FAR));
     let (rest, rows): (Vec<&Value>, Vec<&Value>) = candidates.iter().partition(|c| far(c));
     let (rest, rows) = if rest.len() < MANY { (Vec::new(), candidates.iter().collect()) } else { (rest, rows) };
@@ -149,18 +149,18 @@ fn ranked(diagnosis: &Value) -> String {
     )
 }
 
-/// Whether it was never fitted, for a linear model promises less than its price.
+/// Whether the candidate was never fitted, because a linear model promises less gain than the effect costs.
 fn screened(candidate: &Value) -> bool {
     text(candidate, "reason").is_some_and(|why| why.starts_with("screened"))
 }
 
-/// Nats behind from which a rejected candidate that was fitted has no row of its own.
+/// Evidence below which a rejected candidate that was fitted has no row of its own, nats.
 const FAR: f64 = -30.0;
 
-/// Nats at the ends of the scale; what lies beyond stands there.
+/// Nats at the ends of the scale; larger values are drawn at the end.
 const REACH: f64 = 1e6;
 
-/// Place of so many nats on a scale that is linear near zero and logarithmic beyond.
+/// Position of an evidence in nats on a scale that is linear near zero and logarithmic beyond.
 fn forest_at(nats: f64) -> f64 {
     let edge = (0.5 * REACH).asinh();
     let x = Scale { low: -edge, high: edge, a: 6.0, b: 194.0 };
@@ -196,7 +196,7 @@ fn trifles(rest: &[&Value], law: Option<&str>) -> String {
     if items.is_empty() { items } else { format!("<p>Rejected, in nats:</p>\n<ul class=\"trifles\">{items}</ul>\n") }
 }
 
-/// Why, in words for people; diagnosis.json has its own.
+/// The candidate's reason in plain words; diagnosis.json has its own wording.
 fn reason(c: &Value, law: Option<&str>) -> String {
     let why = text(c, "reason").unwrap_or("");
     let fitted = why.contains("nats");

@@ -5,24 +5,24 @@ use std::fmt::Write as _;
 /// A linear scale from values to user units of the drawing.
 #[derive(Clone, Copy, Debug)]
 pub struct Scale {
-    /// Value at `a`.
+    /// Value drawn at `a`.
     pub low: f64,
-    /// Value at `b`.
+    /// Value drawn at `b`.
     pub high: f64,
-    /// Place of `low`.
+    /// Position of `low`, user units.
     pub a: f64,
-    /// Place of `high`.
+    /// Position of `high`, user units.
     pub b: f64,
 }
 
 impl Scale {
-    /// The place of a value.
+    /// Position of a value.
     pub fn at(&self, value: f64) -> f64 {
         self.a + (value - self.low) / (self.high - self.low) * (self.b - self.a)
     }
 }
 
-/// Least and greatest of the finite values, widened a little; (0, 1) without any.
+/// Least and greatest of the finite values, widened a little; (0, 1) if there is none.
 pub fn range<'a>(values: impl Iterator<Item = &'a f64>) -> (f64, f64) {
     let (low, high) =
         values.filter(|v| v.is_finite()).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)));
@@ -45,13 +45,13 @@ pub fn ticks(low: f64, high: f64, count: usize) -> Vec<f64> {
     (first..=(high / step).floor() as i64).map(|k| k as f64 * step).collect()
 }
 
-/// A round value within `reach`, for a strip around zero.
+/// The largest round value that does not exceed `reach`, for a strip around zero.
 pub fn bound(reach: f64) -> f64 {
     let power = 10f64.powf(reach.log10().floor());
     [8.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0].into_iter().map(|m| m * power).find(|v| *v <= reach * 1.000_001).unwrap_or(reach)
 }
 
-/// Decimals that tell neighbouring ticks apart.
+/// Number of decimals that tell neighbouring ticks apart.
 pub fn decimals(ticks: &[f64]) -> usize {
     match ticks {
         [a, b, ..] => (-(b - a).abs().log10() + 1e-9).ceil().clamp(0.0, 9.0) as usize,

@@ -1,4 +1,4 @@
-//! One page for two answers of one car: what has gone, what is new, what has changed.
+//! One page that compares two answers for one car: what has gone, what is new, what has changed.
 //!
 //! It shows what `kisspoint compare --json` prints.
 
@@ -8,7 +8,7 @@ use super::page;
 use super::text::{capitalised, enumeration, escape, number, percent, unit};
 use serde_json::Value;
 
-/// What has changed, in a sentence.
+/// The changes in one sentence.
 pub fn headline(found: &Value) -> String {
     let of = |change: &str| -> Vec<String> {
         list(found, "effects")
@@ -37,7 +37,7 @@ pub fn headline(found: &Value) -> String {
     if parts.is_empty() { "Nothing has changed beyond chance.".to_owned() } else { format!("{}.", capitalised(&parts.join("; "))) }
 }
 
-/// What a change is of, and its unit.
+/// The quantity that changed, and its unit.
 pub fn what(change: &Value) -> (String, String) {
     let name = text(change, "name").unwrap_or_default();
     match text(change, "effect") {

@@ -1,4 +1,4 @@
-//! Curves of each recording: cards to choose from, the viewer's frame, and still figures for paper.
+//! Curves of each recording: cards to choose from, the frame of the viewer, and still figures for print.
 
 use std::fmt::Write as _;
 
@@ -43,22 +43,22 @@ pub fn section(input: &Input) -> String {
     )
 }
 
-/// Why curves of drives are closer to the car than the figures that are stated.
+/// Why the curves of drives are closer to the car than the stated figures.
 const DRIVES: &str = " Engagements of a drive start here at the temperatures that the fit gives them. The figures stated elsewhere on this page use those \
     noted in recordings.json, as a user of the model would, and can be larger.";
 
-/// Key to the still figures.
+/// Legend of the still figures.
 const LEGEND: &str = r#"<p class="keys"><svg class="key" aria-hidden="true"><path class="c-real" d="M0 7h26"/></svg> car
 <svg class="key" aria-hidden="true"><path class="c-before" d="M0 7h26"/></svg> before
 <svg class="key" aria-hidden="true"><path class="c-after" d="M0 7h26"/></svg> after; strips below: car minus model, before and after, each on its own scale, band ±2σ of noise</p>
 "#;
 
-/// The same where there is one model.
+/// The legend if there is only one model.
 const LEGEND_SINGLE: &str = r#"<p class="keys"><svg class="key" aria-hidden="true"><path class="c-real" d="M0 7h26"/></svg> car
 <svg class="key" aria-hidden="true"><path class="c-before" d="M0 7h26"/></svg> model; strip below: car minus model, band ±2σ of noise</p>
 "#;
 
-/// What the script fills.
+/// Frame of the viewer, which the script fills.
 const FRAME: &str = r#"<div class="tools">
 <div class="legend" role="group" aria-label="Curves shown">
 <button type="button" data-curve="real" aria-pressed="true"><svg class="key" aria-hidden="true"><path class="c-real" d="M0 7h26"/></svg>car</button>
@@ -78,12 +78,12 @@ const FRAME: &str = r#"<div class="tools">
 <p id="spoken" class="unseen" aria-live="polite"></p>
 "#;
 
-/// Slip under which a clutch counts as locked, rad/s.
+/// Slip below which the clutch counts as locked, rad/s.
 const LOCKED: f64 = 1.5;
-/// What is shown before and after lock-up, s.
+/// Time shown before and after lock-up, s.
 const AROUND_S: (f64, f64) = (1.5, 0.5);
 
-/// Slip of all launches, each with its own lock-up at zero: what retuning does to the way the clutch closes.
+/// Slip of all launches, each with its own lock-up at time zero; shows how retuning changes the way the clutch closes.
 fn aligned(input: &Input, retuned: bool) -> String {
     let of = |o: &Overlay, column: &str, pick: fn(&OverlayChannel) -> &Vec<f64>| {
         o.channels.iter().find(|c| c.column == column).map(|c| pick(c).clone())
@@ -92,7 +92,7 @@ fn aligned(input: &Input, retuned: bool) -> String {
         let (f, c) = (of(o, "omega_f_rad_s", pick)?, of(o, "omega_c_rad_s", pick)?);
         Some(f.iter().zip(&c).map(|(f, c)| f - c).collect())
     };
-    // What slips at first and then locks.
+    // Index of lock-up, for an overlay that slips at first and then locks.
     let locks = |s: &[f64]| s.iter().position(|v| v.abs() < LOCKED).filter(|&k| k > 20 && s.first().is_some_and(|v| *v > 10.0 * LOCKED));
     let launches: Vec<(&Overlay, usize)> = input.overlays.iter().filter_map(|o| Some((o, locks(&slip(o, |c| &c.real)?)?))).collect();
     if launches.is_empty() {
@@ -114,7 +114,7 @@ fn aligned(input: &Input, retuned: bool) -> String {
         }
         drawn.push((name, curves));
     }
-    // One scale for both, since they are there to be compared.
+    // Both figures share one scale, because they are meant to be compared.
     let (low, high) = range(drawn.iter().flat_map(|d| &d.1).flat_map(|c| c.2.iter().map(|p| &p.1)));
     let y = Scale { low, high, a: 188.0, b: 8.0 };
     let mut figures = String::new();
@@ -135,7 +135,7 @@ fn aligned(input: &Input, retuned: bool) -> String {
     format!("<h3>Launches, aligned where the car locks up</h3>\n<div class=\"figures\">{figures}</div>\n")
 }
 
-/// Held-out recordings prove the most; among them the greatest gap is the one to look at first.
+/// Index of the overlay shown first: held-out recordings come before others because they prove most, and among them the one with the largest gap.
 fn first_shown(input: &Input) -> usize {
     let overlays = input.overlays;
     let gap = |o: &Overlay| o.channels.iter().map(|c| relative_gap(o, c, input)).fold(0.0, f64::max);
@@ -150,7 +150,7 @@ fn first_shown(input: &Input) -> usize {
     best
 }
 
-/// Gap in multiples of the channel's noise; where that is not known, relative to what the channel spans in the campaign.
+/// Gap in multiples of the channel's noise; if the noise is not known, relative to the range of the channel in the campaign.
 fn relative_gap(o: &Overlay, c: &OverlayChannel, input: &Input) -> f64 {
     let span = || {
         let same = input.overlays.iter().flat_map(|o| &o.channels).filter(|other| other.column == c.column);

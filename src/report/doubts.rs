@@ -1,4 +1,4 @@
-//! What a sceptical reader has to know before the verdict is believed; it stands with the verdict, not below it.
+//! Doubts that a sceptical reader must know before believing the verdict. They are shown next to the verdict, not below it.
 
 use serde_json::Value;
 
@@ -9,11 +9,11 @@ use super::residuals::Residual;
 use super::text::{alternatives, channel, enumeration, escape, number, percent};
 use super::verdict::or_places;
 
-/// One thing to know, as HTML.
+/// One doubt.
 pub struct Doubt {
-    /// Whether it takes the tick away.
+    /// Whether it is serious, so that the verdict loses its tick.
     pub grave: bool,
-    /// The sentence.
+    /// The sentence as HTML.
     pub html: String,
 }
 
@@ -28,14 +28,14 @@ impl Doubt {
     }
 }
 
-/// Recordings below which a campaign is thin.
+/// Number of recordings below which a campaign counts as thin.
 const FEW: usize = 4;
-/// Standard deviations from which a number of the vehicle file is said to be far off.
+/// Departure in standard deviations above which a number of the vehicle file is reported as far off.
 const FAR: f64 = 3.0;
-/// Time outside of the noise's band, in one piece, from which it is told, s.
+/// Uninterrupted time outside the noise band from which a residual is reported, s.
 const LONG_S: f64 = 0.2;
 
-/// All that there is.
+/// All doubts about this answer.
 pub fn of(input: &Input) -> Vec<Doubt> {
     let d = input.diagnosis;
     let mut all: Vec<Doubt> = Vec::new();
@@ -64,7 +64,7 @@ fn rivals(effect: &Value) -> Option<String> {
     Some(format!("These recordings cannot tell <b>{own}</b> from {}.{how}", alternatives(&rivals)))
 }
 
-/// Effects with which a free replay is further off than without.
+/// Effects that were withdrawn, because free replays are farther off with them than without.
 fn taken_back(d: &Value) -> Option<String> {
     let taken = &d["which"]["taken_back"];
     let [before, after] = ["before", "after"].map(|k| real(taken, k).map(|v| number(v, 3)));
@@ -83,7 +83,7 @@ fn elsewhere(d: &Value) -> Option<String> {
     (!others.is_empty()).then(|| format!("{what} may just as well lie in {}.", or_places(&others)))
 }
 
-/// Few recordings, or many curves of few recordings.
+/// Fewer than [`FEW`] recordings, counted as recordings even if they give many curves.
 fn thin(input: &Input) -> Option<String> {
     let mut names: Vec<&str> = input.overlays.iter().map(|o| o.recording.split(" at ").next().unwrap_or_default()).collect();
     names.sort_unstable();
@@ -103,9 +103,9 @@ fn thin(input: &Input) -> Option<String> {
     })
 }
 
-/// Numbers of the vehicle file that the fit had to bend.
+/// Numbers of the vehicle file that the fit moved far from their nominal values.
 fn far_off(d: &Value) -> Option<String> {
-    // What was taken back is nobody's fit.
+    // The tolerances of a withdrawn fit describe no model that is in use.
     let map = d["which"]["tolerances"].as_object().filter(|_| d["which"]["taken_back"].is_null())?;
     let mut far: Vec<(&String, f64)> = map.iter().filter_map(|(n, z)| Some((n, z.as_f64()?))).filter(|(_, z)| z.abs() > FAR).collect();
     far.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
@@ -118,9 +118,9 @@ fn far_off(d: &Value) -> Option<String> {
     })
 }
 
-/// Held-out speeds that stay outside of their noise.
+/// Held-out speeds that stay outside their noise band.
 fn remains(input: &Input) -> Option<String> {
-    // Where nothing was retuned, it is the gap itself.
+    // If nothing was retuned, the residual is the gap itself.
     if !super::series::retuned(input.diagnosis) {
         return None;
     }
@@ -145,7 +145,7 @@ fn stays(r: &Residual, by_law: Option<&str>) -> String {
     )
 }
 
-/// What got worse by retuning.
+/// Figures that got worse by retuning.
 fn worse(d: &Value) -> Option<String> {
     let far = &d["how_far"];
     let (mut all, mut names) = (0, Vec::new());

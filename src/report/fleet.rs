@@ -1,11 +1,11 @@
 //! One page for many cars: what is wrong with all of them, what with some, and every car with a link to its report.
 //!
-//! Each car is a row, a JSON object with `name`, `report` (a link), `error`, `verdict`, `where`, `effects` (`id`, `ambiguous_with`), `closed`,
-//! `confidence`, `before`, `after`, and where they are known `mileage_km`, `date`, `off` (why it is an outlier, in words) and `values` (by number: departure
-//! from the vehicle file and standard deviation). [`row`] makes one of a diagnosis. `population` is the content of fleet.json, or null.
+//! Each car is a row, a JSON object with `name`, `report` (a link), `error`, `verdict`, `where`, `effects` (`id`, `ambiguous_with`), `closed`, `confidence`, `before`, `after`,
+//! and if known `mileage_km`, `date`, `off` (why the car is an outlier, in words) and `values` (by number: departure from the vehicle file and standard deviation). [`row`]
+//! makes a row from a diagnosis. `population` is the content of fleet.json, or null.
 //!
-//! What the population is, is told in tables that need no script. Distributions and the list of cars are drawn by fleet.js, on canvas and row by row as they are
-//! scrolled to, so that ten thousand cars stay usable.
+//! The tables that describe the population need no script. Distributions and the list of cars are drawn by fleet.js, the former on a canvas and the latter row by row as it is
+//! scrolled, so that the page stays usable with ten thousand cars.
 
 use super::json::{flag, list, real, text, texts};
 use super::names;
@@ -17,7 +17,7 @@ use serde_json::{Map, Value, json};
 const FLEET_STYLE: &str = include_str!("fleet.css");
 const SCRIPT: &str = include_str!("fleet.js");
 
-/// The row of a car that was diagnosed.
+/// The row of a diagnosed car.
 pub fn row(name: &str, report: &str, diagnosis: &Value) -> Value {
     let (place, far) = (&diagnosis["where"], &diagnosis["how_far"]);
     let effects: Vec<Value> =
@@ -117,7 +117,7 @@ fn header(title: &str, rows: &[Value], population: &Value) -> String {
     )
 }
 
-/// What occurs most often, and how often; what occurs equally often is not told as if it led.
+/// The most frequent keys, and their frequency; keys that share the first place are named together, so that none seems to lead.
 fn most(counted: &[(String, usize)], name: fn(&str) -> String, none: &str) -> (String, String) {
     let top = counted.first().map_or(0, |c| c.1);
     let first: Vec<String> = counted.iter().take_while(|c| c.1 == top).map(|c| name(&c.0)).collect();
@@ -133,7 +133,7 @@ fn count_word(n: usize) -> String {
     ["no", "one", "two", "three", "four", "five", "six"].get(n).map_or_else(|| n.to_string(), |w| (*w).to_owned())
 }
 
-/// Keys with how often they occur, most frequent first.
+/// Keys with their frequency, most frequent first.
 fn tally(keys: impl Iterator<Item = String>) -> Vec<(String, usize)> {
     let mut counts: std::collections::BTreeMap<String, usize> = std::collections::BTreeMap::new();
     keys.for_each(|k| *counts.entry(k).or_default() += 1);
@@ -172,7 +172,7 @@ fn numbers(population: &Value) -> String {
     )
 }
 
-/// Unit of a number of the vehicle file; empty where it has none that is known.
+/// Unit of a number of the vehicle file; empty if it has none or is not known.
 fn unit_of(name: &str) -> String {
     let flat = NUMBERS.iter().find(|n| n.name == name || n.name.strip_suffix("_0") == Some(name));
     match flat {
@@ -292,7 +292,7 @@ fn effects(rows: &[Value], population: &Value) -> String {
     )
 }
 
-/// Mean, spread and drift of a parameter of an effect.
+/// Mean, spread and drift of an effect's parameter.
 fn size(p: &Value) -> String {
     let get = |key: &str| real(p, key).unwrap_or(f64::NAN);
     let unit = unit(text(p, "unit").unwrap_or_default());
@@ -325,7 +325,7 @@ const CARS: &str = "<noscript><p class=\"absent\">The list is drawn by a script,
 <button type=\"button\" id=\"clear\">All cars</button></div>\n\
 <p class=\"live shown\" id=\"count\" role=\"status\"></p>\n<div class=\"live\" id=\"list\" role=\"table\" aria-label=\"Cars\"><div role=\"row\" class=\"head\" id=\"head\"></div><div id=\"window\" tabindex=\"0\"><div id=\"rows\"></div></div></div>\n";
 
-/// What the script draws from: columns, so that ten thousand cars are a few megabytes.
+/// Data of the script, stored by columns so that ten thousand cars take a few megabytes.
 fn data(rows: &[Value], population: &Value) -> String {
     let column = |get: &dyn Fn(&Value) -> Value| -> Value { rows.iter().map(get).collect::<Vec<_>>().into() };
     let key = |name: &'static str| column(&move |r: &Value| r[name].clone());
@@ -357,7 +357,7 @@ fn data(rows: &[Value], population: &Value) -> String {
         "confidence": real_column("confidence"), "mileage_km": real_column("mileage_km"), "values": values, "units": numbers.iter().map(|n| (n.clone(), unit_of(n).into())).collect::<Map<_, _>>(),
         "names": plain, "places": places, "in": within, "outliers": list(population, "outliers").len(),
     });
-    // Inside a script element no "<" may stand.
+    // A script element must not contain "<".
     all.to_string().replace('<', "\\u003c")
 }
 

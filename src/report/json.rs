@@ -1,8 +1,8 @@
-//! Lenient reading of diagnosis.json: what is missing, of another type or empty is `None`, or an empty list.
+//! Lenient reading of diagnosis.json: an entry that is missing, empty or of another type is `None`, or an empty list.
 
 use serde_json::Value;
 
-/// A text that is not empty.
+/// A non-empty text.
 pub fn text<'a>(value: &'a Value, key: &str) -> Option<&'a str> {
     value[key].as_str().filter(|t| !t.is_empty())
 }

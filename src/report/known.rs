@@ -1,4 +1,4 @@
-//! How well the retuned plant knows its clutch torque: that of a held-out recording in a free replay, with its band, and where the campaign covered it.
+//! How well the retuned plant knows its clutch torque: torque of a held-out recording in a free replay, with its band, and where the campaign covered the state.
 
 use std::fmt::Write as _;
 
@@ -13,28 +13,28 @@ use crate::validated::UNKNOWN_NM;
 pub struct Known {
     /// Name of the recording.
     pub recording: String,
-    /// Where the car's torque comes from.
+    /// Source of the car's torque, in words.
     pub from: &'static str,
     /// Time, s.
     pub time: Vec<f64>,
     /// Clutch torque, N·m.
     pub torque: Vec<f64>,
-    /// Its standard deviation, N·m.
+    /// Standard deviation of the torque, N·m.
     pub sigma: Vec<f64>,
     /// Validity, 0 to 1.
     pub validity: Vec<f64>,
-    /// The car's clutch torque, N·m; a value that is not finite is a gap.
+    /// The car's clutch torque, N·m; non-finite values are gaps.
     pub real: Vec<f64>,
 }
 
 /// Half width of the band in standard deviations.
 const BAND: f64 = 2.0;
-/// Points of a curve.
+/// Number of points of a curve.
 const POINTS: usize = 400;
-/// Height of the strip of validity, in user units.
+/// Height of the validity strip, in user units.
 const STRIP: f64 = 7.0;
 
-/// The section, or nothing.
+/// The section; empty if there are no data.
 pub fn section(input: &Input) -> String {
     let Some(known) = input.known.filter(|k| k.time.len() > 1) else { return String::new() };
     format!(
@@ -49,7 +49,7 @@ pub fn section(input: &Input) -> String {
 fn drawn(k: &Known) -> String {
     let step = k.time.len().div_ceil(POINTS).max(1);
     let rows: Vec<usize> = (0..k.time.len()).step_by(step).collect();
-    // A σ that says "unknown" is drawn as wide as the drawing.
+    // An unknown σ is drawn over the full height of the drawing, and does not influence the scale.
     let width = |i: usize| BAND * k.sigma[i];
     let known = |i: &usize| k.sigma[*i] < UNKNOWN_NM;
     let (low, high) = range(k.time.iter());
@@ -85,7 +85,7 @@ fn drawn(k: &Known) -> String {
     figure(&format!("Clutch torque of {}", k.recording), "N·m", &drawing, &csv, k.from)
 }
 
-/// Runs of equal validity, to a tenth, as a bar.
+/// The validity as a bar: runs of equal validity, rounded to tenths.
 fn strip(k: &Known, rows: &[usize], x: &Scale) -> String {
     let tenth = |i: usize| (10.0 * k.validity[i]).round() as u8;
     let mut out = String::new();

@@ -1,4 +1,4 @@
-//! The laws of the clutch: torque over position, friction over slip and temperature, nominal and identified, with the data as a cloud.
+//! The laws of the clutch: torque over position, friction over slip and temperature, nominal and identified, with the measured data as a cloud.
 
 use std::fmt::Write as _;
 
@@ -12,18 +12,18 @@ use super::text::{capitalised, enumeration, escape, percent};
 /// One curve of a law.
 #[derive(Clone, Debug)]
 pub struct Line {
-    /// Whether it is the identified car's, or the nominal one's.
+    /// Whether it belongs to the identified car instead of the nominal one.
     pub identified: bool,
-    /// Whether it is that of the hotter of two temperatures.
+    /// Whether it belongs to the hotter of two temperatures.
     pub hot: bool,
-    /// Its points.
+    /// Points of the curve.
     pub points: Vec<(f64, f64)>,
 }
 
 /// One law as a figure.
 #[derive(Clone, Debug)]
 pub struct Law {
-    /// What it is.
+    /// Title of the figure.
     pub title: String,
     /// Abscissa with its unit.
     pub over: String,
@@ -31,27 +31,27 @@ pub struct Law {
     pub unit: &'static str,
     /// Curves.
     pub lines: Vec<Line>,
-    /// What was measured.
+    /// Measured points.
     pub cloud: Vec<(f64, f64)>,
-    /// Where the cloud comes from.
+    /// Source of the cloud, in words.
     pub note: String,
-    /// 95 % band of the identified curve: abscissa, low, high; may be empty.
+    /// 95 % band of the identified curve: abscissa, lower bound, upper bound; may be empty.
     pub band: Vec<(f64, f64, f64)>,
-    /// Whether it was learned, where the library ends.
+    /// Whether it is a learned law, for a gap that no effect of the library explains.
     pub learned: bool,
 }
 
-/// Dots of a cloud.
+/// Largest number of dots of a cloud.
 const DOTS: usize = 1500;
 
-/// The section: all laws, or nothing.
+/// The section with all laws; empty if there is none.
 pub fn section(input: &Input) -> String {
     let retuned = super::series::retuned(input.diagnosis);
     let figures = |learned: bool| input.laws.iter().filter(|l| l.learned == learned).map(|l| drawn(l, retuned)).collect::<String>();
     clutch(&figures(false), retuned) + &beyond(input, &figures(true))
 }
 
-/// What was learned where the library ends.
+/// The learned laws, for a gap that no effect of the library explains.
 fn beyond(input: &Input, figures: &str) -> String {
     let far = &input.diagnosis["how_far"];
     let found = &far["empirical"];
@@ -98,13 +98,13 @@ fn clutch(figures: &str, retuned: bool) -> String {
 }
 
 fn drawn(law: &Law, retuned: bool) -> String {
-    // Where nothing was retuned both cars are the same, and one would hide the other.
+    // If nothing was retuned, both cars are the same and one curve would hide the other.
     let shown: Vec<&Line> = law.lines.iter().filter(|l| retuned || !l.identified).collect();
     let step = law.cloud.len().div_ceil(DOTS).max(1);
     let cloud: Vec<(f64, f64)> = law.cloud.iter().copied().step_by(step).collect();
     let lines = shown.iter().flat_map(|l| &l.points);
     let (low, high) = range(lines.clone().map(|p| &p.0));
-    // The lines and all but the outermost dots.
+    // The ordinate covers the lines, the band, and all dots except the outermost 2 % on either side.
     let mut heights: Vec<f64> = cloud.iter().map(|p| p.1).collect();
     heights.sort_by(f64::total_cmp);
     let inner = heights.get(heights.len() / 50..heights.len() - heights.len() / 50).unwrap_or_default();
@@ -137,14 +137,14 @@ fn drawn(law: &Law, retuned: bool) -> String {
     figure(&law.title, law.unit, &drawing, &csv, &law.note)
 }
 
-/// Width of a figure, and the place from which a label is set against its edge, in user units.
+/// Width of a figure, and abscissa beyond which a label is aligned with the figure's right edge, in user units.
 const WIDTH: f64 = 520.0;
 const LAST: f64 = 500.0;
 
-/// Where a still figure's plot begins: room for the labels of its ordinate, also on a narrow screen.
+/// Left edge of a still figure's plot, in user units; leaves room for the labels of the ordinate, also on a narrow screen.
 pub const LEFT: f64 = 60.0;
 
-/// Grid, ticks and the name of the abscissa of a figure of 520 by 232 user units.
+/// Grid, ticks and abscissa label of a figure of 520 by 232 user units.
 pub fn frame(x: &Scale, y: &Scale, over: &str) -> String {
     let mut out = String::new();
     for (t, text) in labelled(y, 4) {
@@ -159,7 +159,7 @@ pub fn frame(x: &Scale, y: &Scale, over: &str) -> String {
     }
     for (t, text) in labelled(x, 6) {
         let p = x.at(t);
-        // A label in the middle of the last tick would reach beyond the drawing.
+        // A label centred on the last tick would extend beyond the drawing.
         let (at, anchor) = if p > LAST { (WIDTH, "end") } else { (p, "middle") };
         write!(
             out,
@@ -172,7 +172,7 @@ pub fn frame(x: &Scale, y: &Scale, over: &str) -> String {
     out
 }
 
-/// A still figure with its table, which the script offers as SVG, PNG and CSV.
+/// A still figure with its data table; the script offers them as SVG, PNG and CSV.
 pub fn figure(title: &str, unit: &str, drawing: &str, csv: &str, note: &str) -> String {
     let label = if unit.is_empty() {
         format!("<b>{}</b>", escape(title))

@@ -1,16 +1,16 @@
-//! `report.html`: the answer of a diagnosis as an engineer takes it to the review.
+//! `report.html`: the answer of a diagnosis as a page that an engineer takes to a review.
 //!
-//! One file that needs no network: style, script and data are inside. The order is that of the questions asked in a review:
-//! the verdict with its doubts, where, the curves, which, how far, what stays open, how it was computed. Figures exist twice: still ones for
-//! paper and for browsers without scripts, and a viewer with linked cursor and zoom that the script draws from [`series`].
+//! One file that needs no network: style, script and data are included. The order follows the questions asked in a review: the verdict with its doubts, where, the curves,
+//! which, how far, what stays open, how it was computed. Figures exist twice: still ones for print and for browsers without scripts, and a viewer with linked cursor and zoom
+//! that the script draws from [`series`].
 //!
-//! - [`text`]: escaping and numbers as people read them
-//! - [`json`]: reading diagnosis.json leniently, since a part that is missing must be said and not guessed
+//! - [`text`]: escaping, and number formats for readers
+//! - [`json`]: lenient reading of diagnosis.json, because a missing part must be reported, not guessed
 //! - [`page`]: the shell that the report shares with the pages of [`fleet`] and [`compare`]
 //! - [`chart`]: scales, ticks and paths of the still figures
-//! - [`series`]: curves as small integers, thinned where they are long
-//! - [`what_if`]: what the viewer needs to replay a recording with other sizes of an effect
-//! - [`names`]: what effects and subsystems are called in a sentence
+//! - [`series`]: curves encoded as small integers, decimated if they are long
+//! - [`what_if`]: data with which the viewer replays a recording with other sizes of an effect
+//! - [`names`]: plain names of effects and subsystems for use in sentences
 //! - one file per section: [`verdict`] with [`doubts`], [`residual_map`], [`curves`], [`causes`] with [`laws`], [`shrinkage`] with [`residuals`] and [`known`],
 //!   [`open_questions`], [`provenance`]
 //!
@@ -41,9 +41,9 @@ pub mod what_if;
 
 use serde_json::Value;
 
-/// What the report shows.
+/// Content of the report.
 pub struct Input<'a> {
-    /// What the reader knows the campaign by; may be empty.
+    /// Name of the campaign for the reader; may be empty.
     pub name: &'a str,
     /// Content of diagnosis.json.
     pub diagnosis: &'a Value,
@@ -53,20 +53,20 @@ pub struct Input<'a> {
     pub drives: &'a [Drive],
     /// Versions, settings, fingerprint of the data: name and value.
     pub provenance: &'a [(String, String)],
-    /// What parts the regions of the residual map, as a sentence; may be empty.
+    /// Sentence that defines the regions of the residual map; may be empty.
     pub regions: &'a str,
-    /// What drove each of the overlays, in their order; may be empty.
+    /// Inputs of each overlay, in the order of `overlays`; may be empty.
     pub traces: &'a [series::Trace],
     /// Laws of the clutch, nominal and identified; may be empty.
     pub laws: &'a [laws::Law],
-    /// How well the retuned plant knows its clutch torque along a held-out recording.
+    /// Torque of the retuned plant along a held-out recording, with its standard deviation.
     pub known: Option<&'a known::Known>,
-    /// What replays the overlays with other sizes of effects.
+    /// Data that replay the overlays with other sizes of effects.
     pub what_if: Option<&'a what_if::WhatIf>,
 }
 
 impl<'a> Input<'a> {
-    /// A report of an answer alone.
+    /// Input for a report that shows the answer alone.
     pub fn empty(diagnosis: &'a Value) -> Self {
         Self {
             name: "",
@@ -116,7 +116,7 @@ pub fn html(input: &Input) -> String {
     })
 }
 
-/// A line that says that something is absent, so that nobody takes silence for a good result.
+/// A line that states that something is absent, so that silence is not mistaken for a good result.
 fn absent(what: &str) -> String {
     format!("<p class=\"absent\">{}</p>\n", text::escape(what))
 }

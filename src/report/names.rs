@@ -1,8 +1,8 @@
-//! Plain names of effects, subsystems and numbers: what a person says, beside the ids that programs use.
+//! Plain names of effects, subsystems and numbers for readers; programs use the ids.
 
 use super::text::{alternatives, capitalised, words};
 
-/// What each effect of the library is called in a sentence.
+/// Name of each effect of the library within a sentence.
 pub const EFFECTS: [(&str, &str); 24] = [
     ("actuator_backlash", "play in the actuator"),
     ("actuator_delay", "delay of the position command"),
@@ -30,7 +30,7 @@ pub const EFFECTS: [(&str, &str); 24] = [
     ("vehicle_mass", "vehicle mass"),
 ];
 
-/// What each effect that is simulated only is called in a sentence.
+/// Name within a sentence of each effect that can be simulated but not diagnosed.
 pub const SIMULATED: [(&str, &str); 8] = [
     ("combustion_pulsation", "pulsation of the engine torque"),
     ("engine_torque_limit", "limit of the engine torque"),
@@ -42,7 +42,7 @@ pub const SIMULATED: [(&str, &str); 8] = [
     ("tyre_slip", "slip of the tyres"),
 ];
 
-/// What each subsystem is called in a sentence.
+/// Name of each subsystem within a sentence.
 pub const SUBSYSTEMS: [(&str, &str); 7] = [
     ("engine", "engine torque"),
     ("actuator", "actuator"),
@@ -53,17 +53,17 @@ pub const SUBSYSTEMS: [(&str, &str); 7] = [
     ("sensors", "speed sensors"),
 ];
 
-/// The plain name of an effect; an id that is not in the library is given back as words.
+/// The plain name of an effect; an unknown id is returned as words.
 pub fn effect(id: &str) -> String {
     EFFECTS.iter().chain(&SIMULATED).find(|(known, _)| *known == id).map_or_else(|| words(id), |(_, name)| (*name).to_owned())
 }
 
-/// Whether an effect has a name in the plural.
+/// Whether the name of an effect is a plural.
 pub fn is_plural(id: &str) -> bool {
     matches!(id, "driveline_compliance" | "surface_temperature")
 }
 
-/// What each curve of a learned law is called.
+/// Title of each curve of a learned law.
 pub const CURVES: [(&str, &str); 20] = [
     ("friction_slip", "Friction over slip"),
     ("friction_temperature", "Friction over disc temperature"),
@@ -97,7 +97,7 @@ pub fn subsystem(id: &str) -> String {
     SUBSYSTEMS.iter().find(|(known, _)| *known == id).map_or_else(|| words(id), |(_, name)| (*name).to_owned())
 }
 
-/// A subsystem with its article, as in "lies in the driveline".
+/// A subsystem with its article, if it needs one, as in "lies in the driveline".
 pub fn place(id: &str) -> String {
     match id {
         "friction" => subsystem(id),
@@ -105,17 +105,17 @@ pub fn place(id: &str) -> String {
     }
 }
 
-/// An effect with those that may be there in its place: "A or B".
+/// An effect and its rivals as alternatives: "A or B".
 pub fn with_rivals(id: &str, rivals: &[&str]) -> String {
     alternatives(&std::iter::once(id).chain(rivals.iter().copied()).map(effect).collect::<Vec<_>>())
 }
 
-/// The name at the beginning of a line.
+/// Name of an effect, capitalised for the beginning of a line.
 pub fn effect_title(id: &str) -> String {
     capitalised(&effect(id))
 }
 
-/// The name at the beginning of a line.
+/// Name of a subsystem, capitalised for the beginning of a line.
 pub fn subsystem_title(id: &str) -> String {
     capitalised(&subsystem(id))
 }

@@ -1,4 +1,4 @@
-//! What could not be judged, and what to measure so that it can.
+//! Section on what could not be judged, and what to measure in order to judge it.
 
 use serde_json::Value;
 
@@ -32,12 +32,12 @@ pub fn section(diagnosis: &Value) -> String {
     out
 }
 
-/// Recording and words of a note that is of one recording.
+/// Splits a note on a single recording into the recording's name and the text; `None` for other notes.
 pub fn of_recording(note: &str) -> Option<(&str, &str)> {
     note.split_once(": ").filter(|(head, _)| !head.contains(' '))
 }
 
-/// Notes as they come; what was done to several recordings alike stands there once.
+/// Notes in their order; a note that several recordings share is listed once, with their names.
 fn notes(all: &[&str]) -> Vec<String> {
     let mut groups: Vec<(&str, Vec<&str>)> = Vec::new();
     for note in all {
@@ -62,7 +62,7 @@ fn items(heading: &str, items: &[String]) -> String {
     format!("<h3>{heading}</h3>\n<ul>{list}</ul>\n")
 }
 
-/// What shows more of a subsystem whose gap no effect of the library accounts for.
+/// Measurements that show more of a subsystem whose gap no effect of the library explains.
 const CLOSER_LOOKS: [(&str, &str); 7] = [
     (
         "engine",
@@ -79,7 +79,7 @@ const CLOSER_LOOKS: [(&str, &str); 7] = [
     ("sensors", "both speeds against an encoder, or each other in a locked drive with steps: gain, delay and filtering"),
 ];
 
-/// What would split the ambiguity groups, and what would show more of a gap without a cause.
+/// Measurements that would split the ambiguity groups, or show more of a gap without a cause.
 fn next(diagnosis: &Value) -> String {
     let which = &diagnosis["which"];
     let unknown = text(&diagnosis["where"], "unexplained_at");
@@ -93,7 +93,7 @@ fn next(diagnosis: &Value) -> String {
     items("Measure next", &look.into_iter().chain(splits).collect::<Vec<_>>())
 }
 
-/// Grouped by what to measure, since that is what gets planned.
+/// Effects that are not assessable, grouped by the measurement that would help, because measurements are what gets planned.
 fn not_assessable(entries: &[Value]) -> String {
     if entries.is_empty() {
         return "<p>Every effect in the library could be judged from these recordings.</p>\n".to_owned();

@@ -1,27 +1,27 @@
-//! The shell of every page: head, contents and sections, in one file that loads nothing.
+//! The shell of every page: head, table of contents and sections, in one file that loads nothing.
 
 use super::text::escape;
 
-/// The look that all pages share.
+/// Style that all pages share.
 const STYLE: &str = include_str!("report.css");
 
-/// Nothing may be loaded from anywhere, and the browser is told so. The plant in the report is code that is compiled there.
+/// Content security policy: the browser is told to load nothing from anywhere. WebAssembly is allowed, because the report compiles the plant in the browser.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline' 'wasm-unsafe-eval'; img-src data:";
 
 /// A section below the header: anchor, title, content.
 pub type Section = (&'static str, &'static str, String);
 
-/// What stands in the shell.
+/// Content of the shell.
 pub struct Page<'a> {
-    /// What browser tabs and search lists show after the name of the program; plain text.
+    /// Title in browser tabs and bookmarks, after the name of the program; plain text.
     pub title: &'a str,
-    /// Style of this kind of page, beside the shared one.
+    /// Style of this kind of page, in addition to the shared one.
     pub style: &'a str,
-    /// What stands above the contents.
+    /// Content above the table of contents.
     pub header: &'a str,
     /// The sections, in their order.
     pub sections: &'a [Section],
-    /// Data for the script: id and JSON in which no "<" stands.
+    /// Data for the script: element id, and JSON without the character "<".
     pub data: &'a [(&'a str, String)],
     /// The script; may be empty.
     pub script: &'a str,

@@ -1,4 +1,4 @@
-//! What recordings show and what to measure next: the picture that `kisspoint plan` writes, and two tables of the report.
+//! Limits of detection and manoeuvres to drive next: the picture that `kisspoint plan` writes, and two tables of the report.
 
 use super::chart::Scale;
 use super::names;
@@ -12,18 +12,18 @@ const LEFT: f64 = 300.0;
 const RIGHT: f64 = 70.0;
 const TOP: f64 = 34.0;
 const BOTTOM: f64 = 40.0;
-/// Colours that stay apart for colour-blind readers and in print.
+/// Colours that colour-blind readers can tell apart, also in print.
 const SHOWN: &str = "#0072b2";
 const HIDDEN: &str = "#d55e00";
 
-/// Limit of one effect in sizes of a usual fault; not finite where nothing shows it.
+/// Limit of detection of one effect, relative to the size of a usual fault; not finite if nothing shows the effect.
 struct Mark<'a> {
     id: &'a str,
     now: f64,
     best: Option<f64>,
 }
 
-/// The file of a plan, from its JSON.
+/// The picture of a plan, from its JSON.
 pub fn svg(plan: &Value) -> String {
     let effects: Vec<&Value> = plan["effects"].as_array().into_iter().flatten().collect();
     let marks: Vec<Mark> = effects
@@ -33,7 +33,7 @@ pub fn svg(plan: &Value) -> String {
             Mark { id: e["id"].as_str().unwrap_or_default(), now: e["relative"].as_f64().unwrap_or(f64::INFINITY), best }
         })
         .collect();
-    // Before measuring the best manoeuvre alone is not what is compared: the campaign has it.
+    // Before measuring, the limit of the best manoeuvre alone is no useful comparison, because the campaign contains that manoeuvre.
     let marks: Vec<Mark> = if plan["campaign"].is_null() { marks.into_iter().map(|m| Mark { best: None, ..m }).collect() } else { marks };
     let (limits, limits_height) = limits(&marks);
     let (bars, bars_height) = worth(&plan["measure_next"]).unwrap_or_default();
@@ -45,7 +45,7 @@ pub fn svg(plan: &Value) -> String {
     )
 }
 
-/// Both tables for the report of a diagnosis; what there is none of is left out.
+/// Both tables for the report of a diagnosis; an empty one is left out.
 pub fn figures(diagnosis: &Value) -> String {
     let mut out = String::new();
     out += &worth_table(&diagnosis["measure_next"]);
@@ -65,7 +65,7 @@ pub fn figures(diagnosis: &Value) -> String {
     out
 }
 
-/// A row for each effect, which reflows on a narrow screen: name, limit, and its place on a logarithmic scale.
+/// A row for each effect, which reflows on a narrow screen: name, limit, and position on a logarithmic scale.
 fn limits_table(marks: &[Mark]) -> String {
     let (low, high) = decades(marks);
     let x = Scale { low, high, a: 8.0, b: 232.0 };
@@ -97,14 +97,14 @@ fn limits_table(marks: &[Mark]) -> String {
     )
 }
 
-/// Powers of ten between which all limits lie.
+/// Exponents of the powers of ten between which all limits lie.
 fn decades(marks: &[Mark]) -> (f64, f64) {
     let finite = marks.iter().flat_map(|m| [Some(m.now), m.best]).flatten().filter(|x| x.is_finite() && *x > 0.0 && *x < 1e3);
     let (low, high) = finite.fold((0.1f64, 10.0f64), |(a, b), x| (a.min(x), b.max(x)));
     (low.log10().floor(), high.log10().ceil())
 }
 
-/// A row for each manoeuvre; nothing where nothing is open.
+/// A row for each manoeuvre; empty if nothing is open.
 fn worth_table(next: &Value) -> String {
     let all: Vec<&Value> = next["manoeuvres"].as_array().into_iter().flatten().collect();
     let rate = |m: &Value| m["nats_per_minute"].as_f64().unwrap_or(0.0).max(0.0);
@@ -129,7 +129,7 @@ fn worth_table(next: &Value) -> String {
     )
 }
 
-/// A dot for each effect on a logarithmic scale, the line of a usual fault through them.
+/// A dot for each effect on a logarithmic scale, crossed by the line that marks a usual fault.
 fn limits(marks: &[Mark]) -> (String, f64) {
     let height = TOP + ROW * marks.len() as f64 + BOTTOM;
     let (low, high) = decades(marks);

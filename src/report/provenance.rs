@@ -1,4 +1,4 @@
-//! How it was computed: versions, settings, fingerprint, what to set in the plant, and how far each tolerance was used.
+//! How it was computed: versions, settings, fingerprint, parameters to set in the plant, and how much of each tolerance was used.
 
 use serde_json::{Map, Value};
 
@@ -21,7 +21,7 @@ pub fn section(input: &Input) -> String {
     facts + &retuned(input.diagnosis) + &tolerances(input.diagnosis)
 }
 
-/// Parameters of the plant that differ from the vehicle as it was believed: those of the chosen effects first.
+/// Parameters of the plant that differ from the nominal vehicle, those of the chosen effects first.
 fn retuned(diagnosis: &Value) -> String {
     let plant = &diagnosis["plant"];
     let (Some(now), Some(nominal)) = (plant["parameters"].as_object(), plant["nominal_parameters"].as_object()) else {
@@ -65,7 +65,7 @@ fn row(name: &str, nominal: &Map<String, Value>, now: &Map<String, Value>) -> St
     )
 }
 
-/// A dot at its place, or an arrow at the edge beyond which the place lies.
+/// A dot at the value, or an arrow at the edge of the scale if the value lies beyond it.
 fn mark(z: f64, x: &Scale) -> String {
     let (edge, tip) = if z < 0.0 { (x.at(x.low), -6.0) } else { (x.at(x.high), 6.0) };
     if (x.low..=x.high).contains(&z) {
@@ -75,10 +75,10 @@ fn mark(z: f64, x: &Scale) -> String {
     }
 }
 
-/// Where each number ended up, in its own standard deviations: what lies far out was pulled, and may be wrong in the vehicle file.
+/// Estimate of each number in its own standard deviations; a number far from zero was pulled by the data, and may be wrong in the vehicle file.
 fn tolerances(diagnosis: &Value) -> String {
     let Some(used) = diagnosis["which"]["tolerances"].as_object().filter(|map| !map.is_empty()) else { return String::new() };
-    // The FMU of a learned law has a fit of its own.
+    // An FMU with a learned law has numbers from a fit of its own.
     let kept = match text(diagnosis, "verdict") {
         Some("unexplained") if super::series::holds_law(diagnosis) => {
             ", in the fit behind the verdict; the FMU's numbers, above, go with its empirical law"

@@ -1,4 +1,4 @@
-//! Where: gap of each balance equation in each phase and region, and the share of each subsystem.
+//! Section "where": gap of each balance equation in each phase and region, and the share of each subsystem.
 
 use serde_json::Value;
 
@@ -11,7 +11,7 @@ use super::{Input, absent};
 /// Bounds between the shades, in standard deviations.
 const SHADES: [f64; 5] = [2.0, 3.0, 5.0, 10.0, 30.0];
 
-/// Equations in the order in which torque flows, the subsystems whose gap they show first, and what each compares; others follow as they come.
+/// Equations in the order in which torque flows: name, the subsystems whose gap they show first, and what each compares. Other equations follow in the order of the answer.
 const EQUATIONS: [(&str, &str, &str); 5] = [
     (
         "engine balance",
@@ -44,16 +44,16 @@ pub fn section(input: &Input) -> String {
     lead(input.diagnosis) + hidden + switch + &maps + &how_to_read(entries, input.regions)
 }
 
-/// Both maps stand in the page; without a script they stand one below the other.
+/// Buttons that switch between the maps. Both maps are in the page; without a script they appear one below the other.
 const SWITCH: &str = "<div class=\"tools live\" role=\"group\" aria-label=\"Residual map\">\
     <button type=\"button\" data-map=\"map-before\" aria-pressed=\"true\">without the effects</button>\
     <button type=\"button\" data-map=\"map-after\" aria-pressed=\"false\">with the effects</button></div>\n";
 
-/// A gap of which the map shows nothing.
+/// Sentence for a gap that shows in no cell of the map.
 const HIDDEN: &str = "<p>No cell stands out: spread over phases and regions, this gap is too faint to show in any one of them. It takes all recordings \
     together to show it.</p>\n";
 
-/// Subsystems in the order of their importance, the primary one first.
+/// Subsystems by decreasing share, with the primary one first.
 pub fn subsystems(place: &Value) -> Vec<&str> {
     let mut shares: Vec<(&str, f64)> = list(place, "subsystems").iter().filter_map(|s| Some((text(s, "id")?, real(s, "share")?))).collect();
     shares.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -88,7 +88,7 @@ fn lead(diagnosis: &Value) -> String {
     format!("<p>{primary}{remainder}{irregular}</p>\n")
 }
 
-/// Names that occur, known ones first.
+/// The names that occur in `found`, known ones first and in the order of `known`.
 fn ordered<'a>(known: &[&'a str], found: impl Iterator<Item = &'a str>) -> Vec<&'a str> {
     let found: Vec<&str> = found.collect();
     let mut out: Vec<&str> = known.iter().copied().filter(|k| found.contains(k)).collect();
@@ -142,7 +142,7 @@ fn cell(entries: &[&Value], equation: &str, region: &str) -> String {
     let rms = real(entry, "rms")
         .map_or_else(String::new, |r| format!("<small>{} {}</small>", number(r, 2), escape(&unit(text(entry, "unit").unwrap_or("")))));
     let samples = real(entry, "samples").map_or_else(String::new, |n| format!(" title=\"{} samples\"", number(n, 7)));
-    // Digits of what is nothing say nothing.
+    // Digits of a value that is practically zero carry no information.
     let shown = if sigma.abs() < LEAST { format!("&lt;&#8201;{LEAST}") } else { number(sigma, 2) };
     format!("<td class=\"h{}{mark}\"{samples}><b>{shown}</b>{said}{rms}</td>", shade(sigma))
 }
@@ -160,10 +160,10 @@ fn scale(error: Option<f64>) -> String {
     )
 }
 
-/// Standard deviations below which a cell has no number of its own.
+/// Standard deviations below which a cell shows only an upper bound.
 const LEAST: f64 = 0.1;
 
-/// What the columns and rows are, and what a cell does not say.
+/// Explains columns and rows of the map, and what a cell does not show.
 fn how_to_read(entries: &[Value], regions: &str) -> String {
     let known = EQUATIONS.iter().filter(|(name, _, _)| entries.iter().any(|e| text(e, "equation") == Some(name)));
     let columns: String = known.map(|(name, _, meaning)| format!("<div><dt>{}</dt><dd>{meaning}</dd></div>", title(name))).collect();

@@ -1,20 +1,20 @@
-//! Residuals of the free replay: do they look like noise, are they white, do they depend on anything?
+//! Residuals of the free replay: tests of whether they look like noise, are white, and depend on any signal.
 //!
-//! Whiteness: the share of autocorrelations at lags 1 to 25 outside ±1.96/√n, where noise puts 5 %. Independence: the largest correlation of the residual
-//! with slip, its change, position and temperature, beside the bound ±1.96/√n. A free replay adds up whatever error there is, so that a residual that
-//! fails these tests by a little is a small error of a law and not yet another effect.
+//! Whiteness: the share of autocorrelations at lags 1 to 25 outside ±1.96/√n, which is 5 % for white noise. Independence: the largest correlation of the residual with slip,
+//! position, disc temperature or clutch torque, compared with the bound ±1.96/√n. Errors accumulate over a free replay, so a residual that narrowly fails these tests may be
+//! due to a small error of a law, and not to a further effect.
 
 use super::chart::{Scale, decimals, range, ticks};
 use super::text::{channel, escape, fixed, number, percent, signed, unit};
 use super::{Input, Overlay, OverlayChannel, absent, series};
 use std::fmt::Write as _;
 
-/// Autocorrelations that are tested.
+/// Number of autocorrelations that are tested.
 const LAGS: usize = 25;
 /// Half width of a 95 % interval in standard deviations.
 const INTERVAL: f64 = 1.96;
 
-/// What the residual of one channel looks like.
+/// Statistics of the residual of one channel.
 pub struct Residual {
     /// Recording.
     pub recording: String,
@@ -26,21 +26,21 @@ pub struct Residual {
     pub rms: f64,
     /// Share of samples outside ±2σ of the sensor's noise.
     pub outside: f64,
-    /// Longest time outside in one piece, s; single samples inside do not end it.
+    /// Longest uninterrupted time outside ±2σ, s; a single sample inside does not interrupt it.
     pub longest_s: f64,
-    /// Largest residual.
+    /// Largest magnitude of the residual.
     pub largest: f64,
-    /// Share of autocorrelations outside their bound.
+    /// Share of the autocorrelations outside their bound.
     pub coloured: f64,
     /// Autocorrelation at lag 1.
     pub lag_1: f64,
-    /// What it correlates with most, and how much.
+    /// The signal with which the residual correlates most, and the correlation coefficient.
     pub depends: Option<(&'static str, f64)>,
-    /// Bound of a correlation.
+    /// 95 % bound of a correlation coefficient.
     pub bound: f64,
 }
 
-/// Of what was held out, after retuning.
+/// Residuals of the held-out recordings after retuning.
 pub fn held_out(input: &Input) -> Vec<Residual> {
     input.overlays.iter().filter(|o| o.held_out).flat_map(|o| o.channels.iter().filter_map(|c| residual(input, o, c))).collect()
 }
@@ -83,7 +83,7 @@ fn residual(input: &Input, o: &Overlay, c: &OverlayChannel) -> Option<Residual> 
     })
 }
 
-/// What a residual may depend on: slip, position and temperature as measured.
+/// Measured signals that a residual may depend on: slip, position, disc temperature and clutch torque, as far as recorded.
 fn regressors(o: &Overlay) -> Vec<(&'static str, Vec<f64>)> {
     let of = |column: &str| o.channels.iter().find(|c| c.column == column).map(|c| c.real.as_slice());
     let mut all = Vec::new();
@@ -96,7 +96,7 @@ fn regressors(o: &Overlay) -> Vec<(&'static str, Vec<f64>)> {
     all
 }
 
-/// Of two series, over the samples that both have.
+/// Correlation coefficient of two series, over the samples that are finite in both.
 fn correlation(a: &[f64], b: &[f64]) -> f64 {
     let pairs: Vec<(f64, f64)> = a.iter().zip(b).map(|(a, b)| (*a, *b)).filter(|(a, b)| a.is_finite() && b.is_finite()).collect();
     let n = pairs.len() as f64;
@@ -110,7 +110,7 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
     sab / (saa * sbb).sqrt()
 }
 
-/// The section: the table of tests, and the torque that the flywheel still lacks.
+/// The section: the table of tests, and the unexplained torque on the flywheel.
 pub fn section(input: &Input) -> String {
     let all = held_out(input);
     if all.is_empty() {
@@ -150,12 +150,12 @@ pub fn section(input: &Input) -> String {
     )
 }
 
-/// Time over which the gap's slope is taken, s.
+/// Time span over which the slope of the gap is taken, s.
 const SLOPE_S: f64 = 0.1;
-/// Dots of one scatter.
+/// Largest number of dots of one scatter plot.
 const DOTS: usize = 700;
 
-/// J_f d(car − model)/dt + b_f (car − model), N·m: the torque that the flywheel has in the car and lacks in the model.
+/// J_f d(car − model)/dt + b_f (car − model), N·m: torque that acts on the car's flywheel but not on the model's.
 pub fn unexplained_torque(o: &Overlay, model: fn(&OverlayChannel) -> &Vec<f64>, inertia: f64, damping: f64) -> Vec<f64> {
     let Some(c) = o.channels.iter().find(|c| c.column == "omega_f_rad_s") else { return Vec::new() };
     let values = model(c);
@@ -169,19 +169,19 @@ pub fn unexplained_torque(o: &Overlay, model: fn(&OverlayChannel) -> &Vec<f64>, 
         .collect()
 }
 
-/// Flywheel's inertia and damping as the vehicle file has them.
+/// Inertia and damping of the flywheel from the nominal plant.
 pub fn flywheel(input: &Input) -> Option<(f64, f64)> {
     let numbers = &input.diagnosis["plant"]["nominal_parameters"];
     Some((numbers["driveline.J_f"].as_f64()?, numbers["driveline.b_f"].as_f64().unwrap_or(0.0)))
 }
 
-/// What the disc temperature is called: where nobody measured it, it is the retuned model's.
+/// Label of the disc temperature, which is that of the retuned model if the campaign has no thermocouple.
 fn temperature(input: &Input) -> &'static str {
     let measured = input.overlays.iter().any(|o| o.channels.iter().any(|c| c.column == "theta_c_degC"));
     if measured { "Disc temperature" } else { "Modelled disc temperature" }
 }
 
-/// The torque that is not explained, over slip, temperature and position, of all recordings.
+/// The unexplained torque of all recordings, over slip, temperature and position.
 fn lacking(input: &Input) -> String {
     let Some((inertia, damping)) = flywheel(input) else { return String::new() };
     let mut clouds: Vec<(&str, &str, Vec<[f64; 3]>)> =
@@ -221,7 +221,7 @@ fn lacking(input: &Input) -> String {
 fn scatter(name: &str, unit: &str, dots: &[[f64; 3]], retuned: bool) -> String {
     let step = dots.len().div_ceil(DOTS);
     let kept: Vec<&[f64; 3]> = dots.iter().step_by(step).collect();
-    // A few dots of a replay that has left the car would squeeze all others.
+    // The scale ignores the few largest dots, since those of a replay that has diverged from the car would squeeze all others.
     let mut sizes: Vec<f64> = kept.iter().flat_map(|d| [d[1].abs(), d[2].abs()]).collect();
     sizes.sort_by(f64::total_cmp);
     let reach = (1.2 * sizes[(sizes.len() * 98 / 100).min(sizes.len() - 1)]).max(0.5);
@@ -246,15 +246,15 @@ fn scatter(name: &str, unit: &str, dots: &[[f64; 3]], retuned: bool) -> String {
     super::laws::figure(&format!("Unexplained torque over {}", name.to_lowercase().replace("modelled ", "")), "N·m", &drawing, &csv, "")
 }
 
-/// A number in a table for programs.
+/// A number for the data table, with up to five decimals.
 pub fn plain(v: f64) -> String {
     let text = format!("{v:.5}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
-/// Labels of ticks for a scale.
+/// Ticks of a scale with their labels.
 pub fn labelled(scale: &Scale, count: usize) -> Vec<(f64, String)> {
-    // Where the round step is as long as half of the scale, zero would stand alone.
+    // If the round step is half of the scale or longer, zero would be the only tick; the number of ticks is raised until there are three.
     let at = (count..3 * count).map(|n| ticks(scale.low, scale.high, n)).find(|at| at.len() > 2).unwrap_or_default();
     let places = decimals(&at);
     at.into_iter().map(|t| (t, fixed(t, places))).collect()
@@ -265,7 +265,7 @@ mod tests {
     use super::*;
     use serde_json::json;
 
-    /// Deterministic, uniform between −1 and 1.
+    /// Deterministic pseudo-random numbers, uniform between −1 and 1.
     fn noise(n: usize) -> Vec<f64> {
         let mut x = 0.7_f64;
         (0..n)

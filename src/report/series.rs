@@ -1,20 +1,20 @@
-//! Curves as small integers, so that a usual campaign fits into a mail.
+//! Curves encoded as small integers, so that the report of a usual campaign fits into an e-mail.
 //!
-//! The measured curve is stored as steps between samples, the models' as steps of what the measurement has over them, both in units of a
-//! quantum `q` below the noise, as bytes of variable length in base 64. All samples go in up to [`WHOLE`]; more are thinned: of each
-//! stretch of time the least and the greatest measured value and the greatest gap are kept, so that no peak is lost.
+//! The measured curve is stored as differences between successive samples, and the models' curves as differences of (measured − model); both are in units of a quantum `q`
+//! below the noise, encoded as bytes of variable length in base 64. Up to [`WHOLE`] samples are all stored. Longer data are decimated: of each stretch of time the least and
+//! the greatest measured value and the sample with the greatest gap of the nominal model are kept, so that no peak is lost.
 
 use serde_json::{Value, json};
 
 use super::json::{list, real, text};
 use super::{Input, Overlay, OverlayChannel};
 
-/// Samples, all channels together, up to which none is left out.
+/// Number of samples, all channels together, up to which none is left out.
 const WHOLE: usize = 300_000;
-/// Points per curve, all channels together, that the viewer gets of more.
+/// Number of points, all channels together, that the viewer gets otherwise.
 const VIEWER_POINTS: usize = 60_000;
 
-/// A signal that drove a recording.
+/// An input signal of a recording.
 #[derive(Clone, Debug, Default)]
 pub struct Signal {
     /// Column of the recording.
@@ -25,10 +25,10 @@ pub struct Signal {
     pub values: Vec<f64>,
 }
 
-/// What drove one recording.
+/// Inputs and clutch states of one recording.
 #[derive(Clone, Debug, Default)]
 pub struct Trace {
-    /// Reported torque, commanded position.
+    /// Reported torque and commanded position.
     pub signals: Vec<Signal>,
     /// State of the clutch per sample: 0 open, 1 slipping, 2 locked.
     pub phases: Vec<u8>,
@@ -50,23 +50,23 @@ pub fn embedded(input: &Input) -> String {
     json!({ "recordings": recordings, "retuned": retuned(input.diagnosis), "flywheel": flywheel }).to_string().replace('<', "\\u003c")
 }
 
-/// Points per curve that the viewer gets.
+/// Number of points per curve that the viewer gets.
 pub(super) fn viewer_limit(overlays: &[Overlay]) -> usize {
     let samples: usize = overlays.iter().flat_map(|o| &o.channels).map(OverlayChannel::len).sum();
     if samples <= WHOLE { usize::MAX } else { limit(overlays, VIEWER_POINTS, usize::MAX) }
 }
 
-/// Whether there is a retuned model beside the nominal one: otherwise its curves would only be drawn twice.
+/// Whether there is a retuned model beside the nominal one; if not, its curves would only repeat the nominal ones.
 pub fn retuned(diagnosis: &Value) -> bool {
     !matches!(text(diagnosis, "verdict"), Some("unexplained" | "inputs_do_not_fit")) || holds_law(diagnosis)
 }
 
-/// Whether the retuned plant holds a law that was learned.
+/// Whether the retuned plant contains a learned law.
 pub fn holds_law(diagnosis: &Value) -> bool {
     diagnosis["how_far"]["empirical"]["taken"] == true
 }
 
-/// One or several laws that were learned, in words: what they are called with and without an article, and that they are no cause.
+/// Words for one or several learned laws: the name with and without an article, and the clause that they name no cause.
 pub fn law_words(far: &Value) -> [&'static str; 3] {
     match far["empirical"]["laws"].as_array() {
         Some(laws) if laws.len() > 1 => ["empirical laws", "empirical laws", "which name no cause"],
@@ -74,13 +74,13 @@ pub fn law_words(far: &Value) -> [&'static str; 3] {
     }
 }
 
-/// Points that each channel may have if all share `total`.
+/// Number of points that each channel may have if all channels share `total`.
 pub fn limit(overlays: &[Overlay], total: usize, most: usize) -> usize {
     let channels: usize = overlays.iter().map(|o| o.channels.len()).sum();
     (total / channels.max(1)).clamp(45, most)
 }
 
-/// Standard deviation of the noise of a channel, if the diagnosis states it for this recording, or else for another: the sensor is the same.
+/// Standard deviation of the noise of a channel, as stated by the diagnosis for this recording, or else for another one, because the sensor is the same.
 pub fn noise(diagnosis: &Value, recording: &str, column: &str) -> Option<f64> {
     let rows = list(&diagnosis["how_far"], "per_recording");
     let mut of_channel = rows.iter().filter(|r| text(r, "channel") == Some(column));
@@ -95,7 +95,7 @@ pub fn rms(real: &[f64], model: &[f64]) -> f64 {
 }
 
 impl OverlayChannel {
-    /// Samples that all three curves have.
+    /// Number of samples that all three curves have.
     pub fn len(&self) -> usize {
         self.real.len().min(self.before.len()).min(self.after.len())
     }
@@ -105,7 +105,7 @@ impl OverlayChannel {
         self.len() == 0
     }
 
-    /// Samples to draw: all of them, or about `limit` that keep every peak.
+    /// Indices of the samples to draw: all of them, or about `limit` of them that keep every peak.
     pub fn kept(&self, limit: usize) -> Vec<usize> {
         let n = self.len();
         if n <= limit {
@@ -121,7 +121,7 @@ impl OverlayChannel {
             kept.extend(least(&|i| -self.real[i]));
             kept.extend(least(&|i| -(self.real[i] - self.before[i]).abs()));
             kept.extend(least(&|i| -(self.real[i] - self.after[i]).abs()));
-            // A gap has to stay one.
+            // Gaps in the measurement must remain gaps.
             kept.extend(stretch.clone().find(|&i| !self.real[i].is_finite()));
         }
         kept.sort_unstable();
@@ -139,7 +139,7 @@ fn recording(overlay: &Overlay, trace: &Trace, diagnosis: &Value, limit: usize) 
     })
 }
 
-/// Where each state of the clutch begins: sample and state.
+/// Start of each run of equal clutch state: sample and state.
 fn runs(phases: &[u8]) -> Vec<[usize; 2]> {
     let begins = |i: usize| i == 0 || phases[i] != phases[i - 1];
     (0..phases.len()).filter(|&i| begins(i)).map(|i| [i, phases[i].into()]).collect()
@@ -166,8 +166,8 @@ pub(super) fn channel(c: &OverlayChannel, noise: Option<f64>, limit: usize) -> V
     })
 }
 
-/// Rounded values as steps from one to the next, in base 64: each step is doubled, its sign in the last bit, and one is added, since zero stands for what is
-/// no number; seven bits go into a byte, the lowest first, and the eighth says that more follow.
+/// Rounded values as differences of successive values, in base 64. Each difference is doubled with its sign in the lowest bit, and one is added, because zero stands for a
+/// missing value. Seven bits go into each byte, the lowest first, and the eighth bit says that more follow.
 fn packed(values: impl Iterator<Item = f64>) -> String {
     let mut bytes = Vec::new();
     let mut level = 0_i64;
@@ -201,12 +201,12 @@ pub(super) fn base64(bytes: &[u8]) -> String {
     out
 }
 
-/// One, two or five times a power of ten: one part in 8 000 to 20 000 of the range, below the noise also of a speed that runs from 0 to 250 rad/s.
+/// Quantum of 1, 2 or 5 times a power of ten, between 1/20 000 and 1/8 000 of the range; this is below the noise even for a speed that runs from 0 to 250 rad/s.
 fn quantum(values: &[f64]) -> f64 {
     let (low, high) = super::chart::range(values.iter());
     let finest = ((high - low) / 2e4).clamp(1e-9, 1e9);
     let exponent = finest.log10().floor() as i32;
-    // Through text, since 10^-3 as a product of floats is not the float nearest to 0.001.
+    // The value is parsed from text, because 10^-3 as a product of floats is not the float nearest to 0.001.
     let steps = [(1, exponent), (2, exponent), (5, exponent), (1, exponent + 1)].map(|(m, e)| format!("{m}e{e}"));
     let steps = steps.map(|text| text.parse::<f64>().expect("digits with an exponent are a number"));
     steps.into_iter().find(|q| *q >= finest).unwrap_or(finest)
@@ -235,7 +235,8 @@ mod tests {
 
     #[test]
     fn bytes_hold_steps_and_gaps() {
-        // 20000 is 40000 doubled, 40001 with one added: 65, 56, 2 in sevens; a step of 24 is 49; nothing is 0; 30076 is a step of 10052.
+        // 20000 is 40000 doubled and 40001 with one added: 65, 56, 2 in groups of seven bits; a difference of 24 is stored as 49; a missing value as 0; 30076 is a difference
+        // of 10052.
         let c = channel_of(vec![100.0, 100.12, f64::NAN, 150.38]);
         let stored = channel(&c, None, 100);
         assert_eq!(stored["q"], 0.005);

@@ -1,4 +1,4 @@
-//! How far: gap before and after against the noise floor, and what an engagement costs.
+//! Section "how far": gap before and after compared with the noise floor, and figures of each engagement.
 
 use serde_json::Value;
 
@@ -10,7 +10,7 @@ use super::text::{capitalised, channel, escape, fixed, number, percent, signed, 
 /// The section.
 pub fn section(diagnosis: &Value) -> String {
     let far = &diagnosis["how_far"];
-    // A learned law is told beside what effects close.
+    // With the verdict "unexplained", a learned law has a row of its own beside the figures of the effects.
     let retuned = super::series::retuned(diagnosis) && text(diagnosis, "verdict") != Some("unexplained");
     let untouched = match text(diagnosis, "verdict") {
         _ if !retuned && super::series::holds_law(diagnosis) => {
@@ -51,7 +51,7 @@ fn summary(far: &Value, retuned: bool) -> String {
     };
     let less = if after > before { " The free replay is off by <b>more</b> than before.".to_owned() } else { less };
     let less = if retuned { less } else { String::new() };
-    // Of one that is closed to its floor no share is told beyond that: what is left cannot be told from what a perfect model may be off by.
+    // No share is stated for a gap that is closed to its floor, because the remainder cannot be told from the error of a perfect model.
     let closed = match (real(far, "closed_fraction"), floor) {
         (Some(_), Some(f)) if before <= f => {
             format!(
@@ -102,7 +102,7 @@ fn per_recording(far: &Value, retuned: bool) -> String {
     )
 }
 
-/// Heads of the columns of the models.
+/// Column heads of the models.
 fn heads(retuned: bool) -> &'static str {
     if retuned {
         "<th scope=\"col\" class=\"num\"><span class=\"t-before\">Before</span></th><th scope=\"col\" class=\"num\"><span class=\"t-after\">After</span></th>"
@@ -111,7 +111,7 @@ fn heads(retuned: bool) -> &'static str {
     }
 }
 
-/// Decades of the logarithmic scale.
+/// Labels of the logarithmic scale.
 fn ruler(x: &Scale) -> String {
     let marks = [0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0, 1e4];
     let inside = marks.iter().filter(|m| (x.low - 1e-9..=x.high + 1e-9).contains(&f64::ln(**m)));
@@ -124,11 +124,11 @@ fn ruler(x: &Scale) -> String {
             )
         })
         .collect();
-    // A label in the middle of a mark at the end reaches beyond it.
+    // A label centred on the last mark extends beyond the drawing, so overflow is visible.
     format!("<svg class=\"ruler\" viewBox=\"0 0 240 16\" overflow=\"visible\" aria-hidden=\"true\">{texts}</svg>")
 }
 
-/// One body per recording, its name once.
+/// One table body per recording, with its name once.
 fn grouped(entries: &[Value], held: &[&str], x: &Scale, retuned: bool) -> String {
     let mut out = String::new();
     for group in entries.chunk_by(|a, b| a["recording"] == b["recording"]) {
@@ -144,7 +144,7 @@ fn grouped(entries: &[Value], held: &[&str], x: &Scale, retuned: bool) -> String
     out
 }
 
-/// Of a bench campaign a recording is held out, of drives one engagement: both are told.
+/// Mark of a held-out recording: in bench campaigns a whole recording is held out, in drives one engagement, whose recording is marked, too.
 fn mark(name: &str, held: &[&str]) -> &'static str {
     if held.iter().any(|h| *h == name || h.ends_with(&format!(" of {name}"))) { " <em>held out</em>" } else { "" }
 }
@@ -176,7 +176,7 @@ fn dumbbell(before: f64, after: Option<f64>, x: &Scale) -> String {
     )
 }
 
-/// Key, name, unit, factor from the key's unit.
+/// Key, name, unit, and factor from the key's unit.
 pub const FIGURES: [(&str, &str, &str, f64); 3] = [
     ("engagement_time_s", "Engagement time", "s", 1.0),
     ("dissipated_energy_J", "Dissipated energy", "kJ", 1e-3),
@@ -214,11 +214,11 @@ fn engagement(far: &Value, retuned: bool) -> String {
     )
 }
 
-/// The model's values with how far they are off the car's.
+/// Table cells of the models' values, with their deviation from the car's in per cent.
 fn cells(values: [Option<f64>; 3], retuned: bool) -> String {
     let real = values[0];
     let off = |v: f64| match real {
-        // Beyond a factor of ten a decimal says nothing.
+        // Beyond a factor of ten, a decimal carries no information.
         Some(r) if r.abs() > 1e-9 => {
             let p = 100.0 * (v / r - 1.0);
             format!("<small>{}&#8239;%</small>", signed(p, usize::from(p.abs() < 1000.0)))

@@ -1,8 +1,8 @@
-//! Text for people: escaping, numbers, names.
+//! Text for readers: escaping, numbers, names.
 
 use crate::gap::prose::listed;
 
-/// `text` safe in HTML content and in quoted attributes.
+/// `text` escaped for HTML content and quoted attributes.
 pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -18,7 +18,7 @@ pub fn escape(text: &str) -> String {
     out
 }
 
-/// A number with `digits` significant digits, a true minus sign and grouped thousands; a dash for what is no number.
+/// A number with `digits` significant digits, a true minus sign and grouped thousands; a dash if it is not finite.
 pub fn number(value: f64, digits: i32) -> String {
     if !value.is_finite() {
         return "–".to_owned();
@@ -33,7 +33,7 @@ pub fn number(value: f64, digits: i32) -> String {
     fixed(value, (digits - 1 - magnitude).clamp(0, 9) as usize)
 }
 
-/// A number with up to so many significant digits and no padding.
+/// A number with up to `digits` significant digits and no trailing zeros.
 pub fn plain(value: f64, digits: i32) -> String {
     let text = number(value, digits);
     let (digits, power) = text.split_once('e').map_or((text.as_str(), String::new()), |(digits, power)| (digits, format!("e{power}")));
@@ -41,7 +41,7 @@ pub fn plain(value: f64, digits: i32) -> String {
     format!("{bare}{power}")
 }
 
-/// A number with so many decimals, otherwise as [`number`].
+/// A number with `decimals` decimals, otherwise formatted as [`number`].
 pub fn fixed(value: f64, decimals: usize) -> String {
     let plain = format!("{:.decimals$}", value.abs());
     let (whole, fraction) = plain.split_once('.').map_or((plain.as_str(), ""), |(w, f)| (w, f));
@@ -62,13 +62,13 @@ pub fn fixed(value: f64, decimals: usize) -> String {
     out
 }
 
-/// Like [`fixed`], with a plus sign too.
+/// Like [`fixed`], with an explicit plus sign.
 pub fn signed(value: f64, decimals: usize) -> String {
     let text = fixed(value, decimals);
     if text.starts_with('−') || !text.bytes().any(|b| (b'1'..=b'9').contains(&b)) { text } else { format!("+{text}") }
 }
 
-/// A share as percent, never rounded up to a certainty that it is not.
+/// A share in per cent, never rounded up to certainty.
 pub fn percent(share: f64) -> String {
     let p = 100.0 * share;
     match p {
@@ -79,17 +79,17 @@ pub fn percent(share: f64) -> String {
     }
 }
 
-/// The probability of an explanation among those compared, in percent: never all of it.
+/// The probability of an explanation among those compared, in per cent; never 100 %.
 pub fn probability(p: f64) -> String {
     percent(p.min(0.9999))
 }
 
-/// An id as words: `kiss_point_offset` is "Kiss point offset".
+/// An id as a title: `kiss_point_offset` becomes "Kiss point offset".
 pub fn title(id: &str) -> String {
     capitalised(&words(id))
 }
 
-/// A text that begins with a capital, unless it begins with the name of a channel or a recording, which is what it is.
+/// Capitalises a text unless it begins with the name of a channel or a recording, which must not be changed.
 pub fn capitalised(text: &str) -> String {
     let first = text.split_whitespace().next().unwrap_or("");
     if first.contains('_') || first.contains(|c: char| c.is_ascii_digit()) {
@@ -99,41 +99,41 @@ pub fn capitalised(text: &str) -> String {
     chars.next().map_or_else(String::new, |first| first.to_uppercase().collect::<String>() + chars.as_str())
 }
 
-/// An id as words in the middle of a sentence.
+/// An id as words within a sentence.
 pub fn words(id: &str) -> String {
     id.replace('_', " ")
 }
 
-/// Items as a list in prose.
+/// Items as a list joined by commas and "and".
 pub fn enumeration(items: &[String]) -> String {
     listed(items, " and ")
 }
 
-/// Alternatives as people write them.
+/// Items as a list joined by commas and "or".
 pub fn alternatives(items: &[String]) -> String {
     listed(items, " or ")
 }
 
 pub use crate::vehicle::written as unit;
 
-/// A meaning as the model description words it, which has plain letters only.
+/// A meaning from the model description, which is in ASCII, with symbols restored.
 pub fn meaning(raw: &str) -> String {
     raw.replace("degC", "°C").replace("2 pi", "2π")
 }
 
-/// Estimate and interval with the decimals that the interval is worth, in a power of ten where they are tiny.
+/// Estimate and interval with as many decimals as the interval justifies, and with a power of ten if they are tiny.
 pub fn estimate([value, low, high]: [f64; 3]) -> (String, String) {
     let largest = value.abs().max(low.abs()).max(high.abs());
     let power = if largest < 1e-3 { largest.log10().floor() as i32 } else { 0 };
     let scale = 10f64.powi(-power);
-    // Two digits of the interval's width are all that an estimate is worth.
+    // The estimate has two digits of the interval's width.
     let places = (1 - ((high - low) * scale).log10().floor() as i32).clamp(0, 9) as usize;
     let [value, low, high] = [value, low, high].map(|v| fixed(v * scale, places));
     if power == 0 {
         return (value, format!("{low} to {high}"));
     }
     let tail = format!("·10{}", superscript(power));
-    // Nothing has no power of ten.
+    // An estimate of zero gets no power of ten.
     let is_nothing = value.chars().all(|c| matches!(c, '0' | '.'));
     (if is_nothing { value } else { format!("{value}{tail}") }, format!("({low} to {high}){tail}"))
 }
@@ -143,7 +143,7 @@ fn superscript(power: i32) -> String {
     power.to_string().chars().map(digit).collect()
 }
 
-/// What a column of a recording is called.
+/// Plain name of a recording's column.
 pub fn channel(column: &str) -> String {
     match column {
         "omega_f_rad_s" => "Flywheel speed",

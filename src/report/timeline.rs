@@ -1,19 +1,19 @@
-//! Time lines of drives: both speeds from beginning to end, with the phases of the clutch, the brakes and the engagements that are replayed.
+//! Time lines of drives: both speeds over the whole drive, with the phases of the clutch, the brakes and the replayed engagements.
 
 use super::chart::{Scale, path, range};
 use super::text::plain;
 use super::{Drive, Input, laws};
 use std::fmt::Write as _;
 
-/// Points of a curve.
+/// Number of points of a curve.
 const POINTS: usize = 400;
-/// Drives that are shown at once; more fold away.
+/// Number of drives shown at once; further ones are folded.
 const AT_ONCE: usize = 6;
-/// Where the bars of engagements and brakes lie: top and height.
+/// Top and height of the bars of engagements and brakes, in user units.
 const ENGAGED: (f64, f64) = (9.0, 5.0);
 const BRAKED: (f64, f64) = (182.0, 6.0);
 
-/// Time lines of all drives; nothing if there is none.
+/// Time lines of all drives; empty if there is none.
 pub fn section(input: &Input) -> String {
     if input.drives.is_empty() {
         return String::new();
@@ -98,7 +98,7 @@ mod tests {
         let count = |what: &str| html.matches(what).count();
         assert_eq!((count("rect class=\"s0\""), count("rect class=\"s1\""), count("rect class=\"s2\"")), (1, 1, 1));
         assert_eq!((count("rect class=\"braked\""), count("rect class=\"engaged\""), count("rect class=\"engaged held\"")), (2, 1, 1));
-        // 10 s on 452 units from 60 on.
+        // 10 s are drawn on 452 units from 60 on.
         assert!(html.contains("rect class=\"s1\" x=\"173.0\" width=\"113.0\"") && html.contains("2 engagements"));
         assert!(html.contains("r&lt;1 from") || html.contains("r&amp;lt;1 from"));
         assert!(!html.contains("NaN") && html.contains("\n9,100,,1\n") && html.contains("\n5,100,,0\n"));

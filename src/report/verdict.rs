@@ -1,4 +1,4 @@
-//! The verdict: a headline that holds the doubt, what speaks against believing it, and the answer to each question in a few words.
+//! The verdict: a headline that includes the ambiguity, the doubts, and a short answer to each question.
 
 use serde_json::Value;
 
@@ -9,24 +9,24 @@ use super::names;
 use super::text::{alternatives, capitalised, enumeration, escape, number, percent};
 use crate::gap::prose::listed;
 
-/// Stands about the "or" between rivals, which the page sets in bold.
+/// Encloses the "or" between rivals, which the page sets in bold.
 const MARK: char = '\u{1}';
 
-/// Nats from which an explanation is ahead of all others for certain, as far as the library goes.
+/// Lead in nats from which an explanation is clearly ahead of all others of the library.
 const AHEAD: f64 = 7.0;
 
-/// Nats from which it is settled for most purposes: odds of 20 to one.
+/// Lead in nats from which the explanation is settled for most purposes: odds of 20 to one.
 const SETTLED: f64 = 3.0;
 
-/// Nats below which two explanations are as probable as each other: odds of 1.05 to one.
+/// Lead in nats below which two explanations count as equally probable: odds of 1.05 to one.
 const EQUAL: f64 = 0.05;
 
-/// The sentence that stands above everything, as plain text.
+/// The sentence above everything else, as plain text.
 pub fn headline(diagnosis: &Value) -> String {
     marked(diagnosis).replace(MARK, "")
 }
 
-/// The headline with marks around what is set bold. It begins with what is likelier than all that was compared, if something is.
+/// The headline with marks around each "or" that is set in bold. If it is more likely that none of the compared explanations holds, it begins with that.
 fn marked(diagnosis: &Value) -> String {
     let said = of_verdict(diagnosis);
     let compared = matches!(text(diagnosis, "verdict"), Some("no_gap" | "explained" | "partly_explained"));
@@ -54,7 +54,7 @@ fn of_verdict(diagnosis: &Value) -> String {
         Some(verdict @ ("explained" | "partly_explained")) => {
             let part = if verdict == "explained" { "the gap" } else { "part of the gap" };
             let names = named(effects);
-            // Of what stands after "or", the last one has the verb.
+            // The verb agrees with the last of the alternatives.
             let last = effects.first().and_then(|e| texts(e, "ambiguous_with").last().copied().or(text(e, "id")));
             let singular = alone && !last.is_some_and(names::is_plural);
             let [explains, closes] = if singular { ["explains", "closes"] } else { ["explain", "close"] };
@@ -81,7 +81,7 @@ fn of_verdict(diagnosis: &Value) -> String {
     }
 }
 
-/// Whether one of the effects that are named is likelier not to be there, nor any that may stand in its place.
+/// Whether, for one of the named effects, it is more likely that neither it nor any of its rivals is there.
 fn likelier_not(diagnosis: &Value) -> bool {
     let which = &diagnosis["which"];
     let holds = |group: &[&str]| -> f64 {
@@ -95,7 +95,7 @@ fn likelier_not(diagnosis: &Value) -> bool {
     list(which, "effects").iter().any(|e| group(e) < 0.5)
 }
 
-/// Whether what was held out is no nearer after retuning.
+/// Whether the gap on held-out data is not smaller after retuning.
 fn closes_none(far: &Value) -> bool {
     !list(far, "held_out").is_empty() && real(far, "closed_fraction").is_some_and(|c| c <= 0.0)
 }
@@ -117,7 +117,7 @@ fn named(effects: &[Value]) -> String {
     listed(&groups, if doubtful { ", and " } else { " and " })
 }
 
-/// Where the remainder or the unexplained gap lies, with what may stand in its place.
+/// Subsystem of the remainder or of the unexplained gap, with its rivals.
 fn places(diagnosis: &Value) -> String {
     let place = &diagnosis["where"];
     let first = text(place, "unexplained_at").or_else(|| text(place, "primary"));
@@ -125,7 +125,7 @@ fn places(diagnosis: &Value) -> String {
     if all.is_empty() { "a subsystem that is not named".to_owned() } else { listed(&all, &format!(" {MARK}or{MARK} ")) }
 }
 
-/// How far off a free replay of what was held out is, before and after.
+/// Gap of a free replay of held-out data, before and after, in a sentence.
 pub fn replayed(diagnosis: &Value) -> Option<String> {
     let far = &diagnosis["how_far"];
     let (before, after) = (real(far, "before")?, real(far, "after")?);
@@ -161,11 +161,12 @@ pub fn replayed(diagnosis: &Value) -> Option<String> {
     Some(said + &law)
 }
 
-/// The explanation that comes next after the best among those that say something else, and how many nats it lies behind.
+/// The next best explanation that differs from the best one, and how many nats it trails.
 pub fn next_best<'a>(diagnosis: &'a Value) -> Option<(String, f64)> {
     let all = list(&diagnosis["which"], "explanations");
     let best = all.first()?;
-    // What the best holds but the answer does not name is taken for a part of the missing law: beside that law, with it or without is the same.
+    // An effect of the best explanation that the answer does not name counts as part of the missing law. Explanations with that law then count as the same with or without the
+    // effect.
     let named: Vec<&str> = list(&diagnosis["which"], "effects").iter().filter_map(|e| text(e, "id")).collect();
     let of_the_law: Vec<&str> =
         texts(best, "effects").into_iter().filter(|id| best["missing_law"] != Value::Null && !named.contains(id)).collect();
@@ -175,7 +176,7 @@ pub fn next_best<'a>(diagnosis: &'a Value) -> Option<(String, f64)> {
     };
     let other = all.iter().skip(1).find(|e| effects(e) != effects(best) || e["missing_law"] != best["missing_law"])?;
     let (kept, ids) = (effects(best), effects(other));
-    // What only adds to the best says so.
+    // An explanation that only adds effects to the best one is described as such.
     let adds = !kept.is_empty() && kept.iter().all(|id| ids.contains(id)) && best["missing_law"] == Value::Null;
     let mut parts: Vec<String> = ids.iter().filter(|id| !(adds && kept.contains(id))).map(|id| names::effect(id)).collect();
     parts.extend(text(other, "missing_law").map(|s| format!("a missing law in {}", names::place(s))));
@@ -190,12 +191,12 @@ pub fn next_best<'a>(diagnosis: &'a Value) -> Option<(String, f64)> {
     Some((name, real(other, "behind")?))
 }
 
-/// How sure the answer is, in words.
+/// How settled the answer is, in words.
 pub fn confidence(diagnosis: &Value) -> Option<String> {
     if !diagnosis["which"]["taken_back"].is_null() {
         return Some("Not settled.".to_owned());
     }
-    // How one explanation of them compares with another says nothing.
+    // If the inputs do not fit, the comparison of explanations carries no information.
     if text(diagnosis, "verdict") == Some("inputs_do_not_fit") {
         return Some("All that follows is of the recordings as they are mapped.".to_owned());
     }
@@ -229,13 +230,13 @@ pub fn confidence(diagnosis: &Value) -> Option<String> {
     ))
 }
 
-/// Probability that none of the explanations compared holds, and how many nats that is behind them.
+/// Probability that none of the compared explanations holds, and how many nats this possibility trails them.
 fn beyond(diagnosis: &Value) -> (f64, f64) {
     let beyond = real(&diagnosis["which"], "beyond").unwrap_or(0.0);
     (beyond, ((1.0 - beyond) / beyond).ln())
 }
 
-/// Whether nothing stands in the place of what is named.
+/// Whether the answer has no rivals: no ambiguous effect or subsystem, no withdrawal, and a lead of at least `SETTLED` over all alternatives.
 pub fn settled(diagnosis: &Value) -> bool {
     let rivals = list(&diagnosis["which"], "effects").iter().any(|e| !texts(e, "ambiguous_with").is_empty());
     let elsewhere = !texts(&diagnosis["where"], "ambiguous_with").is_empty();
@@ -248,7 +249,7 @@ pub fn settled(diagnosis: &Value) -> bool {
 pub fn section(input: &Input) -> String {
     let diagnosis = input.diagnosis;
     let doubts = doubts::of(input);
-    // A tick is for what may be taken as it stands.
+    // A tick marks an answer that can be taken as it stands.
     let sure = settled(diagnosis) && !doubts.iter().any(|d| d.grave);
     let (mark, class, verdict) = match (text(diagnosis, "verdict"), sure) {
         (Some("no_gap"), true) => ("✓", "good", "No gap found"),
@@ -276,16 +277,16 @@ pub fn section(input: &Input) -> String {
     )
 }
 
-/// Escaped, each marked "or" in bold.
+/// Escapes the text and sets each marked "or" in bold.
 fn bold(text: &str) -> String {
     escape(text).replace(&format!("{MARK}or{MARK}"), "<strong class=\"or\">or</strong>")
 }
 
-/// Name, answer, and a word of explanation; the answers may have marks.
+/// Name, answer and short explanation of each tile; the answers may contain marks.
 fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
     let (place, far) = (&diagnosis["where"], &diagnosis["how_far"]);
     let or = format!(" {MARK}or{MARK} ");
-    // Of a gap that is explained in part, what is doubtful is the place of the rest.
+    // For a gap that is explained in part, the ambiguity concerns the place of the remainder.
     let partly = text(diagnosis, "verdict") == Some("partly_explained");
     let doubts: Vec<&str> = if partly { Vec::new() } else { texts(place, "ambiguous_with") };
     let primary = match text(place, "primary") {
@@ -331,7 +332,7 @@ fn tiles(diagnosis: &Value) -> Vec<(&'static str, String, String)> {
     ]
 }
 
-/// Unit of the gap: what stands behind the last comma of the metric, if that is one word.
+/// Unit of the gap: the part of the metric after its last comma, if that is one word.
 pub fn unit_of(far: &Value) -> String {
     let metric = text(far, "metric").unwrap_or_default();
     let last = metric.rsplit_once(", ").map(|(_, unit)| unit).filter(|unit| !unit.contains(' '));
@@ -343,7 +344,7 @@ fn tile(name: &str, value: &str, note: &str) -> String {
     format!("<div><dt>{name}</dt><dd><strong>{}</strong>{note}</dd></div>", bold(value))
 }
 
-/// What the rivals of a place are called in a sentence.
+/// The rivals of a subsystem as alternatives, in bold.
 pub fn or_places(ids: &[&str]) -> String {
     alternatives(&ids.iter().map(|id| format!("<b>{}</b>", escape(&names::place(id)))).collect::<Vec<_>>())
 }

@@ -1,8 +1,8 @@
 //! What if an effect were larger or smaller: the reader drags its size, and the recording is replayed with it.
 //!
-//! The replay is the plant's own, compiled to WebAssembly and driven as an importer drives the FMU: same GUID, same vehicle.json, same calls. Without a module the page
-//! holds replays that were made beforehand, of the named effects at a few sizes, and the slider stops at these. Drives and replays go in while there is room for
-//! them, what was held out first.
+//! The plant itself computes the replay. It is compiled to WebAssembly and driven as an importer drives the FMU: same GUID, same vehicle.json, same calls. Without a module the
+//! page contains replays made beforehand, of the named effects at a few sizes, and the slider stops only at these. Drives and replays are included as long as there is room for
+//! them, held-out ones first.
 
 use super::series::{base64, channel, viewer_limit};
 use super::text::{escape, unit, words};
@@ -11,28 +11,28 @@ use flate2::{Compression, write::GzEncoder};
 use serde_json::{Value, json};
 use std::io::Write;
 
-/// Bytes in the page that recordings may take here, without the module.
+/// Bytes of the page that recordings may take here, not counting the module.
 const ROOM: usize = 500_000;
 
-/// What the section needs.
+/// Data of the section.
 #[derive(Clone, Debug)]
 pub struct WhatIf {
-    /// What replays.
+    /// Source of the replays.
     pub player: Player,
     /// Effects that can be changed, the named ones first.
     pub effects: Vec<Effect>,
 }
 
-/// What replays a recording.
+/// Source of replays.
 #[derive(Clone, Debug)]
 pub enum Player {
-    /// The plant.
+    /// The plant, run in the page.
     Plant(Plant),
-    /// Replays of each overlay with each of the effects at [`Effect`]'s sizes, from the least to the greatest.
+    /// Replays made beforehand of each overlay with each of the effects, at the sizes from the least to the greatest stop of [`Effect`]'s slider.
     Replays(Vec<Replays>),
 }
 
-/// The plant as a WebAssembly module, and all that an instance is started with.
+/// The plant as a WebAssembly module, and the data with which an instance is started.
 #[derive(Clone, Debug)]
 pub struct Plant {
     /// The module.
@@ -41,55 +41,55 @@ pub struct Plant {
     pub guid: String,
     /// Its `resources/vehicle.json`.
     pub vehicle: String,
-    /// Value references of start speeds and temperatures (flywheel, disc; disc, body).
+    /// Value references of the start values: speeds of flywheel and disc, temperatures of disc and body.
     pub start: [u32; 4],
-    /// Value references of commanded position, torque, housing air.
+    /// Value references of commanded position, torque and temperature of the housing air.
     pub inputs: [u32; 3],
-    /// Columns and value references of what sensors show.
+    /// Columns and value references of the outputs that sensors show.
     pub outputs: Vec<(&'static str, u32)>,
-    /// What drives each of the overlays, in their order; none where it is not known.
+    /// Inputs of each overlay, in the order of the overlays; `None` if they are not known.
     pub drives: Vec<Option<Drive>>,
 }
 
-/// What drives a replay.
+/// Inputs of a replay.
 #[derive(Clone, Debug)]
 pub struct Drive {
-    /// Start speeds and temperatures, as the plant has them.
+    /// Start speeds and temperatures of the plant.
     pub start: [f64; 4],
-    /// Times at which inputs change, s.
+    /// Times at which the inputs change, s.
     pub time: Vec<f64>,
-    /// Position, torque and housing air from each of these times on.
+    /// Position, torque and temperature of the housing air from each of these times on.
     pub inputs: [Vec<f64>; 3],
-    /// Which of these times belongs to each sample of the curves.
+    /// For each sample of the curves, the index of the time that belongs to it.
     pub samples: Vec<usize>,
 }
 
-/// Replays of one overlay with one effect: its curves for each of the sizes.
+/// Replays of one overlay with one effect, one for each of the sizes.
 #[derive(Clone, Debug)]
 pub struct Replays {
-    /// Place among the overlays.
+    /// Index of the overlay.
     pub overlay: usize,
     /// Id of the effect.
     pub effect: &'static str,
-    /// The overlay with the replay in the place of `after`, for each size.
+    /// For each size, a copy of the overlay whose `after` holds the replay.
     pub curves: Vec<Overlay>,
 }
 
-/// An effect that can be changed.
+/// An effect whose size can be changed.
 #[derive(Clone, Debug)]
 pub struct Effect {
-    /// Its id.
+    /// Id of the effect.
     pub id: &'static str,
     /// Whether the verdict names it.
     pub named: bool,
-    /// What of it can be changed.
+    /// Parameters that can be changed.
     pub sizes: Vec<Size>,
 }
 
-/// A number that can be dragged.
+/// A parameter with a slider.
 #[derive(Clone, Copy, Debug)]
 pub struct Size {
-    /// Value reference; 0 of replays made beforehand.
+    /// Value reference; 0 for replays made beforehand.
     pub reference: u32,
     /// Name.
     pub name: &'static str,
@@ -101,11 +101,11 @@ pub struct Size {
     pub found: f64,
     /// Least and greatest value that the slider reaches.
     pub range: [f64; 2],
-    /// From one stop of the slider to the next.
+    /// Distance between neighbouring stops of the slider.
     pub step: f64,
 }
 
-/// What the viewer has above its plots; the script fills it.
+/// The controls above the plots of the viewer, which the script fills.
 pub fn control(input: &Input) -> String {
     let Some(what_if) = input.what_if.filter(|w| !w.effects.is_empty()) else { return String::new() };
     let option = |e: &Effect| format!("<option value=\"{}\">{}</option>", escape(e.id), escape(&names::effect(e.id)));
@@ -131,7 +131,7 @@ pub fn control(input: &Input) -> String {
     )
 }
 
-/// The data of the script, as JSON that is safe inside a script element.
+/// Data of the script, as JSON that is safe inside a script element.
 pub fn embedded(input: &Input) -> String {
     let Some(what_if) = input.what_if else { return "null".to_owned() };
     let effects: Vec<Value> = what_if.effects.iter().map(effect).collect();
@@ -196,12 +196,12 @@ fn effect(e: &Effect) -> Value {
 }
 
 fn drive_json(d: &Drive) -> Value {
-    // One change of the inputs at each sample is the usual case.
+    // Usually the inputs change exactly once per sample, and the list is left out.
     let samples = d.samples.iter().enumerate().any(|(k, &s)| k != s).then_some(&d.samples);
     json!({ "start": d.start, "time": d.time, "inputs": d.inputs, "samples": samples })
 }
 
-/// Gaps of a replay by column, packed as those of the report's curves are.
+/// Gaps of a replay by column, packed in the same way as the report's curves.
 fn curves(o: &Overlay, limit: usize) -> Value {
     o.channels.iter().map(|c| (c.column.to_owned(), channel(c, None, limit)["after"].take())).collect::<serde_json::Map<_, _>>().into()
 }

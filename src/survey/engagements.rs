@@ -1,4 +1,4 @@
-//! Launches and shifts: from where a clutch opens, or the car begins to move, to where engine and disc meet in the next gear.
+//! Launches and shifts: from where a clutch opens, or the car begins to move, to where engine and disc speed meet in the next gear.
 
 use super::Trace;
 use super::gears::{Gears, Stretch};
@@ -7,19 +7,19 @@ use super::ringing::Ringing;
 /// One engagement.
 #[derive(Clone, Debug)]
 pub struct Engagement {
-    /// Gear, from 0.
+    /// Gear, counted from 0.
     pub gear: usize,
-    /// From standstill.
+    /// Whether it starts from standstill.
     pub launch: bool,
-    /// Where the clutch begins to slip: the end of the gear before, or the last sample without speed, s.
+    /// Time at which the clutch begins to slip, s: the end of the previous gear, or the last sample at standstill.
     pub from: f64,
-    /// Where engine and disc speed first meet, s.
+    /// Time at which engine and disc speed first meet, s.
     pub met: f64,
-    /// Where the gear is left again, s.
+    /// Time at which the gear is left again, s.
     pub until: f64,
-    /// Oscillation after it.
+    /// Oscillation after the engagement.
     pub ringing: Option<Ringing>,
-    /// Energy of slip if the first torque channel is the clutch's, J.
+    /// Energy dissipated by slip, J, provided that the first torque channel is the clutch's.
     pub heat: Option<f64>,
 }
 
@@ -41,7 +41,7 @@ pub fn find(engine: Trace<'_>, road: Trace<'_>, gears: &Gears) -> Vec<Engagement
     merged.iter().enumerate().filter_map(one).collect()
 }
 
-/// Stretches of one gear without slip between them as one.
+/// Joins stretches of the same gear that are less than 1 s apart and have no slip in between.
 fn merge(engine: Trace<'_>, road: Trace<'_>, gears: &Gears) -> Vec<Stretch> {
     let mut out: Vec<Stretch> = Vec::new();
     for s in &gears.stretches {
@@ -60,13 +60,13 @@ fn merge(engine: Trace<'_>, road: Trace<'_>, gears: &Gears) -> Vec<Stretch> {
     out
 }
 
-/// The last time at most at a speed of `standing` before `t`, if nothing but a launch lies between.
+/// Time of the last sample before `t` whose speed is at most `standing`.
 fn standstill_before(road: Trace<'_>, standing: f64, t: f64) -> Option<f64> {
     let end = road.time.partition_point(|s| *s < t);
     (0..end).rev().find(|&k| road.values[k] <= standing).map(|k| road.time[k])
 }
 
-/// Where the slip in the new gear first vanishes after it was greatest.
+/// Time at which the slip in the new gear first vanishes after its maximum.
 fn meeting(engine: Trace<'_>, road: Trace<'_>, factor: f64, from: f64, stretch: &Stretch) -> Option<f64> {
     let range = road.within(from - 0.2, stretch.from + 0.6);
     let slip: Vec<(f64, f64)> = range.map(|k| (road.time[k], engine.at(road.time[k]) - factor * road.values[k])).collect();

@@ -1,19 +1,19 @@
 //! A survey's engagements as recordings of a campaign.
 //!
-//! Each engagement becomes a recording from half a second before its slip until the gear is left, at the samples' own stamps: engine speed,
-//! the speed behind the clutch times the ratio, the torque that the user calls the engine's, housing air, position and brake where the log has
-//! them. Start temperatures are unknown, and said to be.
+//! Each engagement becomes a recording from half a second before its slip until the gear is left, at the samples' own stamps: engine speed, the speed
+//! behind the clutch times the ratio, the torque that the user names as the engine's, and housing air, position and brake if the log has them. Start
+//! temperatures are unknown and marked as such.
 
 use super::Survey;
 use super::engagements::Engagement;
 use crate::campaign::{Channel, LogChannel, Quantity, Recording};
 
-/// What is taken in front of the slip, s.
+/// Time in front of the slip that is included, s.
 const LEAD_S: f64 = 0.5;
-/// Temperature that is written where none is known, °C, and how well, K.
+/// Temperature that is written where none is known, °C, and its standard deviation, K.
 const UNKNOWN: (f64, f64) = (20.0, 40.0);
 
-/// One recording per engagement, in one gear if that is given, from 0; `torque` names the channel of the engine's torque.
+/// One recording per engagement, or only those in `gear`, counted from 0; `torque` names the channel of the engine torque.
 ///
 /// # Errors
 /// The log has no such channel, or no engagement.
@@ -52,7 +52,7 @@ pub fn recordings(s: &Survey, torque: &str, gear: Option<usize>) -> Result<Vec<R
         Recording {
             name: format!("r{:02}", k + 1),
             manoeuvre: if e.launch { "launch".into() } else { "shift".into() },
-            // What rounding of the stamps leaves says nothing of a rate.
+            // Digits that only reflect the rounding of the stamps are removed.
             sample_rate_hz: (1e6 / step(engine).min(step(road))).round() / 1e6,
             theta_c0: UNKNOWN.0,
             theta_b0: UNKNOWN.0,
@@ -71,10 +71,10 @@ pub fn recordings(s: &Survey, torque: &str, gear: Option<usize>) -> Result<Vec<R
     Ok(engagements.into_iter().enumerate().map(one).collect())
 }
 
-/// Inertia of a car of `mass` kg at the disc in a gear, from 0, kg·m²: m (r/i)², i the ratio of engine to wheels, without the driveline's own.
+/// Inertia of a car of `mass` kg at the disc in a gear, counted from 0, kg·m²: m (r/i)² with the ratio i of engine to wheel speed and the tyre radius r, without the driveline's own inertia.
 ///
 /// # Errors
-/// A gear that was not found; a shaft's speed from which i or the tyre's radius r does not follow.
+/// There is no such gear, or the speed is that of a shaft and r or i is unknown.
 pub fn inertia(s: &Survey, mass: f64, gear: usize) -> Result<f64, String> {
     let road = s.road.map(|k| &s.log.channels[k]).filter(|_| gear < s.gears.levels.len());
     let Some(road) = road else { return Err(format!("there is no gear {}: {} were found", gear + 1, s.gears.levels.len())) };
@@ -97,7 +97,7 @@ pub fn inertia(s: &Survey, mass: f64, gear: usize) -> Result<f64, String> {
     Ok(mass * (radius / ratio).powi(2))
 }
 
-/// The samples at their own stamps, NaN elsewhere.
+/// A channel's samples times `factor`, in the rows at their stamps; NaN elsewhere.
 fn sampled(c: &LogChannel, rows: &[f64], factor: f64) -> Vec<f64> {
     let sample = |t: &f64| {
         let k = c.time.partition_point(|s| *s < t - 1e-6);

@@ -1,22 +1,22 @@
-//! Ratios of engine to road speed, and the stretches in which one of them holds: the clutch is closed.
+//! Ratios of engine to road speed, and the stretches in which one of them holds because the clutch is closed.
 //!
-//! x = ln(ω_e / v). In a gear x stays; while the clutch slips, or without a gear, it wanders. A *stretch* is where the running median of x
-//! over 0.3 s, which takes out the ringing of the driveline, stays within 4.5 % for long enough, without a gap. Ratios that are given are laid over the levels
-//! of all stretches: their one common factor, final drive over tyre radius, is what fits most of the time.
+//! x = ln(ω_e / v). In a gear x is constant; while the clutch slips, or without a gear, it varies. A *stretch* is where the running median of x over
+//! 0.3 s, which removes the ringing of the driveline, stays within 4.5 % for long enough, without a gap. Given ratios are fitted to the levels of all
+//! stretches: their single common factor, final drive over tyre radius, is the one that matches the levels for most of the time.
 
 use super::{Known, Trace, median};
 
 /// Half width of the running median, s.
 const HALF_S: f64 = 0.15;
-/// How far x may be from a level, as a share.
+/// Largest distance of x from a level, i.e. largest relative deviation of a ratio.
 const WITHIN: f64 = 0.045;
-/// Shortest stretch that makes a gear by itself, s.
+/// Shortest stretch from which a gear is learned, s.
 const TEACHES_S: f64 = 1.2;
-/// Shortest stretch in a gear that is known, s.
+/// Shortest stretch in a known gear, s.
 const SHORTEST_S: f64 = 0.6;
-/// Fewest samples of a stretch: slow logs have few.
+/// Least number of samples in a stretch: slow logs have few.
 const FEWEST: usize = 4;
-/// Slowest engine that counts as running, rad/s.
+/// Lowest engine speed that counts as running, rad/s.
 const RUNNING: f64 = 20.0;
 
 /// The gears.
@@ -26,16 +26,16 @@ pub struct Gears {
     pub levels: Vec<f64>,
     /// Whether ratios were given.
     pub given: bool,
-    /// Final drive over tyre radius, 1/m, or 1 for a shaft's speed, where ratios were given.
+    /// Common factor of the ratios, if they were given: final drive over tyre radius, 1/m, for a road speed; without unit for a shaft's speed, and 1 for the disc's own.
     pub common: Option<f64>,
-    /// Where each gear is locked.
+    /// Stretches in which a gear is locked.
     pub stretches: Vec<Stretch>,
 }
 
 /// A stretch with the clutch closed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stretch {
-    /// Gear, from 0.
+    /// Gear, counted from 0.
     pub gear: usize,
     /// First time, s.
     pub from: f64,
@@ -44,18 +44,18 @@ pub struct Stretch {
 }
 
 impl Gears {
-    /// Engine speed per unit of road speed in a gear, from 0.
+    /// Engine speed per unit of road speed in a gear, counted from 0.
     pub fn factor(&self, gear: usize) -> f64 {
         self.levels[gear]
     }
 
-    /// Seconds that a gear is locked.
+    /// Time for which a gear is locked, s.
     pub fn seconds(&self, gear: usize) -> f64 {
-        // A sum of nothing is -0.
+        // An empty sum is −0; adding 0 makes it +0.
         self.stretches.iter().filter(|s| s.gear == gear).map(|s| s.to - s.from).sum::<f64>() + 0.0
     }
 
-    /// Median of disc over engine speed while a gear is locked.
+    /// Median ratio of disc to engine speed while a gear is locked.
     pub fn locked_ratio(&self, gear: usize, engine: Trace<'_>, road: Trace<'_>) -> f64 {
         let factor = self.factor(gear);
         let stretches = self.stretches.iter().filter(|s| s.gear == gear);
@@ -89,10 +89,10 @@ pub fn find(engine: Trace<'_>, road: Trace<'_>, known: &Known, shaft: bool, rema
     gears
 }
 
-/// Stamps and running medians of x where engine and car move.
+/// Stamps, and running medians of x, where engine and car move.
 fn levels_over_time(engine: Trace<'_>, road: Trace<'_>) -> (Vec<f64>, Vec<f64>) {
     let standing = road.standing();
-    // A hundred points a second follow a ratio well enough.
+    // A hundred points per second follow a ratio well enough.
     let span = road.time[road.time.len() - 1] - road.time[0];
     let stride = (0.01 * road.time.len() as f64 / span.max(0.01)).floor().max(1.0) as usize;
     let moving = (0..road.time.len()).step_by(stride).filter(|&k| road.values[k] > standing && engine.at(road.time[k]) > RUNNING);
@@ -114,7 +114,7 @@ struct Steady {
     to: f64,
 }
 
-/// Stretches of steady x, at any level or at given ones.
+/// Stretches of constant x, at any level or at one of the given ones.
 fn stretches(time: &[f64], x: &[f64], shortest: f64, levels: Option<&[f64]>) -> Vec<Steady> {
     let (mut out, mut k) = (Vec::new(), 0);
     let gap = (2.5 * median(time.windows(2).map(|w| w[1] - w[0]))).max(0.3);
@@ -139,7 +139,7 @@ fn stretches(time: &[f64], x: &[f64], shortest: f64, levels: Option<&[f64]>) -> 
     out
 }
 
-/// Levels of stretches, those within 6 % of each other as one, the highest (first gear) first.
+/// Ratios learned from the stretches, the highest (first gear) first. Levels within 6 % of each other are one gear.
 fn learned(teachers: &[Steady]) -> Vec<f64> {
     let mut levels: Vec<(f64, f64)> = Vec::new();
     for s in teachers {
@@ -156,7 +156,7 @@ fn learned(teachers: &[Steady]) -> Vec<f64> {
     levels.into_iter().map(|(level, _)| level.exp()).collect()
 }
 
-/// The factor that brings the given ratios onto the levels of most of the time.
+/// The common factor with which the given ratios match the levels for most of the time.
 fn common_factor(teachers: &[Steady], known: &Known, shaft: bool) -> Option<f64> {
     if known.ratios == [1.0] && shaft {
         return Some(1.0);

@@ -1,7 +1,7 @@
-//! Which of two speeds is late: the shift in time at which they agree best while the clutch is closed.
+//! Latency between two speeds: the time shift at which they agree best while the clutch is closed.
 //!
-//! Both are averaged over half a second first: faster than that a driveline rings, and engine and wheels move against each other. What is left
-//! of its wind-up counts as latency.
+//! Both are averaged over half a second first, because the driveline rings faster than that, and engine and wheels then move against each other. What
+//! remains of its wind-up counts as latency.
 
 use super::Trace;
 use super::engagements::Engagement;
@@ -9,17 +9,17 @@ use super::gears::Gears;
 
 /// Largest shift that is tried, s.
 const MOST_S: f64 = 0.1;
-/// Distance of shifts, s.
+/// Distance between the shifts, s.
 const FINE_S: f64 = 0.002;
 
 /// Width of the means, s.
 const MEAN_S: f64 = 0.5;
 
-/// Least distance in s of the instants at which rates of change are compared, and most of them: the means of neighbours are nearly the same.
+/// Least distance between the instants at which rates of change are compared, s, and largest number of instants: the means of neighbouring instants are nearly the same.
 const APART_S: f64 = 0.02;
 const MOST: f64 = 10_000.0;
 
-/// A trace with the integrals up to its samples.
+/// A trace with its integrals from the beginning to each sample.
 struct Sums<'a> {
     trace: Trace<'a>,
     sums: Vec<f64>,
@@ -48,18 +48,18 @@ impl<'a> Sums<'a> {
     }
 }
 
-/// How much later the road's speed comes than the engine's.
+/// Latency of the road speed relative to the engine speed.
 #[derive(Clone, Copy, Debug)]
 pub struct Lag {
-    /// Shift, s.
+    /// Latency, s; positive if the road speed is late.
     pub seconds: f64,
-    /// Shifts that agree as well, s.
+    /// 95 % interval, s.
     pub interval: (f64, f64),
 }
 
-/// The shift at which the rates of change of both speeds agree best over all engagements that are locked; `None` if there is too little.
+/// The shift at which the rates of change of both speeds agree best over all locked engagements; `None` if the data do not determine it.
 pub fn between(engine: Trace<'_>, road: Trace<'_>, gears: &Gears, engagements: &[Engagement]) -> Option<Lag> {
-    // The first half second after the speeds meet still slips.
+    // The clutch may still slip in the first half second after the speeds meet.
     let locked: Vec<(usize, f64, f64)> =
         engagements.iter().map(|e| (e.gear, e.met + 0.5, e.until)).filter(|(_, a, b)| b - a > 0.5).collect();
     let steps = (MOST_S / FINE_S) as i32;
@@ -67,7 +67,7 @@ pub fn between(engine: Trace<'_>, road: Trace<'_>, gears: &Gears, engagements: &
     let change = |sums: &Sums<'_>, t: f64| sums.mean(t, t + MEAN_S) - sums.mean(t - MEAN_S, t);
     let seconds_seen: f64 = locked.iter().map(|(_, a, b)| b - a).sum();
     let apart = APART_S.max(seconds_seen / MOST);
-    // When, and how the engine's speed ought to change there.
+    // Times, and the rates at which the engine speed should change there.
     let mut instants: Vec<(f64, f64)> = Vec::new();
     for &(gear, from, to) in &locked {
         let mut next = from;
@@ -75,7 +75,7 @@ pub fn between(engine: Trace<'_>, road: Trace<'_>, gears: &Gears, engagements: &
             let t = road.trace.time[k];
             if t >= next {
                 instants.push((t, gears.factor(gear) * change(&road, t)));
-                // Samples that come a little early count.
+                // Samples that come a little early are accepted.
                 next = t + 0.9 * apart;
             }
         }
@@ -86,7 +86,7 @@ pub fn between(engine: Trace<'_>, road: Trace<'_>, gears: &Gears, engagements: &
     let error = |shift: f64| instants.iter().map(|(t, expected)| (change(&engine, t - shift) - expected).powi(2)).sum();
     let errors: Vec<(f64, f64)> = (-steps..=steps).map(|k| f64::from(k) * FINE_S).map(|shift| (shift, error(shift))).collect();
     let &(seconds, least) = errors.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
-    // Neighbouring means share most of their samples: one counts for each of their width.
+    // Neighbouring means share most of their samples, so that only one per width of the mean counts as independent.
     let enough = least * (1.0 + 3.84 / (seconds_seen / MEAN_S).max(2.0));
     let good: Vec<f64> = errors.iter().filter(|(_, e)| *e <= enough).map(|(s, _)| *s).collect();
     let interval = (good[0], good[good.len() - 1]);

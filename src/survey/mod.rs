@@ -1,8 +1,8 @@
-//! A first look into a log: what its channels are worth, which gears and engagements it shows, what its torque can be.
+//! A first look into a log: the quality of its channels, the gears and engagements that it shows, and what its torque channels can be.
 //!
-//! Neither a position nor a vehicle file is needed. Everything is found from two speeds, those of engine and road, and from what else is there:
-//! [`gears`] finds ratios and locked stretches, [`engagements`] launches and shifts, [`ringing`] the oscillation after them, [`torque`] what a
-//! torque channel can be, [`rests`] pedals that are switches, [`latency`] which speed is late.
+//! Neither a position nor a vehicle file is needed. Everything is derived from two speeds, those of engine and road, and from whatever else is there:
+//! [`gears`] finds ratios and locked stretches, [`engagements`] launches and shifts, [`ringing`] the oscillation after them, [`torque`] what a torque
+//! channel can be, [`rests`] pedals that are switches, [`latency`] which speed is late.
 
 pub mod engagements;
 pub mod export;
@@ -21,42 +21,42 @@ use crate::campaign::{Channel, Log, LogChannel, Quantity, SLOWEST_HZ, is_slow};
 pub struct Known {
     /// Ratios of the gears, first gear first.
     pub ratios: Vec<f64>,
-    /// Ratio of the final drive; 1 if the ratios hold it.
+    /// Ratio of the final drive; 1 if the ratios include it.
     pub final_drive: Option<f64>,
     /// Rolling radius of the tyre, m.
     pub tyre_radius: Option<f64>,
-    /// Name of the channel of the engine's speed.
+    /// Name of the engine speed's channel.
     pub engine: Option<String>,
-    /// Name of the channel of the road's, wheels', output shaft's or gearbox input's speed.
+    /// Name of the channel with the speed of the road, the wheels, the output shaft or the gearbox input.
     pub road: Option<String>,
 }
 
-/// Everything that is found.
+/// The results of a survey.
 #[derive(Clone, Debug)]
 pub struct Survey {
     /// The log.
     pub log: Log,
-    /// Position of the engine's speed among its channels.
+    /// Index of the engine speed among the log's channels.
     pub engine: Option<usize>,
-    /// Position of the road's speed.
+    /// Index of the road speed among the log's channels.
     pub road: Option<usize>,
-    /// Ratios.
+    /// Ratios and locked stretches.
     pub gears: gears::Gears,
     /// Launches and shifts.
     pub engagements: Vec<engagements::Engagement>,
-    /// What torque channels can be.
+    /// What each torque channel can be.
     pub torques: Vec<torque::Reading>,
-    /// Pedals and the like that rest at a few values alone.
+    /// Pedals and similar channels that rest at a few values only.
     pub switches: Vec<rests::Switch>,
-    /// How much later the road's speed comes than the engine's.
+    /// Latency of the road speed relative to the engine speed.
     pub latency: Option<latency::Lag>,
-    /// Rolling radius of the tyre, m, where it is given or follows from the ratios.
+    /// Rolling radius of the tyre, m, if it is given or follows from the ratios.
     pub tyre_radius: Option<f64>,
     /// Ratio of the final drive, where it is given.
     pub final_drive: Option<f64>,
     /// Whether any channel is a position of the clutch.
     pub has_position: bool,
-    /// Words on what could not be found, and why.
+    /// Remarks on what could not be found, and why.
     pub remarks: Vec<String>,
 }
 
@@ -77,12 +77,12 @@ pub struct Trace<'a> {
 }
 
 impl Trace<'_> {
-    /// What counts as standing still: a hundredth of the greatest speed, above which no sensor's noise reaches.
+    /// Speed up to which the car counts as standing still: a hundredth of the greatest speed, which is above the noise of any sensor.
     pub fn standing(&self) -> f64 {
         0.01 * self.values.iter().copied().fold(0.0, f64::max)
     }
 
-    /// The value at a time, along the line between neighbours; the edge value beyond the ends. For looking, never for fitting.
+    /// The value at a time, interpolated linearly between neighbours and constant beyond the ends; for display and search, never for fitting.
     pub fn at(&self, t: f64) -> f64 {
         let k = self.time.partition_point(|s| *s <= t);
         match (k.checked_sub(1), self.time.get(k)) {
@@ -95,27 +95,27 @@ impl Trace<'_> {
         }
     }
 
-    /// The positions of the samples from `from` to `to`.
+    /// Indices of the samples from `from` to `to`.
     pub fn within(&self, from: f64, to: f64) -> std::ops::Range<usize> {
         self.time.partition_point(|t| *t < from)..self.time.partition_point(|t| *t <= to)
     }
 }
 
 impl LogChannel {
-    /// Its samples.
+    /// Its samples, as a trace.
     pub fn trace(&self) -> Trace<'_> {
         Trace { time: &self.time, values: &self.values }
     }
 }
 
-/// The median, the greater one of two; NaN of nothing.
+/// Median; of an even number of values, the greater of the middle two. NaN if there are no values.
 pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.into_iter().collect();
     let middle = values.len() / 2;
     if values.is_empty() { f64::NAN } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
-/// Looks through a log.
+/// Surveys a log.
 pub fn survey(log: Log, known: &Known) -> Survey {
     let named = |name: &Option<String>| name.as_ref().and_then(|n| log.channels.iter().position(|c| &c.name == n));
     let engine = named(&known.engine).or_else(|| log.channels.iter().position(|c| c.guess == Some(Channel::OmegaF)));
@@ -148,7 +148,7 @@ pub fn survey(log: Log, known: &Known) -> Survey {
     if road.quantity.is_none() {
         s.remarks.push(format!("no unit is given for {}: it is taken for a speed behind the clutch, in units of its own", road.name));
     }
-    // The gearbox input turns as the disc does: no gear lies between.
+    // The gearbox input turns at the speed of the disc: there is no gear in between.
     let direct = Known { ratios: vec![1.0], tyre_radius: None, ..Known::default() };
     let given = !known.ratios.is_empty();
     let known = if road.guess == Some(Channel::OmegaC) && known.ratios.is_empty() { &direct } else { known };
@@ -179,7 +179,8 @@ pub fn survey(log: Log, known: &Known) -> Survey {
     s
 }
 
-/// The speed behind the clutch: the gearbox input's, else the road's, else a wheel's or the output shaft's, else what is called a speed and has no unit; the finest of several.
+/// The speed behind the clutch: that of the gearbox input, otherwise the road's, otherwise a wheel's or the output shaft's, otherwise a channel that
+/// is called a speed and has no unit; of several, the one with the most samples.
 fn road(log: &Log, engine: Option<usize>) -> Option<usize> {
     let rank = |k: usize| {
         let c = &log.channels[k];

@@ -1,19 +1,19 @@
-//! A survey as a picture: both speeds with the gears that are found, their difference, the torque.
+//! A survey as a picture: both speeds with the gears that were found, their difference, and the torque.
 
 use super::Survey;
 use crate::campaign::LogChannel;
 use crate::plots::chart::{Panel, Series, render};
 
-/// Points of a line; more only make the file large.
+/// Largest number of points in a line; more would only make the file large.
 const POINTS: usize = 3000;
 
-/// Letters for which the legend has room.
+/// Number of letters for which the legend has room.
 const LEGEND: usize = 22;
 
 /// The picture as SVG; `None` without both speeds.
 pub fn svg(s: &Survey) -> Option<String> {
     let (engine, road) = (&s.log.channels[s.engine?], &s.log.channels[s.road?]);
-    // The gear of every time: of the engagement that it belongs to, from the slip before to the next one.
+    // Ratio at a time, from the engagement to which it belongs: one lasts from its slip to the slip of the next.
     let gear_at = |t: f64| s.engagements.iter().rev().find(|e| t >= e.from).or(s.engagements.first()).map(|e| s.gears.factor(e.gear));
     let disc: Vec<(f64, f64)> = line(road).into_iter().filter_map(|(t, v)| Some((t, gear_at(t)? * v))).collect();
     let slip: Vec<(f64, f64)> = disc.iter().map(|&(t, c)| (t, engine.trace().at(t) - c)).collect();
@@ -37,7 +37,7 @@ fn line(c: &LogChannel) -> Vec<(f64, f64)> {
     c.time.iter().copied().zip(c.values.iter().copied()).step_by(step).collect()
 }
 
-/// As much of a name as the legend has room for: its beginning and its end.
+/// Shortens a name to the legend's room by keeping its beginning and its end.
 fn shortened(name: &str) -> String {
     let letters: Vec<char> = name.chars().collect();
     if letters.len() <= LEGEND {

@@ -1,30 +1,30 @@
-//! Channels that rest at a few values alone: a pedal that is made of switches shows no position.
+//! Channels that rest at a few values only: a pedal that consists of switches shows no position.
 
 use crate::campaign::{Log, Quantity};
 
 /// Shortest rest, samples.
 const SHORTEST: usize = 4;
-/// Part of the samples that has to lie at rest.
+/// Least share of the samples that must be at rest.
 const MOST: f64 = 0.9;
-/// Most values of a switch.
+/// Largest number of values of a switch.
 const FEW: usize = 4;
 
 /// A channel that is a switch.
 #[derive(Clone, Debug)]
 pub struct Switch {
-    /// Its position in the log.
+    /// Its index in the log.
     pub channel: usize,
-    /// Where it rests, in its unit.
+    /// Values at which it rests, in its unit.
     pub levels: Vec<f64>,
 }
 
-/// All percentages that are switches; one that never changes is none.
+/// All percentages that are switches; a channel that never changes is not one.
 pub fn switches(log: &Log) -> Vec<Switch> {
     let shares = (0..log.channels.len()).filter(|&k| log.channels[k].quantity == Some(Quantity::Share));
     shares.filter_map(|channel| Some(Switch { channel, levels: levels(&log.channels[channel].values)? })).collect()
 }
 
-/// The values of a switch, rising.
+/// The values of a switch in increasing order; `None` if the channel is not a switch.
 fn levels(values: &[f64]) -> Option<Vec<f64>> {
     let (mut levels, mut resting) = (Vec::<f64>::new(), 0);
     for run in values.chunk_by(|a, b| a == b).filter(|run| run.len() >= SHORTEST) {

@@ -1,30 +1,29 @@
 //! Oscillation of the driveline after an engagement: the peak of the spectrum of the slip, with its interval.
 //!
-//! The slip ω_e − ω_c at the road speed's own stamps, less its running mean over half a second, is fitted by one sinusoid over the two seconds
-//! after the speeds meet, at every frequency of the band. The share of the variance that it takes is the spectrum. The 95 % set holds all
-//! frequencies whose residual is below the least one times 1 + 3.84 / N, where N = 2 B T counts the independent values of a band B within
-//! the time T: noise beside a ringing driveline is coloured, so samples are not counted. Where that set has several parts, the data do not
-//! settle which of them is the driveline's.
+//! The slip ω_e − ω_c at the road speed's own stamps, less its running mean over half a second, is fitted by one sinusoid over the two seconds after the speeds meet,
+//! at every frequency of the band. The spectrum is the share of the variance that the sinusoid explains. The 95 % set contains all frequencies whose residual is below
+//! the least one times 1 + 3.84 / N, where N = 2 B T is the number of independent values of a band B within the time T: noise beside a ringing driveline is coloured,
+//! so that N is not the number of samples. Where the set has several parts, the data do not determine which of them is the driveline's.
 //!
-//! It is called an oscillation if noise in that band has so large a peak after one engagement in ten at most, and if it is larger than what the
-//! steps of the readings make of speeds that rise evenly: a sawtooth, whose first harmonic is a πth of the step.
+//! The peak is called an oscillation if noise in that band has so large a peak after at most one engagement in ten, and if it is larger than what
+//! quantisation makes of speeds that rise evenly: a sawtooth, whose first harmonic has an amplitude of 1/π of the step.
 
 use super::Trace;
 use std::f64::consts::{PI, TAU};
 
 /// Band of a car's driveline and its neighbours, Hz.
 const BAND: (f64, f64) = (2.0, 12.0);
-/// Distance of frequencies, Hz.
+/// Distance between frequencies, Hz.
 const FINE: f64 = 0.02;
-/// What is looked at after the speeds meet, s.
+/// Longest time after the speeds meet that is analysed, s.
 const LONGEST_S: f64 = 2.0;
 /// Width of the running mean, s.
 const MEAN_S: f64 = 0.5;
-/// What comes faster than this is averaged over it, s: far above the band.
+/// Width of the bins over which denser samples are averaged, s: its inverse is far above the band.
 const BIN_S: f64 = 0.01;
-/// Share of engagements after which noise may be called an oscillation.
+/// Share of engagements after which noise may be taken for an oscillation.
 const FALSE_ALARMS: f64 = 0.1;
-/// What is left of a sinusoid less its running mean is up to this many times as large: 1 − sin x / x.
+/// Largest gain that subtracting the running mean has on a sinusoid: 1 − sin x / x.
 const MOST_GAIN: f64 = 1.22;
 
 /// An oscillation.
@@ -32,13 +31,14 @@ const MOST_GAIN: f64 = 1.22;
 pub struct Ringing {
     /// Frequency, Hz.
     pub frequency: f64,
-    /// Share of the variance.
+    /// Share of the variance that it explains.
     pub share: f64,
-    /// The 95 % set, Hz.
+    /// The 95 % set of the frequency, as intervals, Hz.
     pub set: Vec<(f64, f64)>,
 }
 
-/// The oscillation after `met`; `None` if there is none or the gear is left too soon. `factor` and `quantum`: engine speed over road speed, and the step in which their difference is read.
+/// The oscillation after `met`; `None` if there is none or the gear is left too soon. `factor` is engine speed over road speed, `quantum` the
+/// quantisation step of their difference.
 pub fn after(engine: Trace<'_>, road: Trace<'_>, (factor, quantum): (f64, f64), met: f64, until: f64) -> Option<Ringing> {
     let end = until.min(met + LONGEST_S);
     let seconds = end - met;
@@ -53,7 +53,7 @@ pub fn after(engine: Trace<'_>, road: Trace<'_>, (factor, quantum): (f64, f64), 
     if points.len() < 20 || total == 0.0 {
         return None;
     }
-    // Above a third of the rate two samples and a half make a period: what is seen there is folded.
+    // Frequencies above a third of the sample rate have fewer than three samples per period; a peak there may be an alias.
     let of_engine = engine.within(met, end).len() as f64 / seconds;
     let rate = of_engine.min((points.len() - 1) as f64 / seconds);
     let highest = BAND.1.min(rate / 3.0);
@@ -79,17 +79,17 @@ pub fn after(engine: Trace<'_>, road: Trace<'_>, (factor, quantum): (f64, f64), 
     Some(Ringing { frequency, share: best, set })
 }
 
-/// Share of the variance of so many independent values that the largest peak of noise exceeds after one engagement in ten: Baluev, Mon. Not. R.
-/// Astron. Soc. 385 (2008) 1279, of his statistic z₁ without parameters beside the sinusoid.
+/// Share of the variance of this number of independent values that the largest peak of noise exceeds after one engagement in ten: Baluev, Mon. Not.
+/// R. Astron. Soc. 385 (2008) 1279, for his statistic z₁ without parameters besides the sinusoid.
 fn least_share(independent: f64) -> f64 {
-    // Band times time, as even stamps count: √(4π/12).
+    // Bandwidth times effective duration, which for evenly spaced stamps is √(4π/12) of the duration.
     let width = 0.5 * independent * (PI / 3.0).sqrt();
     let alarms = |share: f64| width * (0.5 * independent * share).sqrt() * (1.0 - share).powf(0.5 * independent - 1.5);
     let above = (0..1000).map(|k| f64::from(k) / 1000.0).rfind(|s| independent <= 3.0 || alarms(*s) > FALSE_ALARMS);
     above.unwrap_or_default()
 }
 
-/// Bin of a time since the speeds met; half a microsecond later than it begins, for stamps are rounded.
+/// Bin of a time since the speeds met; every bin begins half a microsecond early, because stamps are rounded.
 fn bin(since: f64) -> i64 {
     ((since + 5e-7) / BIN_S).floor() as i64
 }
@@ -100,14 +100,14 @@ fn mean(points: &[(f64, f64)]) -> (f64, f64) {
 }
 
 fn mean_around(points: &[(f64, f64)], t: f64) -> f64 {
-    // Near the ends the window shrinks on both sides alike, or a ramp would be biased.
+    // Near the ends the window shrinks symmetrically, because a ramp would be biased otherwise.
     let reach = (0.5 * MEAN_S).min(t - points[0].0).min(points[points.len() - 1].0 - t);
     let near = points.iter().filter(|p| (p.0 - t).abs() <= reach + 1e-9);
     let (sum, n) = near.fold((0.0, 0.0), |(sum, n), p| (sum + p.1, n + 1.0));
     sum / n
 }
 
-/// What the best sinusoid of a frequency takes from the sum of squares.
+/// Part of the sum of squares that the best sinusoid of a frequency explains.
 fn share(points: &[(f64, f64)], f: f64) -> f64 {
     let (mut cc, mut ss, mut cs, mut yc, mut ys) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for &(t, y) in points {
@@ -126,14 +126,14 @@ fn share(points: &[(f64, f64)], f: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Slip of an engine at `rate` after the speeds meet at 0, beside a road speed of 10 m/s that is read exactly.
+    /// Result for a slip after the speeds meet at 0, with samples at `rate` and a road speed of 10 m/s that is read exactly.
     fn found(rate: f64, quantum: f64, slip: impl Fn(f64) -> f64) -> Option<Ringing> {
         let time: Vec<f64> = (0..(4.0 * rate) as usize).map(|k| k as f64 / rate).collect();
         let (engine, road): (Vec<f64>, Vec<f64>) = time.iter().map(|&t| (100.0 + slip(t), 10.0)).unzip();
         after(Trace { time: &time, values: &engine }, Trace { time: &time, values: &road }, (10.0, quantum), 0.0, 3.9)
     }
 
-    /// Noise of the band seldom has so large a peak; one or two frequencies tell nothing.
+    /// Noise in the band seldom has so large a peak; with a few independent values nothing can be concluded.
     #[test]
     fn a_peak_is_one_that_noise_seldom_has() {
         assert!((0.28..0.3).contains(&least_share(40.0)), "{}", least_share(40.0));

@@ -14,7 +14,7 @@ impl Survey {
         ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), (from, to)| (a.min(from), b.max(to)))
     }
 
-    /// For people.
+    /// The survey as text for people.
     pub fn to_text(&self) -> String {
         let (from, to) = self.span();
         let mut out = format!("{}: {:.1} s, nothing cut\n\n", self.log.file, to - from);
@@ -111,7 +111,7 @@ impl Survey {
         }
     }
 
-    /// What a dead band hides.
+    /// A text on what a dead band hides.
     fn dead_band(&self, c: &LogChannel) -> Option<String> {
         let threshold = c.dead_band?;
         let k = c.values.iter().position(|v| *v != 0.0).filter(|k| *k > 0)?;
@@ -122,7 +122,7 @@ impl Survey {
         Some(format!("reads 0 below {shown}: what moves slower is not seen; it first reads something at {:.2} s", c.time[k]))
     }
 
-    /// For machines.
+    /// The survey as JSON for programs.
     pub fn to_json(&self) -> Value {
         let (from, to) = self.span();
         let name = |k: Option<usize>| k.map(|k| self.log.channels[k].name.clone());
@@ -208,13 +208,13 @@ fn quantity(q: Quantity) -> &'static str {
     }
 }
 
-/// Four digits, without zeros at the end.
+/// Formats a number with four digits, without trailing zeros.
 fn number(v: f64) -> String {
     let decimals = if v == 0.0 { 0 } else { (3 - v.abs().log10().floor() as i32).clamp(0, 6) as usize };
     let text = format!("{v:.decimals$}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_string() } else { text }
 }
-/// To two decimals; next to nothing has no sign.
+/// Rounds to two decimals; a small negative value becomes 0 without a sign.
 fn rounded(value: f64) -> f64 {
     (100.0 * value).round() / 100.0 + 0.0
 }

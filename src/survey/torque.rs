@@ -1,36 +1,36 @@
-//! What a torque channel can be, by what it reads where the clutch transmits nothing.
+//! What a torque channel can be, judged by what it reads while the clutch transmits nothing.
 //!
-//! At standstill with the clutch open the clutch torque is 0 and the engine obeys J_f ω̇_f = T_e − b_f ω_f. A channel that reads something else
-//! than 0 at steady speed there is neither the clutch's or gearbox input's torque nor the engine's net torque, unless its zero is off. If in
-//! addition its changes there ask for an inertia that no engine has, it is not the engine's torque at all.
+//! At standstill with the clutch open, the clutch torque is 0 and the engine obeys J_f ω̇_f = T_e − b_f ω_f. A channel that reads something other
+//! than 0 at steady speed there is neither the torque of the clutch or the gearbox input nor the engine's net torque, unless it has an offset. If in
+//! addition its changes there imply an inertia that no engine has, it is not the engine's torque at all.
 
 use super::{Trace, median};
 use crate::campaign::{Log, Quantity};
 
-/// Shortest standstill that is looked at, s.
+/// Shortest standstill that is examined, s.
 const SHORTEST_S: f64 = 0.5;
-/// Length of the steadiest part, s.
+/// Length of the steadiest part of a standstill, s.
 const STEADY_S: f64 = 0.3;
-/// Inertias that engines of cars have with flywheel, kg·m².
+/// Range of the inertias of car engines with flywheel, kg·m².
 const INERTIAS: (f64, f64) = (0.03, 1.0);
-/// Torque that is no offset, N·m.
+/// Magnitude below which a reading counts as 0, N·m.
 const SMALL: f64 = 5.0;
 
-/// What a torque channel reads.
+/// What a torque channel reads at standstill, and what follows from it.
 #[derive(Clone, Debug)]
 pub struct Reading {
-    /// Its position in the log.
+    /// Its index in the log.
     pub channel: usize,
-    /// At standstill with the clutch open and the channel steadiest: from, to in s, median in N·m.
+    /// The part of a standstill with open clutch in which the channel is steadiest: start and end in s, median in N·m.
     pub idle: Option<(f64, f64, f64)>,
-    /// Inertia that its changes at standstill ask for, kg·m².
+    /// Engine inertia that its changes at standstill imply, kg·m².
     pub inertia: Option<f64>,
-    /// What follows.
+    /// What follows from the reading.
     pub verdict: String,
 }
 
 impl Reading {
-    /// Whether it is neither the engine's torque nor, unless its zero is off, the clutch's.
+    /// Whether the channel is neither the engine's torque nor, unless its zero is off, the clutch's.
     pub fn is_no_torque(&self) -> bool {
         self.idle.is_some_and(|(_, _, level)| level.abs() >= SMALL) && self.inertia.is_some_and(is_no_engine)
     }
@@ -40,11 +40,11 @@ fn is_no_engine(inertia: f64) -> bool {
     !(INERTIAS.0..=INERTIAS.1).contains(&inertia)
 }
 
-/// The readings of all torque channels; those that may be the clutch's come first.
+/// The readings of all torque channels; those that are named after a wheel come last.
 pub fn readings(log: &Log, engine: Trace<'_>, road: Trace<'_>) -> Vec<Reading> {
     let pedal = log.channels.iter().find(|c| c.quantity == Some(Quantity::Share) && c.name.to_lowercase().contains("clutch"));
     let open = standstills(road, pedal.map(|p| p.trace()));
-    // A channel that never changes says nothing.
+    // A channel that never changes carries no information.
     let all = (0..log.channels.len()).filter(|&k| log.channels[k].quantity == Some(Quantity::Torque) && log.channels[k].quantum > 0.0);
     let mut out: Vec<Reading> = all.map(|k| reading(k, log.channels[k].trace(), engine, &open, pedal.is_some())).collect();
     let wheel = |r: &Reading| log.channels[r.channel].name.to_lowercase().contains("wheel");
@@ -52,7 +52,7 @@ pub fn readings(log: &Log, engine: Trace<'_>, road: Trace<'_>) -> Vec<Reading> {
     out
 }
 
-/// Stretches without speed in which the clutch is open, as far as a pedal tells.
+/// Stretches at standstill in which the clutch is open, as far as a pedal shows.
 fn standstills(road: Trace<'_>, pedal: Option<Trace<'_>>) -> Vec<(f64, f64)> {
     let standing = road.standing();
     let still = |k: usize| road.values[k] <= standing && pedal.is_none_or(|p| p.at(road.time[k]) > 95.0);
@@ -81,7 +81,7 @@ fn reading(channel: usize, torque: Trace<'_>, engine: Trace<'_>, open: &[(f64, f
         let impulse: f64 =
             range.clone().zip(range.skip(1)).map(|(i, j)| (torque.values[i] - level) * (torque.time[j] - torque.time[i])).sum();
         let gain = engine.at(from) - engine.at(a);
-        // Changes that are lost in noise ask for nothing.
+        // Changes that are lost in noise imply no inertia.
         (impulse.abs() > 2.0 && gain != 0.0).then(|| impulse / gain)
     });
     let clutch = if sure { "the clutch open" } else { "the car at rest (whether the clutch is open, no channel tells)" };
@@ -103,7 +103,7 @@ fn reading(channel: usize, torque: Trace<'_>, engine: Trace<'_>, open: &[(f64, f
     Reading { channel, idle: Some((from, to, level)), inertia, verdict }
 }
 
-/// The part of a standstill where the channel changes least: from, to, median, range.
+/// The part of a standstill in which the channel changes least: start, end, median, range.
 fn steadiest(torque: Trace<'_>, from: f64, to: f64) -> Option<(f64, f64, f64, f64)> {
     let starts = torque.within(from, to - STEADY_S);
     let part = |k: usize| {

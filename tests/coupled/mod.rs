@@ -1,4 +1,4 @@
-//! Plant and controller coupled, with whatever a test does to the wires between them.
+//! Plant and controller coupled, where a test may manipulate the signals between them.
 
 use kisspoint::control::{Controller, Inputs, Outputs, Settings};
 use kisspoint::effects::Parameters;
@@ -12,7 +12,7 @@ pub const STANDSTILL: Start = Start { omega_f: IDLE, omega_c: 0.0, theta_c: 25.0
 /// One communication point: time, plant, controller.
 pub type Row = (f64, plant::Outputs, Outputs);
 
-/// A coupled run that a test can step on.
+/// A coupled run that a test can continue step by step.
 pub struct Coupled {
     pub plant: Plant,
     pub controller: Controller,
@@ -31,7 +31,7 @@ impl Coupled {
         Self { plant, controller, time: 0.0, step: 1e-3, t_load: 0.0, rows: Vec::new() }
     }
 
-    /// Runs to `until` s; `wire` may change what the controller is told at a time.
+    /// Runs to `until` s; `wire` may change the controller's inputs at each step.
     pub fn run(&mut self, until: f64, mut wire: impl FnMut(f64, &mut Inputs)) -> &mut Self {
         while self.time < until - 1e-9 {
             let inputs = plant::Inputs { t_load: self.t_load, ..launch::plant_inputs(self.controller.outputs()) };

@@ -1,7 +1,7 @@
-//! Our types and functions of FMI 2.0 against those that bindgen makes of the standard's headers (crate `fmi-sys`).
+//! The types and functions of this FMI 2.0 implementation compared with those that bindgen generates from the standard's headers (crate `fmi-sys`).
 //!
-//! A type is reduced to its shape – what the C calling convention sees of it – and shapes are compared: names, `unsafe` and the
-//! difference between an enumeration and its integer do not matter; the number, order, size and direction of arguments do.
+//! Each type is reduced to its shape, that is, what the C calling convention sees of it, and the shapes are compared. Names, `unsafe` and the difference between an enumeration
+//! and its integer do not matter; number, order, size and direction of arguments do.
 #![cfg(test)]
 
 use fmi_sys::fmi2 as theirs;
@@ -9,7 +9,7 @@ use kisspoint::fmi2::types as ours;
 use std::ffi::c_void;
 use std::mem::offset_of;
 
-/// What C sees of a type.
+/// Representation of a type in the C calling convention.
 trait Shape {
     fn shape() -> String;
 }
@@ -58,7 +58,7 @@ fn shape_of<T: Shape>(_: T) -> String {
     T::shape()
 }
 
-/// Compares functions by their names, with a `_` for every argument.
+/// Compares functions by name, with a `_` for every argument.
 macro_rules! same {
     ($($module:ident: $($ours:ident($($argument:tt)*) $theirs:ident),* $(,)?);* $(;)?) => {{
         let mut count = 0;
@@ -104,7 +104,7 @@ fn every_function_has_the_standards_signature() {
     assert_eq!(compared, 44);
 }
 
-/// Places of fields, whose names differ, in two structs.
+/// Compares the offsets of fields, whose names differ, in two structs.
 macro_rules! same_places {
     ($ours:ty, $theirs:ty: $($mine:ident $other:ident),*) => {
         assert_eq!((size_of::<$ours>(), align_of::<$ours>()), (size_of::<$theirs>(), align_of::<$theirs>()));

@@ -1,4 +1,4 @@
-//! What the filter takes for noise is noise, and what it was not shown it does not make up.
+//! The filter's innovations are noise for a matching car, and data that were not shown to the filter have no influence.
 
 use crate::made_up::{answered, example, made_up, mean_square_from, normals, prepared};
 use kisspoint::campaign::Recording;
@@ -21,14 +21,15 @@ fn innovations_of_the_true_car_are_white_and_of_unit_variance_at_most() {
             let n = v.len() as f64;
             let variance = v.iter().map(|x| x * x).sum::<f64>() / n;
             let neighbours = v.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / (n * variance);
-            // Disturbances that this car does not have are allowed for, so that less than one is left.
+            // The filter also allows for disturbances that this car does not have, so the variance is below one.
             assert!((0.5..1.2).contains(&variance), "variance {variance}");
             assert!(neighbours.abs() < 0.3, "correlation {neighbours}");
         }
     }
 }
 
-/// The example's inputs by a logger of 1 kHz: what an effect changes is nearly the same in steps of an observation, and the same where the torque pulsates.
+/// The example's inputs from a logger of 1 kHz: the change of the innovations due to an effect, computed in steps of an observation, is nearly that computed for every row, and
+/// equal to it for judder, whose torque pulsates.
 #[test]
 fn changes_in_steps_of_an_observation_are_nearly_those_of_every_row() {
     const FASTER: usize = 10;
@@ -70,7 +71,7 @@ fn a_brake_is_no_gap() {
     let (mut recordings, vehicle_json) = example();
     let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
     let r = recordings.iter_mut().find(|r| r.manoeuvre == "open_rev").unwrap();
-    // From the middle on the car's side is pulled by 100 N·m that nobody reports.
+    // From the middle on, an unreported torque of 100 N·m pulls on the car's side.
     let half = r.time.len() / 2;
     let begin = r.time[half];
     let speed = r.omega_c[half];
@@ -113,7 +114,7 @@ fn speeds_that_cross_while_the_clutch_is_open_are_not_locked() {
     let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
     let r = &mut recordings[0];
     let n = r.time.len();
-    // Open all along; the disc's speed passes the flywheel's in the middle.
+    // Open throughout; the disc speed passes the flywheel speed in the middle.
     for k in 0..n {
         let part = k as f64 / n as f64;
         (r.x_to_cmd[k], r.omega_f[k], r.omega_c[k]) = (vehicle.actuator.x_cnt_0 - 0.5, 100.0, 60.0 + 80.0 * part);
@@ -121,7 +122,7 @@ fn speeds_that_cross_while_the_clutch_is_open_are_not_locked() {
     let (tracks, tolerances) = prepare::read(&[&*r], &vehicle_json).unwrap();
     let with = prepare::disturbances(&tracks, &tolerances);
     assert!(filter::filter(&tracks[0], &vehicle, &with, &[]).phase.iter().all(|p| *p != Phase::Locked));
-    // Closed while they are equal, then commanded open: locked until they part.
+    // Closed while both speeds are equal, then commanded open: it counts as locked until the speeds part.
     for k in 0..n {
         let slip = if k < n / 2 { 0.0 } else { 40.0 * (k - n / 2) as f64 / n as f64 };
         let closed = k < n / 4;
@@ -136,7 +137,7 @@ fn speeds_that_cross_while_the_clutch_is_open_are_not_locked() {
     assert!((locked.len() / 2..locked.len() * 2 / 3).contains(&last), "{last} of {}", locked.len());
 }
 
-/// Two cars whose torques and inertias differ by one factor move alike: a likelihood that tells them apart judges the corrections, not the car.
+/// Two cars whose torques and inertias differ by a common factor move alike. A likelihood that prefers one of them would judge the filter's corrections, not the car.
 #[test]
 fn a_common_factor_on_torques_and_inertias_changes_nothing() {
     let problem = made_up(|_| ());
@@ -150,7 +151,7 @@ fn a_common_factor_on_torques_and_inertias_changes_nothing() {
         for number in [&mut friction.mu_0, &mut friction.alpha_1, &mut friction.m_0, &mut friction.m_1, &mut friction.m_2] {
             *number *= f;
         }
-        // As warm under more heat.
+        // Temperatures stay the same although the heat is scaled.
         let thermal = &mut vehicle.thermal;
         for number in [&mut thermal.C_1, &mut thermal.C_b, &mut thermal.gamma_1, &mut thermal.gamma_2] {
             *number *= f;
@@ -164,7 +165,8 @@ fn a_common_factor_on_torques_and_inertias_changes_nothing() {
     assert!((plain - scaled).abs() < 0.01 * plain, "{plain} {scaled}");
 }
 
-/// Of a speed in the first sample nothing is known but that sample: white noise, noise with a memory, and a disturbance of the sensor, before as in it.
+/// Only the first sample informs the initial speed. Its innovation therefore has twice the variance of the sensor: of white noise, of coloured noise, and of the sensor
+/// disturbance, in the initial state as in the sample.
 #[test]
 fn the_first_sample_is_as_uncertain_as_its_sensor_twice() {
     let (recordings, vehicle_json) = example();
@@ -194,7 +196,7 @@ fn a_wheel_that_shows_nothing_yet_stands_nearly_still() {
     let mut problem = made_up(|_| ());
     let misfit_of = |p: &Problem| misfit(&p.all_residuals(&p.nominal(), None)) / p.samples() as f64;
     let whole = misfit_of(&problem);
-    // The disc's sensor has a threshold of 3 rad/s.
+    // The disc speed sensor has a threshold of 3 rad/s.
     for track in &mut problem.tracks {
         track.measured[Channel::OmegaC as usize].iter_mut().filter(|v| v.abs() < 3.0).for_each(|v| *v = f64::NAN);
     }
@@ -207,13 +209,13 @@ fn a_wheel_that_shows_nothing_yet_stands_nearly_still() {
     assert!(misfit_of(&hidden) < 1.1 * whole, "{} {whole}", misfit_of(&hidden));
 }
 
-/// Even samples whose stamps are up to 4.5 ms off, or samples at such times: either is no gap.
+/// Uniform samples with time stamps that are off by up to 4.5 ms, or samples taken at such times: neither is a gap.
 #[test]
 fn uneven_stamps_are_no_gap() {
     let (_, vehicle_json) = example();
     let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
     let mut normal = normals(31);
-    // A motor that swings, an open clutch.
+    // The torque oscillates while the clutch is open.
     let inputs: Vec<[f64; 2]> = (0..600).map(|k| [50.0 * (0.05 * f64::from(k)).sin(), 1.0]).collect();
     let moving = |row: usize, now: [f64; 2]| if row == 0 && now == [0.0; 2] { [200.0, 20.0] } else { now };
     let mut uneven = answered(&Car::nominal(&vehicle), &inputs, 0.05, |_| false, moving);
@@ -231,7 +233,7 @@ fn uneven_stamps_are_no_gap() {
     assert!((0.4..1.3).contains(&known) && ignored > 5.0, "{known} {ignored}");
 }
 
-/// Rows at the end that fill no observation belong to the last one.
+/// Rows at the end that do not fill an observation are assigned to the last one.
 #[test]
 fn torques_of_rows_that_fill_no_observation_belong_to_the_last_one() {
     let (_, vehicle_json) = example();
@@ -253,7 +255,7 @@ fn torques_of_rows_that_fill_no_observation_belong_to_the_last_one() {
     let problem = prepared(&r);
     let torques = replay::torques(&problem.tracks[0], &problem.filters[0], &Car::nominal(&vehicle), [40.0; 2]);
     assert_eq!(torques.len(), 107);
-    // Open by the end.
+    // The clutch is open by the end.
     assert!(torques[101] > 1.0 && torques[106] == 0.0, "{torques:?}");
 }
 
@@ -266,7 +268,7 @@ fn shafts_of_a_car_that_its_brakes_hold_are_at_rest() {
     car.effects[param::driveline_compliance::damping] = 0.3;
     let idle = 100.0;
     let inputs = vec![[vehicle.driveline.b_f * idle, vehicle.actuator.x_cnt_0 - 0.5]; 400];
-    // The brakes hold the car. What the flywheel shows is the same; noise of the disc's sensor would set a model's shafts swinging.
+    // The brakes hold the car. The flywheel signal is the same as without brakes; the noise of the disc sensor would excite the shafts of a model that is not held.
     let recording = answered(&car, &inputs, 0.4, |_| true, |_, _| [idle, 0.0]);
     let mut problem = prepared(&recording);
     let of_disc = |p: &Problem| {
@@ -285,7 +287,7 @@ fn a_clutch_that_opens_while_both_sides_slow_down_alike_is_not_held() {
     let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
     let (open, closed) = (vehicle.actuator.x_cnt_0 - 0.5, vehicle.actuator.x_cls_0);
     let inputs: Vec<[f64; 2]> = (0..250).map(|k| if k < 100 { [20.0, closed] } else { [-10.0, open] }).collect();
-    // Locked for a second; then the engine falls by itself and the brakes slow the car down nearly as much.
+    // Locked for a second; then the engine slows down by itself, and the brakes slow the car down nearly as much.
     let speeds = |k: usize, now: [f64; 2]| match k {
         0 => [150.0; 2],
         1..100 => now,
@@ -299,8 +301,8 @@ fn a_clutch_that_opens_while_both_sides_slow_down_alike_is_not_held() {
     assert!(left < 1.5, "{left}");
 }
 
-/// A closed clutch that speeds up and then brakes at 250 rad/s², with a flywheel's speed that shows 12 ms late: 3 rad/s apart, and no slip. Where no such lateness is
-/// declared it is.
+/// A closed clutch accelerates and then brakes at 250 rad/s², with a flywheel speed that is sensed 12 ms late. The sensed speeds are 3 rad/s apart although there is no slip.
+/// If no such latency is declared, this counts as slip.
 #[test]
 fn a_closed_clutch_that_brakes_with_one_speed_late_holds() {
     let (_, mut vehicle_json) = example();
@@ -330,7 +332,7 @@ fn a_closed_clutch_that_brakes_with_one_speed_late_holds() {
     assert!(with == 47 && without < 5, "{with} {without}");
 }
 
-/// The same samples in four messages that follow each other by 30 µs: the same innovations, and the same car.
+/// The same samples in four messages at intervals of 30 µs give the same innovations and the same car.
 #[test]
 fn channels_in_bursts_say_what_they_say_in_one_row() {
     let (recordings, vehicle_json) = example();
@@ -338,7 +340,7 @@ fn channels_in_bursts_say_what_they_say_in_one_row() {
     let bursts = |r: &Recording| {
         let rows = 4 * r.time.len();
         let one = |v: &[f64], message: usize| (0..rows).map(|k| if k % 4 == message { v[k / 4] } else { f64::NAN }).collect::<Vec<f64>>();
-        // Inputs are held, the first one from the start.
+        // Inputs are held; the first value also applies to the rows before it.
         let held = |v: &[f64], message: usize| (0..rows).map(|k| v[(k + 4 - message).saturating_sub(4) / 4]).collect::<Vec<f64>>();
         let own = |message: usize| Some((0..rows).filter(|k| k % 4 == message).collect::<Vec<usize>>());
         let all = Recording {
@@ -355,7 +357,7 @@ fn channels_in_bursts_say_what_they_say_in_one_row() {
             brake: None,
             ..r.clone()
         };
-        // As the reader has it: it begins with the message that begins last.
+        // As the reader returns it: the recording begins with the message that begins last.
         let cut = |v: Vec<f64>| v[3..].to_vec();
         Recording {
             time: all.time[3..].iter().map(|t| t - all.time[3]).collect(),
@@ -386,7 +388,7 @@ fn channels_in_bursts_say_what_they_say_in_one_row() {
     assert!(apart < 0.6, "{apart}: {:?} {:?}", split.1.point.shared, whole.1.point.shared);
 }
 
-/// A speed that is lost for 0.8 s under the brakes is not one below a sensor's threshold: the car goes on.
+/// A speed that is lost for 0.8 s under braking is not a speed below a sensor's threshold: the car keeps moving.
 #[test]
 fn a_car_whose_speed_is_lost_under_its_brakes_does_not_stand() {
     let (_, vehicle_json) = example();
@@ -397,7 +399,7 @@ fn a_car_whose_speed_is_lost_under_its_brakes_does_not_stand() {
     assert!(!lost.filters[0].stands.contains(&true));
 }
 
-/// Shafts swing for half a second after a stop: until then the car is not taken to rest, and from the release of its brakes on it is not either.
+/// The shafts oscillate for half a second after a stop. The car counts as at rest neither during that time nor after the brakes are released.
 #[test]
 fn a_car_rests_half_a_second_after_it_stopped_under_its_brakes() {
     let (_, vehicle_json) = example();

@@ -1,4 +1,4 @@
-//! What the inference finds is what was put in.
+//! The inference recovers what was put into the data.
 
 use crate::made_up::{example, first, made_up, made_up_under};
 use kisspoint::effects::{self, REGISTRY, Subsystem, param};
@@ -23,7 +23,7 @@ fn an_effect_that_is_there_is_found_and_one_more_is_not_believed() {
     assert_eq!(found.best().effects, [mass]);
     let factor = found.best().fit.point.effects[param::vehicle_mass::factor];
     assert!((factor - 1.12).abs() < 0.06, "{factor}");
-    // A set never fits worse than one that it holds.
+    // A set of effects never fits worse than a subset.
     let base = found.base().fit.cost;
     for h in &found.hypotheses {
         assert!(h.fit.cost < base + 1.0, "{:?}: {} {base}", h.effects, h.fit.cost);
@@ -47,7 +47,7 @@ fn the_order_of_a_ripple_is_found() {
     }
 }
 
-/// What an order costs is that it was looked for, not how far it is from once a turn.
+/// The price of an order is that of having searched for it; it does not depend on the distance of the order from one per revolution.
 #[test]
 fn a_ripple_is_believed_whatever_its_order() {
     let judder = effects::find("judder").unwrap();
@@ -58,8 +58,8 @@ fn a_ripple_is_believed_whatever_its_order() {
     }
 }
 
-/// A gain of the disc speed moves the slip angle by tens of radians: what looks like a ripple before it is known has another order than the ripple. An effect of
-/// no size that the search took along the way is dropped again.
+/// A gain of the disc speed shifts the slip angle by tens of radians, so that the apparent order of a ripple differs from the true one until the gain is known. An effect of
+/// negligible size that the search picked up on the way is dropped again.
 #[test]
 fn a_ripple_is_found_beside_what_moves_the_slip_angle() {
     let [judder, gain] = ["judder", "clutch_speed_gain"].map(|id| effects::find(id).unwrap());
@@ -105,7 +105,7 @@ fn without_recordings_the_sizes_of_a_form_are_as_likely_as_each_other() {
     let (_, blind) = h.formed.weighed(&problem, &h.basis, 0, [0.0; 3]);
     let expected = ((0.04_f64.powi(2) + 0.2_f64.powi(2) + 1.0) / 3.0).sqrt();
     assert!((blind.form_size - expected).abs() < 1e-6, "{} {expected}", blind.form_size);
-    // With them, some of the form's size is left to doubt, and never more than all of it.
+    // With recordings, the size of the form remains uncertain within the range from the smallest to the largest of its sizes.
     assert!((0.04..=1.0).contains(&h.fit.form_size), "{}", h.fit.form_size);
 }
 
@@ -117,22 +117,22 @@ fn an_effect_that_sets_in_later_differs_by_its_form_alone() {
     point.effects[param::vehicle_mass::factor] = 1.2;
     let (with, without) = (problem.all_residuals(&point, None), problem.all_residuals(&problem.nominal(), None));
     let functions = forms(&problem, &point, &[mass]);
-    // What the two speeds would show were the effect 20 ms late, less what they do.
+    // Difference in the innovations of both speeds between the effect 20 ms late and the effect as it is.
     let (track, d) = (&problem.tracks[0], with[0].iter().zip(&without[0]).map(|(a, b)| a - b).collect::<Vec<_>>());
     let late = (0.02 / track.pace()).round() as usize;
     assert!(late >= 1);
     let n = 2 * track.observations();
     let missed: Vec<f64> = (0..n).map(|i| if i < 2 * late { -d[i] } else { d[i - 2 * late] - d[i] }).collect();
-    // The first two functions are all that is needed for it.
+    // The first two functions suffice to represent it.
     let [first, second] = [0, 1].map(|k| functions[k][0].innovations.values().take(n).collect::<Vec<f64>>());
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let (aa, ab, bb) = (dot(&first, &first), dot(&first, &second), dot(&second, &second));
     let (am, bm) = (dot(&first, &missed), dot(&second, &missed));
     let (x, y) = ((bb * am - ab * bm) / (aa * bb - ab * ab), (aa * bm - ab * am) / (aa * bb - ab * ab));
     let left: Vec<f64> = (0..n).map(|i| missed[i] - x * first[i] - y * second[i]).collect();
-    // As far as single precision goes.
+    // To the accuracy of single precision.
     assert!(dot(&left, &left) < 1e-10 * dot(&missed, &missed), "{x} {y} {}", dot(&left, &left) / dot(&missed, &missed));
-    // They are as large as each other.
+    // Both functions have the same size.
     let sum = |k: usize| functions[k].iter().map(|f| f.innovations.square()).sum::<f64>();
     assert!((sum(0) / sum(1) - 1.0).abs() < 1e-6);
 }
@@ -142,7 +142,8 @@ fn the_larger_the_gap_the_less_its_likelihood_is_believed() {
     let [healthy, ill] = [1.0, 1.3].map(|factor| made_up(|e| e[param::vehicle_mass::factor] = factor));
     let least = |p: &Problem| p.steering().into_iter().fold(1.0, f64::min);
     assert!(least(&healthy) > 0.9 && least(&ill) < 0.7 * least(&healthy), "{:?} {:?}", healthy.powers, ill.powers);
-    // Half the square of how inexact a law may be, times what the car as its file gives it leaves beyond noise; and of a two hundredth, times the samples.
+    // The reciprocal powers are 1 plus half the squared relative accuracy of the laws times the excess of the file's residuals over noise, plus half of 0.005² times the number
+    // of samples.
     let all = ill.all_residuals(&ill.nominal(), None);
     let (mut left, mut samples) = ([0.0; 3], [0.0; 3]);
     for (r, all) in all.iter().enumerate() {
@@ -158,15 +159,15 @@ fn the_larger_the_gap_the_less_its_likelihood_is_believed() {
             assert!((powers[phase] - expected).abs() < 1e-9, "{c} {phase}: {} {expected}", powers[phase]);
         }
     }
-    // And the less, the less exact its laws may be.
+    // And the smaller, the less accurate the laws are assumed to be.
     let worst = ill.powers.map(|powers| powers.into_iter().fold(1.0, f64::min));
     assert!(worst.is_sorted_by(|a, b| a > b), "{worst:?}");
-    // Evidence between two sets shrinks with it, while what they cost stays.
+    // The less accurate the laws, the smaller the difference in evidence between two sets, while the difference in cost stays.
     let mass = effects::find("vehicle_mass").unwrap();
     let apart = |problem: &Problem| {
         let of = |effects: &[usize]| Hypothesis::fitted(problem, effects.to_vec(), &problem.nominal(), 12, None);
         let (with, without) = (of(&[mass]), of(&[]));
-        // An interval is as wide as laws may be inexact: wider than noise alone would have it.
+        // The interval takes the inaccuracy of the laws into account: it is wider than noise alone would make it.
         let (exact, variances) =
             (with.fit.exact.clone().cholesky().unwrap().inverse(), with.fit.mean_covariance.as_ref().unwrap().diagonal());
         let at = with.fit.shared.iter().position(|c| *c == Coordinate::Effect(param::vehicle_mass::factor)).unwrap();
@@ -179,7 +180,7 @@ fn the_larger_the_gap_the_less_its_likelihood_is_believed() {
     assert!(lead > 0.0 && believed > 0.0 && believed < lead, "{lead} {believed}");
 }
 
-/// A law that acts where the clutch slips takes belief from the samples in which it does, and not from those before.
+/// A law that acts while the clutch slips lowers the power of the samples in that phase, and not of those before.
 #[test]
 fn a_gap_of_one_phase_leaves_the_others_their_power() {
     let problem = made_up(|e| e[param::friction_level::factor] = 1.4);
@@ -190,7 +191,7 @@ fn a_gap_of_one_phase_leaves_the_others_their_power() {
     assert!((problem.misfits(&here).iter().sum::<f64>() - whole).abs() < 1e-9 * whole);
 }
 
-/// Where a fit began says nothing of what it found: forms belong to the size that the effect has in the end.
+/// The evidence does not depend on the start of a fit: forms are those of the effect's final size.
 #[test]
 fn evidence_does_not_depend_on_where_a_fit_began() {
     let problem = made_up(|e| e[param::vehicle_mass::factor] = 1.12);
@@ -202,13 +203,13 @@ fn evidence_does_not_depend_on_where_a_fit_began() {
     };
     let (near, far) = (from(1.1), from(1.6));
     assert!((near.lead - far.lead).abs() < 0.3, "{} {}", near.lead, far.lead);
-    // What was let go comes back as it was.
+    // A hypothesis whose basis was dropped to save memory is restored as it was.
     let let_go = Hypothesis { basis: Vec::new(), formed: Fit { columns: Default::default(), ..near.formed.clone() }, ..near.clone() };
     let whole = let_go.whole(&problem);
     assert!(!whole.basis.is_empty() && (whole.lead - near.lead).abs() < 0.3, "{} {}", whole.lead, near.lead);
 }
 
-/// A torque that changes every 40 ms, as often up as down: nothing that a car does on average.
+/// A torque that changes every 40 ms with equal probability of both signs: it corresponds to no systematic behaviour of a car.
 #[test]
 fn something_irregular_is_seen_and_placed() {
     let torque = |t: f64| {
@@ -245,7 +246,8 @@ fn derivatives_that_are_kept_lead_to_the_same_mode() {
     assert_eq!(REGISTRY[level[0]].id, "friction_level");
 }
 
-/// The car's friction is too high, and the fit has a law of friction for it: with more of the law it comes to the same mode from derivatives of the first part as from new ones.
+/// The car's friction is too high, and the fit contains a missing law of friction. When the law is extended, derivatives kept from its first part lead to the same mode as new
+/// ones.
 #[test]
 fn derivatives_of_a_law_that_are_kept_lead_to_the_same_mode() {
     let problem = made_up(|e| e[param::friction_level::factor] = 1.15);
@@ -262,7 +264,7 @@ fn derivatives_of_a_law_that_are_kept_lead_to_the_same_mode() {
     let by_track: Vec<Vec<Missing>> = by_track.collect();
     let mut law: Basis = (0..by_track[0].len()).map(|f| by_track.iter().map(|t| t[f].clone()).collect()).collect();
     let part = fit(&problem, Free { effects: &[], basis: Some(&law) }, &nominal, 6, None);
-    // More of it that is linear.
+    // A further linear function of the law.
     let more = |r: usize| Missing { innovations: part.columns[r][0].times(0.1), ..Missing::default() };
     law.push((0..problem.tracks.len()).map(more).collect());
     let whole = |known| fit(&problem, Free { effects: &[], basis: Some(&law) }, &part.point, LOOK, known);
@@ -289,13 +291,13 @@ fn an_effect_far_below_its_usual_size_is_no_effect() {
     assert!(tiny < usual - 2.0, "{usual} {tiny}");
 }
 
-/// Where a time constant is at its bound, a step towards the priors does not take what goes with it along: the point that is handed out is that of the
-/// stated cost.
+/// If a time constant is at its bound, a step towards the priors does not drag along the unknowns that are correlated with it. The returned point is the one that belongs to
+/// the stated cost.
 #[test]
 fn a_weighed_fit_stays_within_the_bounds() {
     let mut problem = made_up(|_| {});
     let smoothing = problem.shared.iter().position(|n| n.name == "actuator.command_smoothing").unwrap();
-    // The command is logged a little after it has acted: less than no smoothing would suit best.
+    // The command is logged slightly after it acted, so that the best value would be less than no smoothing.
     for track in &mut problem.tracks {
         (1..track.ticks.len()).rev().for_each(|k| track.ticks[k].x_to = track.ticks[k - 1].x_to);
     }
@@ -306,7 +308,7 @@ fn a_weighed_fit_stays_within_the_bounds() {
     assert!((at / fitted.cost - 1.0).abs() < 0.005, "{at} {}", fitted.cost);
 }
 
-/// A tolerance that is pulled by more than two and a half standard deviations gives way to the effect that does the same: the car stays as it is.
+/// A tolerance that is pulled by more than two and a half standard deviations is replaced by the effect of the same meaning, and the car stays the same.
 #[test]
 fn a_tolerance_that_is_pulled_hands_over_to_its_effect() {
     let problem = made_up(|_| {});
@@ -325,7 +327,7 @@ fn a_tolerance_that_is_pulled_hands_over_to_its_effect() {
     assert!(taken_over(&problem, &pulled, &[mass]).is_empty());
 }
 
-/// Within three standard deviations of its declared latency a late sensor is as it should be, and no effect is believed for it.
+/// A sensor latency within three standard deviations of its declared tolerance is normal, and does not count as an effect.
 #[test]
 fn a_latency_that_is_declared_is_no_effect() {
     let (_, mut vehicle_json) = example();
@@ -343,7 +345,7 @@ fn a_latency_that_is_declared_is_no_effect() {
     assert!(!late("vehicle_mass", param::vehicle_mass::factor, 0.0));
 }
 
-/// A pair that leads, of which one member only came along: what is left of it without that one is looked at, and is believed.
+/// A leading pair with one superfluous member: the set without that member is tried, and preferred.
 #[test]
 fn a_member_that_does_nothing_is_dropped() {
     let problem = made_up(|e| e[param::vehicle_mass::factor] = 1.2);
@@ -357,7 +359,7 @@ fn a_member_that_does_nothing_is_dropped() {
     assert!((found.best().fit.point.effects[param::vehicle_mass::factor] - 1.2).abs() < 0.06);
 }
 
-/// Beside a law that is missing an effect may only have come along: it is dropped, if what is left is believed more.
+/// An effect beside a missing law may be superfluous; it is dropped if the remaining set is more probable.
 #[test]
 fn an_effect_that_only_came_along_beside_a_law_is_dropped() {
     let gusts = |t: f64| 6.0 * ((1.7 * t).sin() + (3.1 * t + 0.5).sin());

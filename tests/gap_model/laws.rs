@@ -1,4 +1,4 @@
-//! Laws that are missing, and effects beside them.
+//! Missing laws, and effects beside them.
 
 use crate::made_up::{first, made_up_under};
 use kisspoint::effects::{self, Subsystem, param};
@@ -8,7 +8,7 @@ use kisspoint::gap::infer::strained::Strained;
 use kisspoint::gap::infer::unknown::{beside, places};
 use kisspoint::gap::verdict::{Verdict, conclude};
 
-/// Beside a law that explains the gap an effect has nothing to do, and no form to explain anything with, however large it was where the fit began.
+/// Beside a missing law that explains the gap, an effect has size zero and therefore no form that could explain anything, however large it was at the start of the fit.
 #[test]
 fn an_effect_that_a_law_leaves_nothing_to_do_has_no_form() {
     let problem = made_up_under(|_| {}, |t: f64| 6.0 * ((1.7 * t).sin() + (3.1 * t + 0.5).sin()));
@@ -26,14 +26,14 @@ fn an_effect_that_a_law_leaves_nothing_to_do_has_no_form() {
     assert!((near.log_posterior - far.log_posterior).abs() < 2.0, "{} {}", near.log_posterior, far.log_posterior);
 }
 
-/// Gusts of wind: no state of the car says when they come, and no effect of the library is named for them.
+/// Gusts of wind depend on no state of the car; they are located in the driveline, and no effect of the library is named for them.
 #[test]
 fn what_comes_and_goes_by_itself_is_placed_and_not_named() {
     let gusts = |t: f64| 6.0 * ((1.7 * t).sin() + (3.1 * t + 0.5).sin());
     let problem = first(5, made_up_under(|_| {}, gusts));
     let found = search(&problem, None, &|_, _| {});
     let weights = posterior(&problem, &found, Strained::default());
-    // A load beside the gusts is their mean: it lies in the law's own place, and is not named.
+    // A road load beside the gusts is their mean. It belongs to the place of the missing law and is not named.
     let conclusion = conclude(&problem, &found, &weights);
     assert_eq!(
         (conclusion.verdict, conclusion.unexplained_at),

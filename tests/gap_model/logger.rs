@@ -1,4 +1,4 @@
-//! What a logger and its sensors do to a car's signals is told from what the car does: commands between samples, noise with a memory.
+//! Properties of a logger and its sensors are distinguished from the behaviour of the car: commands between samples, coloured noise.
 
 use crate::made_up::{answered, answered_at, example, mean_square_from, normals, prepared, shown};
 use crate::thinned::every;
@@ -14,7 +14,8 @@ use kisspoint::gap::verdict::Verdict;
 use kisspoint::vehicle::Vehicle;
 use std::path::Path;
 
-/// Inputs of a clutch that closes slowly from 5.3 mm on, with a command that goes its own way from row to row by so many mm: torque, position.
+/// Inputs (torque, position) of a clutch that closes slowly from 5.3 mm on, by `closes` mm per row, plus a first-order autoregressive disturbance whose innovations have a
+/// standard deviation of `wanders` mm.
 fn wandering(rows: u32, seed: u64, closes: f64, wanders: f64) -> Vec<[f64; 2]> {
     let (mut normal, mut wander) = (normals(seed), 0.0);
     let mut row = |k: u32| {
@@ -36,7 +37,7 @@ fn a_command_that_a_slow_logger_misses_is_noise_of_the_torque() {
     }
 }
 
-/// A logger that averages its samples misses commands of a control unit that is faster still, if that is how it is read.
+/// A logger that averages its samples still misses commands of a faster control unit, if its recordings are read that way.
 #[test]
 fn a_command_between_averaged_samples_is_noise_as_well() {
     let (_, vehicle_json) = example();
@@ -55,7 +56,7 @@ fn a_command_between_averaged_samples_is_noise_as_well() {
     assert!(held > 5.0 * straight && (0.3..2.0).contains(&straight), "{held} {straight}");
 }
 
-/// The bearing's position beside it: what it is just before a sample the last command would tell, which a slow logger has not seen.
+/// The same with a measured bearing position: just before a sample it follows the last command, which a slow logger has not seen.
 #[test]
 fn a_command_that_a_slow_logger_misses_is_noise_of_the_position() {
     let (_, vehicle_json) = example();
@@ -70,24 +71,25 @@ fn a_command_that_a_slow_logger_misses_is_noise_of_the_position() {
         .collect();
     let moving = |row: usize, now: [f64; 2]| if row == 0 && now == [0.0; 2] { [250.0, 20.0] } else { now };
     let mut whole = answered(&Car::nominal(&vehicle), &inputs, 0.1, |_| false, moving);
-    // A bearing that follows at once, seen just before the next command.
+    // A bearing that follows immediately, sampled just before the next command.
     whole.x_to = Some((0..300_usize).map(|k| inputs[k.saturating_sub(1)][1] + 0.015 * normal()).collect());
     for step in [1, 2, 5] {
         let r = every(step, &whole);
         let mut problem = prepared(&r);
-        // A command that goes any way hides the noise from its neighbours: here it is told, not found.
+        // A command that wanders freely hides the sensor noise from an estimate by neighbouring samples; here the noise is given, not estimated.
         let mut with = prepare::disturbances(&problem.tracks, &prepare::read(&[&r], &vehicle_json).unwrap().1);
         with.noise[Channel::XTo as usize].white = 0.015;
         problem.filters = problem.tracks.iter().map(|t| prepare::filter_of(t, &vehicle, &with)).collect();
         let n = problem.tracks[0].observations();
         let all = &problem.all_residuals(&problem.nominal(), None)[0][2 * n + 2..3 * n];
         let left = all.iter().map(|r| r * r).sum::<f64>() / all.len() as f64;
-        // How far a command goes is known from two bends alone, which leaves more than one; unallowed for it would be six and more.
+        // How far a command has moved unseen is estimated from its curvature at two samples only, which leaves a mean square above one; if it were not allowed for, it would be
+        // six or more.
         assert!((0.5..2.5).contains(&left), "every {step}: {left}");
     }
 }
 
-/// Recordings of the bundled campaign, and its car.
+/// Recordings of the bundled campaign, and the nominal car.
 fn bundled(names: &[&str]) -> (Campaign, Car) {
     let mut campaign = campaign::read(Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
     campaign.recordings.retain(|r| names.contains(&r.name.as_str()));
@@ -95,7 +97,8 @@ fn bundled(names: &[&str]) -> (Campaign, Car) {
     (campaign, car)
 }
 
-/// Both speeds and the bearing's position as a car answers the inputs of a recording, with what its sensors add to them at these intervals in s; no other bench channel.
+/// Replaces both speeds and the bearing position by the response of a car to the recording's inputs, plus what `sensors` adds at each sample interval (s); other bench channels
+/// are removed.
 fn answer(r: &mut Recording, car: &Car, mut sensors: impl FnMut(f64) -> [f64; 3]) {
     let interval = 1.0 / r.sample_rate_hz;
     let mut sensed = |now: [f64; 3]| {
@@ -108,8 +111,8 @@ fn answer(r: &mut Recording, car: &Car, mut sensors: impl FnMut(f64) -> [f64; 3]
     (r.t_fc, r.theta_c) = (None, None);
 }
 
-/// Recordings of the bundled campaign, every so many rows of them, as its nominal car answers them if its control unit computes at this interval in s, with what the sensors add to
-/// both speeds at these intervals in s.
+/// Recordings of the bundled campaign, decimated to every `step`-th row, as the nominal car would give them. `control` is the interval of its control unit in s, and `sensors`
+/// returns what is added to both speeds at each sample interval (s).
 fn replayed(names: &[&str], step: usize, control: Option<f64>, mut sensors: impl FnMut(f64) -> [f64; 2]) -> Campaign {
     let (mut campaign, car) = bundled(names);
     for r in &mut campaign.recordings {
@@ -124,7 +127,7 @@ fn replayed(names: &[&str], step: usize, control: Option<f64>, mut sensors: impl
     campaign
 }
 
-/// A control unit that commands at 33 Hz, logged at 33 Hz: its commands stay from sample to sample, and the diagnosis finds that out by itself.
+/// A control unit that computes at 33 Hz, logged at 33 Hz: its commands hold from sample to sample, and the diagnosis finds that out by itself.
 #[test]
 fn commands_that_change_only_as_often_as_they_are_logged_are_held() {
     let mut normal = normals(11);
@@ -134,7 +137,7 @@ fn commands_that_change_only_as_often_as_they_are_logged_are_held() {
     assert!(found.answer.notes.iter().any(|n| n.contains("held from sample to sample")), "{:?}", found.answer.notes);
 }
 
-/// A control unit that commands at 1 kHz, logged at 100 Hz: its commands go on between the samples, which the diagnosis finds out as well.
+/// A control unit that computes at 1 kHz, logged at 100 Hz: its commands change between the samples, which the diagnosis also finds out.
 #[test]
 fn commands_that_change_between_their_samples_go_on_between_them() {
     const FASTER: usize = 10;
@@ -154,12 +157,12 @@ fn commands_that_change_between_their_samples_go_on_between_them() {
     let found = diagnose(&campaign, &|_, _| {}).unwrap();
     assert_eq!((found.read.recordings[0].control_interval_s, found.answer.verdict), (Some(0.005), Verdict::NoGap));
     assert!(found.answer.notes.iter().any(|n| n.contains("straight from sample to sample")), "{:?}", found.answer.notes);
-    // Folded to the width of a terminal.
+    // The summary may be folded to the width of a terminal, so it is compared with single spaces.
     let told = kisspoint::cli::summary::summary(&found, None).split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(told.contains("- The commands seem to change more often than they are logged"), "{told}");
 }
 
-/// The disc speed repeats what it showed, for so many rows of every so many; `again` is what its noise adds to that.
+/// The disc speed repeats its last value for `rows` of every `every` rows, plus the noise `again`.
 fn repeated(campaign: &mut Campaign, rows: usize, every: usize, mut again: impl FnMut() -> f64) {
     for r in &mut campaign.recordings {
         for k in (0..r.omega_c.len()).filter(|k| k % every >= every - rows) {
@@ -168,7 +171,7 @@ fn repeated(campaign: &mut Campaign, rows: usize, every: usize, mut again: impl 
     }
 }
 
-/// A sensor whose messages are lost for 80 ms at a time: a gap in the sensors, whose samples are left out, and no effect of the car's.
+/// A sensor whose messages are lost for 80 ms at a time: the repeated samples are left out, and the verdict is a gap in the sensors, not an effect of the car.
 #[test]
 fn a_speed_that_repeats_itself_is_left_out_and_is_a_gap_in_the_sensors() {
     let mut normal = normals(17);
@@ -183,7 +186,7 @@ fn a_speed_that_repeats_itself_is_left_out_and_is_a_gap_in_the_sensors() {
         "{what:?}"
     );
     assert!(answer.notes.iter().any(|n| n.contains(&what[0])), "{:?}", answer.notes);
-    // All of them where the car has moved on meanwhile, and hardly any other.
+    // All repeats are left out where the car's speed changed meanwhile, and hardly any other sample.
     let (mut stale, mut left_out, mut fresh) = (0, 0, 0);
     for (was, is) in campaign.recordings.iter().zip(&found.read.recordings) {
         for begin in (0..was.omega_c.len().saturating_sub(72)).step_by(70) {
@@ -198,7 +201,7 @@ fn a_speed_that_repeats_itself_is_left_out_and_is_a_gap_in_the_sensors() {
     assert!(stale > 50 && left_out == stale && 10 * fresh < stale, "{left_out} of {stale}, and {fresh}");
 }
 
-/// Every logger loses a message now and then: what it repeats is left out and said, and is no gap.
+/// Every logger occasionally loses a message: the repeated values are left out and reported, and are no gap.
 #[test]
 fn a_few_messages_that_are_lost_are_no_gap() {
     let mut normal = normals(37);
@@ -214,7 +217,7 @@ fn a_few_messages_that_are_lost_are_no_gap() {
     assert!(found.read.recordings.iter().flat_map(|r| &r.omega_c).filter(|v| v.is_nan()).count() >= 8);
 }
 
-/// Beside such a sensor the effect of the bundled campaign, which is another car's than the plant's, is named as ever.
+/// With such a sensor, the effect of the bundled campaign is still named; its car was not simulated with this plant.
 #[test]
 fn an_effect_beside_a_speed_that_repeats_itself_is_named() {
     let (mut campaign, _) = bundled(&["r01", "r02", "r03", "r04", "r05", "r06", "r07", "r08", "r09"]);
@@ -228,7 +231,7 @@ fn an_effect_beside_a_speed_that_repeats_itself_is_named() {
     );
 }
 
-/// Shafts that twist let the disc leap, too: that is the car, and no sample is left out.
+/// Elastic shafts also let the disc speed jump. This is behaviour of the car, and no sample is left out.
 #[test]
 fn a_disc_that_leaps_behind_soft_shafts_is_not_stale() {
     let mut normal = normals(31);
@@ -246,7 +249,7 @@ fn a_disc_that_leaps_behind_soft_shafts_is_not_stale() {
     assert!(found.read.recordings.iter().all(|r| r.omega_c.iter().all(|v| v.is_finite())));
 }
 
-/// Noise that remembers for 0.1 s, beside white noise: the recordings are searched again under a filter that knows of it, and the answer says so.
+/// Coloured noise with a time constant of 0.1 s, beside white noise: the search is repeated with a filter that models it, and the answer says so.
 #[test]
 fn noise_with_a_memory_is_allowed_for_in_a_second_search() {
     let mut normal = normals(7);
@@ -261,7 +264,8 @@ fn noise_with_a_memory_is_allowed_for_in_a_second_search() {
     assert!(answer.verdict == Verdict::NoGap && said("correlated in time"), "{:?} {:?}", answer.verdict, answer.notes);
 }
 
-/// A memory of a sensor's noise is taken from a correlation of neighbouring innovations of 0.08 on, if it is worth the 8 nats that each of its two parameters costs.
+/// Coloured sensor noise is modelled if neighbouring innovations have a correlation of at least 0.08 and the gain in log likelihood exceeds the price of 8 nats for each of its
+/// two parameters.
 #[test]
 fn a_memory_has_to_show_and_to_be_worth_its_price() {
     let (mut weak, mut cheap) = (0, 0);

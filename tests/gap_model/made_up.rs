@@ -1,4 +1,4 @@
-//! Cars that the plant itself makes up, on the bundled campaign's inputs.
+//! Cars simulated by the plant itself with the inputs of the bundled campaign.
 
 use kisspoint::campaign::{self, Recording};
 use kisspoint::effects;
@@ -10,7 +10,7 @@ use kisspoint::gap::model::track::Track;
 use kisspoint::vehicle::Vehicle;
 use std::path::Path;
 
-/// Standard normal numbers, the same ones every time.
+/// Deterministic, approximately standard normal numbers.
 pub fn normals(mut seed: u64) -> impl FnMut() -> f64 {
     move || {
         let mut uniform = || {
@@ -26,12 +26,12 @@ pub fn example() -> (Vec<Recording>, serde_json::Value) {
     (campaign.recordings, campaign.vehicle_json)
 }
 
-/// The bundled campaign's inputs, as a car with these effects would have answered them, with white sensor noise of 0.1 rad/s.
+/// The bundled campaign's inputs with the response of a car with these effects, and white sensor noise of 0.1 rad/s.
 pub fn made_up(change: impl Fn(&mut effects::Parameters)) -> Problem {
     made_up_under(change, |_| 0.0)
 }
 
-/// The same with a torque in N·m on the car's side that follows time alone, from the second given.
+/// The same with an additional torque in N·m on the car's side, as a function of time in s.
 pub fn made_up_under(change: impl Fn(&mut effects::Parameters), torque: impl Fn(f64) -> f64) -> Problem {
     let (mut recordings, vehicle_json) = example();
     let vehicle = Vehicle::from_value(&vehicle_json).unwrap();
@@ -55,7 +55,7 @@ pub fn made_up_under(change: impl Fn(&mut effects::Parameters), torque: impl Fn(
     prepare::problem(tracks, &vehicle, &tolerances, &with)
 }
 
-/// The first recordings of a problem alone.
+/// The problem restricted to its first `count` recordings.
 pub fn first(count: usize, mut problem: Problem) -> Problem {
     problem.tracks.truncate(count);
     problem.filters.truncate(count);
@@ -64,7 +64,8 @@ pub fn first(count: usize, mut problem: Problem) -> Problem {
     problem
 }
 
-/// A recording of the bundled vehicle at 100 Hz as this car answers these inputs (torque, position, brake torque by row), with white noise of so many rad/s.
+/// A recording of the bundled vehicle at 100 Hz: the response of this car to the inputs (torque and position of each row, and whether it brakes), with white noise of `noise`
+/// rad/s.
 pub fn answered(
     car: &Car,
     inputs: &[[f64; 2]],
@@ -75,7 +76,7 @@ pub fn answered(
     answered_at(100.0, car, inputs, noise, brake, speeds)
 }
 
-/// The same at another rate, Hz.
+/// The same at another sample rate, Hz.
 pub fn answered_at(
     rate: f64,
     car: &Car,
@@ -108,7 +109,7 @@ pub fn answered_at(
     r
 }
 
-/// Both speeds, rad/s, and the bearing's position, mm, in every row as this car answers the inputs of a recording from its first speeds on.
+/// Both speeds (rad/s) and the bearing position (mm) of each row: the response of this car to the inputs of a recording, from its initial speeds on.
 pub fn shown(r: &Recording, car: &Car) -> Vec<[f64; 3]> {
     let track = Track::new(r);
     let begin = start(&track, car, 0, track.theta_0, 0.1);
@@ -127,7 +128,7 @@ pub fn prepared(recording: &Recording) -> Problem {
     prepare::problem(tracks, &vehicle, &tolerances, &with)
 }
 
-/// Mean square of the innovations of a car with these effects from a time on, s.
+/// Mean square of the innovations of a car with these effects, from the time `begin` (s) on.
 pub fn mean_square_from(problem: &Problem, effects: effects::Parameters, begin: f64) -> f64 {
     let point = kisspoint::gap::infer::density::Point { effects, ..problem.nominal() };
     let time = &problem.tracks[0].time;

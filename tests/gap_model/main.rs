@@ -1,4 +1,4 @@
-//! The model of the data against cars that the plant itself makes up.
+//! The model of the data, tested with cars simulated by the plant itself.
 
 mod filter;
 mod inference;

@@ -1,4 +1,4 @@
-//! The residual map is what its definition says, worked out here from the innovations alone.
+//! The residual map agrees with its definition, evaluated here from the innovations alone.
 
 use crate::made_up::{example, made_up_under, prepared};
 use kisspoint::effects::param;
@@ -7,8 +7,8 @@ use kisspoint::gap::map::cells;
 use kisspoint::gap::model::{prepare, replay};
 use std::collections::BTreeMap;
 
-/// Innovations of a speed by phase (open, slipping, locked) and region (cold or hot, low or high torque): in standard deviations cut at six, summed over half a
-/// second each, and squared in rad/s.
+/// Innovations of a speed by phase (open, slipping, locked) and region (cold or hot, low or high torque): the normalised innovations clipped at ±6, their normalised sums over
+/// half a second each, and the sum of squares in (rad/s)².
 type Gathered = BTreeMap<(usize, usize), (Vec<f64>, Vec<f64>, f64)>;
 
 fn gathered(problem: &Problem, point: &Point, speed: usize) -> Gathered {
@@ -52,7 +52,7 @@ fn a_cell_is_as_far_out_as_its_mean_its_scatter_or_its_half_seconds() {
     let map = cells(&problem, &nominal, &explained);
     let mut seen = 0;
     for (speed, equation) in ["engine balance", "driveline balance"].into_iter().enumerate() {
-        // The explanation says how noisy the sensors are.
+        // The scale accounts for the sensor noise and is taken from the explanation's innovations.
         let explained = gathered(&problem, &explained, speed);
         let (sum, count) = explained.values().flat_map(|c| &c.0).fold((0.0, 0.0), |(s, n), x| (s + x * x, n + 1.0));
         let scale = f64::sqrt(sum / count).max(1.0);
@@ -69,7 +69,8 @@ fn a_cell_is_as_far_out_as_its_mean_its_scatter_or_its_half_seconds() {
             let (found, n, m) = (found.unwrap(), all.len() as f64, halves.len() as f64);
             let square = |v: &[f64]| v.iter().map(|x| (x / scale).powi(2)).sum::<f64>();
             let mean = all.iter().sum::<f64>().abs() / scale / n.sqrt();
-            // The deviates of Wilson and Hilferty, of two thirds of the samples' degrees of freedom: squares of sensors' errors vary by half as much again as those of normal ones.
+            // Wilson–Hilferty deviates. The mean square of the samples has two thirds of their number as degrees of freedom, because squared sensor errors vary by half as much
+            // again as those of normal errors.
             let deviate = |mean: f64, degrees: f64| (mean.cbrt() - 1.0 + 2.0 / 9.0 / degrees) * (4.5 * degrees).sqrt();
             let scatter = deviate(square(&all) / n, n / 1.5);
             let lasting = if halves.is_empty() { 0.0 } else { deviate(square(&halves) / m, m) };
@@ -82,7 +83,7 @@ fn a_cell_is_as_far_out_as_its_mean_its_scatter_or_its_half_seconds() {
     assert!(seen > 6 && map.len() == seen && map.iter().any(|c| c.significant), "{seen} of {}", map.len());
 }
 
-/// A bench whose thermometer reads 20 K more than the car has, beside a sensor of the bearing that reads what it should: the map says so of the thermometer alone.
+/// A bench whose thermometer reads 20 K too high, beside a correct position sensor: the map shows the gap for the thermometer alone.
 #[test]
 fn each_sensor_of_a_bench_has_cells_of_its_own() {
     let (mut recordings, vehicle_json) = example();

@@ -1,4 +1,4 @@
-//! How uncertain the filter is of a speed, against variances that are added up by hand: white sensors, and nothing else that disturbs.
+//! Innovation variances of the filter compared with variances added up by hand, for white sensor noise and no other disturbance.
 
 use crate::made_up::example;
 use kisspoint::campaign::Recording;
@@ -9,7 +9,7 @@ use kisspoint::gap::model::tolerance::Wander;
 use kisspoint::gap::model::track::{Channel, Track};
 use kisspoint::vehicle::Vehicle;
 
-/// Sensors with white noise of 0.1 rad/s and 0.2 rad/s, and a car that moves as its model does.
+/// Sensors with white noise of 0.1 rad/s and 0.2 rad/s, and no process noise.
 fn sensors_alone(track: &Track, vehicle_json: &serde_json::Value, recording: &Recording) -> Disturbances {
     let (_, tolerances) = prepare::read(&[recording], vehicle_json).unwrap();
     let still = Wander { sigma: 0.0, time_s: 1.0 };
@@ -22,7 +22,8 @@ fn sensors_alone(track: &Track, vehicle_json: &serde_json::Value, recording: &Re
     with
 }
 
-/// A wheel whose first sample comes a row late and shows 3 rad/s may have stood or gone that fast: half of it either way, beside the noise of sensor and start.
+/// A wheel whose first sample comes one row late and shows 3 rad/s may have stood still or moved at that speed before: the standard deviation is half of it, in addition to the
+/// noise of the sensor and of the initial value.
 #[test]
 fn a_wheel_that_showed_nothing_is_uncertain_by_half_of_what_it_shows_first() {
     let (recordings, vehicle_json) = example();
@@ -34,7 +35,7 @@ fn a_wheel_that_showed_nothing_is_uncertain_by_half_of_what_it_shows_first() {
     assert!((variance - (2.0 * 0.04 + 1.5 * 1.5)).abs() < 1e-9, "{variance}");
 }
 
-/// A clutch that was closed and holds on after its command has opened may slip by three standard deviations of the slip of one sample.
+/// A clutch that was closed and remains locked after its command has opened may slip by three standard deviations of the slip of one sample.
 #[test]
 fn a_clutch_that_holds_against_its_command_may_slip_unseen_by_three_standard_deviations() {
     let (mut recordings, vehicle_json) = example();
@@ -50,7 +51,7 @@ fn a_clutch_that_holds_against_its_command_may_slip_unseen_by_three_standard_dev
     let [f, c] = [0.01, 0.04];
     let (flywheel, car) = (vehicle.driveline.J_f, vehicle.driveline.J_c);
     let share = car / (flywheel + car);
-    // Each speed is known from its start and one sample, then both are one, seen by both sensors; then they part.
+    // Each speed is known from its initial value and one sample. Then both speeds become one, which both sensors observe; then they part.
     let one = ((1.0 - share).powi(2) * f + share.powi(2) * c) / 2.0;
     let seen = 1.0 / (1.0 / one + 1.0 / f + 1.0 / c);
     let expected = seen + share.powi(2) * 9.0 * (f + c) + f;
@@ -58,7 +59,8 @@ fn a_clutch_that_holds_against_its_command_may_slip_unseen_by_three_standard_dev
     assert!((variance - expected).abs() < 1e-9, "{variance} {expected}");
 }
 
-/// Without a position the flywheel follows its sensor while the clutch slips: the disc carries that sensor's noise, white and lasting, in the ratio of the inertias.
+/// Without a position the flywheel follows its sensor while the clutch slips. The disc then carries that sensor's noise, white and slowly varying, in the ratio of the
+/// inertias.
 #[test]
 fn without_a_position_the_disc_carries_the_noise_of_the_flywheel() {
     let (mut recordings, vehicle_json) = example();
@@ -72,6 +74,6 @@ fn without_a_position_the_disc_carries_the_noise_of_the_flywheel() {
     assert!(found.pinned[0]);
     let ratio = vehicle.driveline.J_f / vehicle.driveline.J_c;
     let variance = found.gains[0].weight[1].powi(-2);
-    // Once in what is known of the start, and once in the sample.
+    // Once for the initial value and once for the sample.
     assert!((variance - 2.0 * (0.04 + ratio.powi(2) * (0.01 + 0.09))).abs() < 1e-9, "{variance}");
 }

@@ -1,24 +1,24 @@
-//! Loggers whose rows show the latest sample that came, of sources that are slower than they.
+//! Loggers whose rows repeat the latest sample received from sources that are slower than the logger.
 
 use std::path::Path;
 
-/// One of them.
+/// A logger that repeats samples.
 pub struct Logger {
     pub name: &'static str,
-    /// Those that come seldom; none named: all but time.
+    /// Channels of the slow source; if empty, all channels but time.
     channels: &'static [&'static str],
-    /// When they come.
+    /// Times at which their samples arrive.
     source: Source,
-    /// Whether all of them come at once.
+    /// Whether all of these channels arrive at the same time.
     together: bool,
 }
 
 enum Source {
-    /// So many rows apart, also between rows.
+    /// Samples at intervals of this many rows, also between rows.
     Every(f64),
-    /// The same, read with the next row.
+    /// The same, but sampled at the next row.
     AtRows(f64),
-    /// In this share of the rows, at random.
+    /// Samples at random in this share of the rows.
     Polled(f64),
 }
 
@@ -68,7 +68,7 @@ impl Logger {
 }
 
 impl Source {
-    /// The row, or the place between two, whose sample each row shows.
+    /// For each row, the row (fractional between two rows) whose sample it shows.
     fn rows(&self, count: usize, draw: &mut u32) -> Vec<f64> {
         let mut polled = 0.0;
         let row = |k: usize| match *self {

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Independent solution of the plant with effects, from the equations of docs/effects.md and docs/model.md alone.
 
-As plant_oracle.py, whose nominal equations it takes, it shares neither code nor method with the Rust plant.  Lags are integrated as
+As plant_oracle.py, whose nominal equations it uses, it shares neither code nor method with the Rust plant.  Lags are integrated as
 differential equations, and so is the memory of the force hysteresis; a delay shifts the corners of the position command.
 Writes effects_oracle.json beside itself; needs numpy and scipy.
 
@@ -62,9 +62,9 @@ DRIVE = {
 }
 DRAG = {"clutch_drag.torque": 2.5, "clutch_drag.viscosity": 0.015, "clutch_drag.engaged_share": 0.3}
 
-# Start (ω_f, ω_c, θ_c, θ_b), effects, inputs (t, x_to, T_e_ref, θ_h, T_load) held between corners, and when to look.
+# Start (ω_f, ω_c, θ_c, θ_b), effects, inputs (t, x_to, T_e_ref, θ_h, T_load) held between corners, and output times.
 SCENARIOS = {
-    # Open clutch: the engine balance and what drags the disc along.
+    # Open clutch: the engine balance and the drag torque on the disc.
     "open": dict(
         start=(110.0, 0.0, 70.0, 50.0), effects={**CHAIN, **DRAG, **DRIVE, **FACES},
         inputs=[(0.0, 2.0, 10.0, 30.0, 0.0), (0.1, 2.0, 40.0, 30.0, 0.0), (0.5, 3.0, -15.0, 30.0, 0.0)], look=[0.1, 0.3, 0.5, 0.9]),
@@ -74,7 +74,7 @@ SCENARIOS = {
         inputs=[(0.0, 3.0, 30.0, 30.0, 0.0), (0.05, 5.8, 45.0, 30.0, 0.0), (0.6, 6.6, 45.0, 30.0, 0.0), (1.3, 3.5, 5.0, 30.0, 0.0),
                 (1.6, 6.4, 30.0, 30.0, 0.0)],
         look=[0.05, 0.3, 0.6, 0.9, 1.2, 1.5, 1.65, 1.8, 2.2]),
-    # The same with shafts that twist, hot, with a break-away by torque.
+    # The same with elastic shafts, hot, with a break-away by torque.
     "shafts_and_break_away": dict(
         start=(120.0, 40.0, 130.0, 80.0), effects={**FACES, **DRIVE, "actuator_lag.time_constant": 0.03, "actuator_lag.curvature": 0.1},
         inputs=[(0.0, 6.3, 35.0, 50.0, 0.0), (0.9, 6.3, 160.0, 50.0, 0.0), (1.1, 6.5, 20.0, 50.0, 0.0)],
@@ -83,13 +83,13 @@ SCENARIOS = {
     "negative_slip": dict(
         start=(80.0, 130.0, 60.0, 40.0), effects={**CHAIN, **FACES, **DRAG, "road_load.grade": -0.02, "vehicle_mass.factor": 0.9},
         inputs=[(0.0, 5.0, 5.0, 30.0, 0.0), (0.2, 5.9, 5.0, 30.0, 0.0), (1.2, 5.9, -20.0, 30.0, 5.0)], look=[0.2, 0.5, 0.9, 1.2, 1.6]),
-    # From standstill with the clutch closed, up a grade, then dragged to a slip. An engine that would be turned backwards is val_rest.rs's.
+    # From standstill with the clutch closed, up a grade, then pulled into slip. An engine that would be turned backwards is covered by val_rest.rs.
     "standstill": dict(
         start=(0.0, 0.0, 40.0, 40.0), effects={**FACES, **DRIVE, "engine_torque_gain.gain": 1.2, "cushion_hysteresis.width": 0.3},
         inputs=[(0.0, 7.5, 12.0, 25.0, 0.0), (0.5, 6.1, 15.0, 25.0, 0.0), (0.8, 6.1, 90.0, 25.0, 0.0)], look=[0.2, 0.5, 0.7, 0.9, 1.1]),
 }
 
-# States. The lags of engine and bearing have a value and a rate each; z is the memory of the hysteresis.
+# States. The lags of engine and bearing have a value and its rate each; z is the memory of the hysteresis.
 F, C, V, TWIST, TC, TB, ANGLE, E, TE, DTE, X, DX, Z = range(13)
 
 
@@ -163,7 +163,7 @@ class Solution:
         return (self.j_disc * (self.crankshaft(y) - B_F * y[F]) + J_F * self.behind(y, t_load)) / (J_F + self.j_disc)
 
     def lag(self, name, target, value, rate):
-        """Rates of value and rate; a lag of first order has no rate of its own."""
+        """Derivatives of a lag's value and of its rate; a first-order lag has no rate state."""
         tau, kappa, a = (self.e[f"{name}.{k}"] for k in ("time_constant", "curvature", "asymmetry"))
         tau *= 1 + a * np.sign(target - value)
         if kappa == 0:
@@ -204,7 +204,7 @@ class Solution:
         return d
 
     def excess(self, u, direction, y):
-        """Changes from negative to positive at the event that ends this motion."""
+        """Event function, which changes from negative to positive at the event that ends this motion."""
         if direction == 0:
             return abs(self.holding(y, u[4])) - self.capacity(y, 0.0)
         return -direction * (y[F] - y[C])
@@ -257,7 +257,7 @@ class Solution:
                 if e["engine_torque_lag.time_constant"] == 0:
                     y[TE] = target(u)
                 if e["actuator_lag.time_constant"] == 0 and u[1] != y[X]:
-                    # The memory of the hysteresis over a jump: its law solved in closed form.
+                    # The memory of the hysteresis over a step of the position: its law integrated in closed form.
                     travel = u[1] - y[X]
                     side = np.sign(travel)
                     y[Z] = side + (y[Z] - side) * np.exp(-2 * abs(travel) / e["cushion_hysteresis.stroke"])

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Independent solution of the nominal plant, from the equations of docs/model.md and the paper alone.
 
-It shares no code with the Rust plant and no method: an adaptive Runge-Kutta of order 8(5,3) at a tolerance of 1e-13 between
-events that a root finder locates on dense output, scipy's adaptive quadrature for the equivalent radius (3), and piecewise linear
-inputs cut at their corners.  Writes plant_oracle.json beside itself; needs numpy and scipy.
+It shares no code with the Rust plant and no method: an adaptive Runge-Kutta method of order 8(5,3) at a tolerance of 1e-13 between
+events that a root finder locates on dense output, scipy's adaptive quadrature for the equivalent radius (3), and piecewise constant
+inputs that are switched at their corners.  Writes plant_oracle.json beside itself; needs numpy and scipy.
 
     python3 tests/oracle/plant_oracle.py
 """
@@ -21,7 +21,7 @@ C_1, C_B, GAMMA_1, GAMMA_2, GAMMA_3 = 70.0, 6928.0, 14.58, 25.0, 0.5
 J_F, J_C, B_F, B_C, T_L0, OMEGA_L, K_L = 0.189, 0.578, 0.030, 0.012, 3.1, 0.5, 2e-05
 XI_0 = max(np.roots([BETA[2], BETA[1], BETA[0]]).real)
 
-# Start, contact polynomials, inputs held between corners, and when to look. x_to in mm.
+# Start, contact polynomials, inputs held between corners, and output times. x_to in mm.
 SCENARIOS = {
     # Launch from cold, lock-up, then a torque that the closed clutch holds.
     "launch": dict(
@@ -74,7 +74,7 @@ def holding(omega, t_e, t_load):
 
 
 def rates(case, u, direction, y):
-    """States: omega_f, omega_c, theta_c, theta_b, E_d.  direction 0 is stuck."""
+    """Rates of the states omega_f, omega_c, theta_c, theta_b, E_d.  direction 0 means locked."""
     omega_f, omega_c, theta_c, theta_b, _ = y
     _, x, t_e, theta_h, t_load = u
     if direction == 0:
@@ -96,14 +96,14 @@ def rates(case, u, direction, y):
 
 
 def excess(case, u, direction, y):
-    """Changes from negative to positive at the event that ends this motion."""
+    """Event function, which changes from negative to positive at the event that ends this motion."""
     if direction == 0:
         return abs(holding(y[0], u[2], u[4])) - capacity(case, u[1], 0.0, y[2])
     return -direction * (y[0] - y[1])
 
 
 def after_event(case, u, y):
-    """Motion with both sides at one speed: stuck if the clutch can hold, else slip the way the torque pushes."""
+    """Motion after both sides have reached one speed: locked if the clutch can hold, otherwise slip in the direction of the torque."""
     hold = holding(y[0], u[2], u[4])
     if abs(hold) <= capacity(case, u[1], 0.0, y[2]):
         return 0
@@ -121,7 +121,7 @@ def segment(case, u, direction, t, end, y, events):
         hit = next((k for k in range(1, len(grid)) if values[k] > 0 and grid[k] > t + 1e-9), None)
         if hit is None:
             return direction, sol.y[:, -1]
-        # Just after a break-away slip grows from zero: the sign change that counts has a negative value before it.
+        # Just after a break-away the slip grows from zero, so only a sign change from a negative value counts.
         low = grid[hit - 1] if values[hit - 1] <= 0 else t
         t = brentq(lambda s: excess(case, u, direction, sol.sol(s)), low, grid[hit], xtol=1e-15)
         y = sol.sol(t)

@@ -18,7 +18,7 @@ DRIVER = shutil.which("chromedriver")
 
 
 def chromium():
-    """Headless Chromium by its driver, which hears the console and the network."""
+    """Headless Chromium, controlled by its driver, which records console and network."""
     from selenium import webdriver
 
     options = webdriver.ChromeOptions()
@@ -31,7 +31,7 @@ def chromium():
 
 @pytest.fixture(scope="module")
 def browser():
-    """A browser of the module's own; what is silent in a page stays so until the end."""
+    """A browser that all tests of a module share."""
     if not (BROWSER and DRIVER):
         pytest.skip("no Chromium with chromedriver on the path: apt-get install chromium chromium-driver")
     driver = chromium()
@@ -40,7 +40,7 @@ def browser():
 
 
 def find_command() -> Path:
-    """$KISSPOINT, or the newest of the builds."""
+    """Path of the command: $KISSPOINT, or the newest of the builds."""
     if "KISSPOINT" in os.environ:
         return Path(os.environ["KISSPOINT"])
     target = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
@@ -53,7 +53,7 @@ def find_command() -> Path:
 @pytest.fixture(scope="session")
 def kisspoint():
     command = find_command()
-    # `kisspoint fleet` is the work of this checkout's Python package.
+    # `kisspoint fleet` runs this checkout's Python package.
     python = {"PYTHONPATH": str(ROOT / "python"), "KISSPOINT_PYTHON": sys.executable}
 
     def run(*arguments, check=True):
@@ -65,7 +65,7 @@ def kisspoint():
 
 @pytest.fixture(scope="session")
 def example_answer(kisspoint, tmp_path_factory):
-    """The folder with the answer to the bundled campaign, its evidence among it. All workers share it, and the first one that asks makes it."""
+    """Folder with the answer to the bundled campaign, including its evidence. All workers share it; the first one that asks computes it."""
     shared = tmp_path_factory.getbasetemp()
     shared = (shared.parent if "PYTEST_XDIST_WORKER" in os.environ else shared) / "example_answer"
     with open(f"{shared}.lock", "w") as lock:

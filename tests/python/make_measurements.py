@@ -3,9 +3,9 @@
     python -m venv venv && venv/bin/pip install asammdf==8.8.28 pyarrow==26.0.1 python-can==4.6.1
     venv/bin/python tests/python/make_measurements.py
 
-The Rust tests read the committed files, so that they need neither Python nor a network. What the files must contain is
-the seed recording, tests/data/campaign/seed/r01.csv, which this script makes too: a made-up launch of 1.5 s at 100 Hz.
-expected.json holds what asammdf and pyarrow read from them, as sums per channel.
+The Rust tests read the committed files, so that they need neither Python nor a network. The expected content of the files is
+the seed recording, tests/data/campaign/seed/r01.csv, which this script makes, too: a synthetic launch of 1.5 s at 100 Hz.
+expected.json holds what asammdf and pyarrow read from the files, as sums per channel.
 """
 
 import csv
@@ -28,7 +28,7 @@ UNITS = {"omega_f_rad_s": "rad/s", "omega_c_rad_s": "rad/s", "T_e_Nm": "Nm", "x_
 
 
 def seed():
-    """Columns of the seed recording, rounded as a logger would."""
+    """Columns of the seed recording, rounded as by a logger."""
     rng = np.random.default_rng(20261)
     t = np.arange(151) / 100
     rise = 1 / (1 + np.exp(-(t - 0.7) * 8))
@@ -74,7 +74,7 @@ def save(name, version="4.10", compression=0, groups=(), fragment=None):
 
 
 def rates(columns):
-    """A logger's names and units, three rates: inputs at 50 Hz, speeds as scaled integers at 100 Hz, air at 10 Hz."""
+    """Names and units of a logger, and three rates: inputs at 50 Hz, speeds as scaled integers at 100 Hz, air temperature at 10 Hz."""
     t = columns["time_s"]
     rpm = 30 / math.pi
     to_rpm = {"a": 0.25, "b": 0.0}
@@ -94,7 +94,7 @@ def rates(columns):
 
 
 def invalid(columns):
-    """Three invalid samples in the disc speed and a long gap in the transducer."""
+    """Three invalid samples in the disc speed and a long gap in the torque transducer."""
     signals = contract_signals(columns)
     for signal in signals:
         bad = np.zeros(signal.samples.size, dtype=bool)
@@ -108,7 +108,7 @@ def invalid(columns):
 
 
 def tables(columns):
-    """Parquet files: plain, packed with nulls, and a logger's own with a time stamp and units in the metadata."""
+    """Parquet files: plain, compressed with nulls, and a logger's own layout with time stamps, and units in the metadata."""
     table = pa.table({n: pa.array(c) for n, c in columns.items()})
     pq.write_table(table, OUT / "plain.parquet", compression="snappy")
     gaps = dict(columns)
@@ -132,7 +132,7 @@ def tables(columns):
 
 
 def more_of_parquet(columns):
-    """Kinds of column beside plain numbers: flags, decimals, half precision, time stamps of 96 bits; brotli and lz4."""
+    """Column types other than plain numbers: flags, decimals, half precision, time stamps of 96 bits; brotli and lz4."""
     n = columns["time_s"].size
     time = pa.array(1_790_000_000_000_000_000 + np.round(columns["time_s"] * 1e9).astype("int64"), type=pa.timestamp("ns"))
     decimals = [decimal.Decimal(f"{v:.3f}") for v in columns["omega_c_rad_s"]]
@@ -149,7 +149,7 @@ def more_of_parquet(columns):
 
 
 def named_values(columns):
-    """A disc speed in which one raw value is named SNA and the others are scaled, and a gear of names alone."""
+    """A disc speed in which one raw value has the name SNA and the others are scaled, and a gear channel that has only named values."""
     t = columns["time_s"]
     raw = np.round(columns["omega_c_rad_s"] / 0.025).clip(0).astype("u2")
     raw[20:24] = 0xFFFF
@@ -202,9 +202,9 @@ def main():
 
 
 def unsorted(columns):
-    """An unsorted file: the records of two channel groups in one data block, each behind its number, as a logger writes them on the way.
+    """An unsorted file: the records of two channel groups in one data block, each preceded by its record number, as a logger writes them while recording.
 
-    Made from a sorted file of one group by splitting its records: every second one goes to a second group without the bench channels.
+    Made from a sorted file of one group by splitting its records: every second record goes to a second group without the bench channels.
     """
     path = save("unsorted", groups=[(contract_signals(columns), "")])
     data = bytearray(path.read_bytes())
@@ -213,7 +213,7 @@ def unsorted(columns):
     channels, block = word(group + 32), word(group + 40)
     size = int.from_bytes(data[channels + 24 + 6 * 8 + 24 : channels + 24 + 6 * 8 + 28], "little")
     records = [data[block + 24 + k * size : block + 24 + (k + 1) * size] for k in range(columns["time_s"].size)]
-    # A copy of the channel group with another record number, behind the first; both list the same channels.
+    # A copy of the channel group with another record number, after the first; both list the same channels.
     length = word(channels + 8)
     second = bytearray(data[channels : channels + length])
     numbers = 24 + 6 * 8

@@ -1,4 +1,4 @@
-"""A small co-simulation master on FMPy: the names of variables, and Jacobi and Gauss–Seidel coupling."""
+"""A small co-simulation master on FMPy, with access to variables by name, and with Jacobi and Gauss–Seidel coupling."""
 
 from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave, fmi2Integer, fmi2Real, fmi2ValueReference
@@ -31,7 +31,7 @@ class Model:
 
 
 class Instance:
-    """An instance whose variables are called by name; dots are written as two underscores in keywords."""
+    """An instance whose variables are accessed by name; in keywords, dots are written as two underscores."""
 
     def __init__(self, model):
         self.model = model
@@ -69,7 +69,7 @@ class Instance:
         return dict(zip(names, self.get(*names)))
 
     def set_slopes(self, **slopes):
-        """First derivatives of inputs, for the next step."""
+        """Sets the first derivatives of inputs for the next step."""
         n = len(slopes)
         references = (fmi2ValueReference * n)(*(self.model.variables[name].valueReference for name in slopes))
         orders, values = (fmi2Integer * n)(*[1] * n), (fmi2Real * n)(*slopes.values())
@@ -101,7 +101,7 @@ def connect(source, target, names):
 
 
 def interpolate(plant, controller, h, passes):
-    """One step of a master that interpolates: it repeats the step from saved states, each time along the straight lines to the ends found last."""
+    """One step of an interpolating master: it repeats the step from saved states, each time with inputs that move on straight lines to the end values found last."""
     wires = [(plant, controller, PLANT_TO_CONTROLLER), (controller, plant, CONTROLLER_TO_PLANT)]
     begins, ends = [source.get(*names) for source, _, names in wires], None
     saved = [(model, model.save(), model.time) for model in (plant, controller)]
@@ -120,7 +120,7 @@ def interpolate(plant, controller, h, passes):
 
 
 def couple(plant, controller, steps, scheme="gauss-seidel", on_step=None):
-    """Advances both over the given step lengths, the plant first."""
+    """Advances both models over the given step lengths, the plant first."""
     connect(controller, plant, CONTROLLER_TO_PLANT)
     connect(plant, controller, PLANT_TO_CONTROLLER)
     for h in steps:

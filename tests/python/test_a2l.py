@@ -1,4 +1,4 @@
-"""The A2L file of each FMU, by a reader that is not ours, and the values at its addresses."""
+"""The A2L file of each FMU, read by an independent parser, and the values at its addresses."""
 
 import ctypes
 import zipfile
@@ -30,7 +30,7 @@ def test_every_variable_stands_at_its_address(request, fmus, name):
     instance.step(0.01)
     for variable, place in address.items():
         assert base[place // 8] == float(instance.get(variable)), variable
-    # What is written there is set; what may not be set is refused by the next step and put back.
+    # A value written there is used by the next step; one that may not be changed is refused by the next step and restored.
     tunable = "effect.friction_level.factor" if name == "plant" else "controller.kp_engine"
     base[address[tunable] // 8] = 0.75
     instance.step(0.01)

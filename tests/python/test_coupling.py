@@ -1,4 +1,4 @@
-"""Both FMUs coupled in a master of our own: Table II of the paper, schemes, steps, order of the coupling error."""
+"""Both FMUs coupled by the tests' own master: Table II of the paper, coupling schemes, steps, order of the coupling error."""
 
 import json
 import random
@@ -16,7 +16,7 @@ COLUMNS = {"I": (False, NO_FEEDBACK), "A": (True, NO_FEEDBACK), "B": (True, {})}
 
 
 def launch(plant, controller, sets, column, steps, scheme="gauss-seidel"):
-    """Runs until the controller sees lock-up: time, dissipated energy and slip acceleration there, eq. (10) and (7)."""
+    """Runs until the controller sees lock-up. Returns the time, and the dissipated energy and slip acceleration at lock-up, eq. (10) and (7)."""
     mismatched, settings = COLUMNS[column]
     effects = sets["plant"] if mismatched else {}
     p, c = plant.instance(**effects), controller.instance(**{**sets["clutch_controller"], **settings})
@@ -57,7 +57,7 @@ def test_schemes_and_steps_agree_on_the_launch(plant, controller, launch_sets, t
 
 
 def state_in_slip(plant, controller, h, scheme, end):
-    """Disc speed and temperature while the clutch slips under the paper's law, where the solution is smooth: the governed one holds its references back."""
+    """Disc speed and temperature while the clutch slips under the paper's law, where the solution is smooth; the governed law would hold back its references."""
     figure_3 = {"scheme": 1.0, "reference_slope": 40.0, "kp_engine": 2.0, "ki_engine": 4.0, "kp_clutch": 4.0, "learning_rate": 0.0}
     p, c = plant.instance(), controller.instance(**{f"controller.{name}": value for name, value in figure_3.items()})
     couple(p, c, [h] * round(end / h), scheme)
@@ -68,7 +68,7 @@ def state_in_slip(plant, controller, h, scheme, end):
 
 
 def test_interpolated_inputs_mend_a_step_of_10_ms(plant, controller, launch_sets):
-    """Column B locks at 1.249 s in the limit of short steps. At 10 ms held inputs make that early; a master that rolls back and
+    """Column B locks at 1.249 s in the limit of short steps. With held inputs, steps of 10 ms make lock-up too early; a master that rolls back and
     interpolates the inputs is within a step of it."""
 
     def locked_at(h, scheme):
@@ -84,7 +84,7 @@ def test_interpolated_inputs_mend_a_step_of_10_ms(plant, controller, launch_sets
 
 
 def test_inputs_follow_their_derivatives(plant):
-    """A ramp of 20 ms by one derivative is the ramp by 1000 short held steps, to second order in a millisecond."""
+    """A ramp of 20 ms given by one derivative equals the ramp given by 1000 short held steps, up to second order in a millisecond."""
     ramp, fine, held = (plant.instance(T_e_ref=30.0, x_to=5.0) for _ in range(3))
     for instance in (ramp, fine, held):
         instance.step(0.2)
@@ -95,7 +95,7 @@ def test_inputs_follow_their_derivatives(plant):
         fine.step(2e-5)
     for name in ("omega_f", "omega_c", "theta_c"):
         assert abs(ramp.get(name) - fine.get(name)) < 1e-2 * abs(held.get(name) - fine.get(name)), name
-    # They hold for one step: in the next the input is what was set last.
+    # Derivatives hold for one step; in the next one the input has the value that was set last.
     assert ramp.get("x_to", "T_e_ref") == [5.0, 30.0]
     ramp.free(), fine.free(), held.free()
 
@@ -103,9 +103,9 @@ def test_inputs_follow_their_derivatives(plant):
 @pytest.mark.parametrize("scheme", ["jacobi", "gauss-seidel"])
 @pytest.mark.parametrize("end", [0.32, 0.64])
 def test_coupling_error_falls_with_the_first_order(plant, controller, scheme, end):
-    """Held inputs make an error of first order: from one halving of the step to the next, the change halves.
+    """Held inputs cause an error of first order: from one halving of the step to the next, the change halves.
 
-    Down to 1 ms, the controller's own samples stay at 1 ms, so what changes is the coupling alone.
+    Down to 1 ms, the controller's own sample time stays at 1 ms, so that only the coupling changes.
     """
     found = [state_in_slip(plant, controller, h, scheme, end) for h in (16e-3, 8e-3, 4e-3, 2e-3, 1e-3)]
     for values in zip(*found):
@@ -129,7 +129,7 @@ def test_engage_may_drop_and_return(plant, controller):
 
 @pytest.mark.parametrize("what, fault", [("freezes", 4), ("drops to 0", 3), ("arrives late", 1)])
 def test_wires_that_fail_are_survived_and_reported(plant, controller, what, fault):
-    """For half a second the controller is told old values, none, or those of 30 ms ago: it opens or goes on, says so, and recovers."""
+    """For half a second the controller receives old values, none, or values from 30 ms ago: it opens or continues, reports the fault, and recovers."""
     p, c = plant.instance(), controller.instance()
     couple(p, c, [1e-3] * 600)
     names = ("omega_f", "omega_c", "T_e")
@@ -151,7 +151,7 @@ def test_wires_that_fail_are_survived_and_reported(plant, controller, what, faul
 
 @pytest.mark.parametrize("said", [float("nan"), float("inf"), 2500.0, -1e300])
 def test_a_sensor_that_fails_reaches_the_fault_handling(plant, controller, said):
-    """Whatever a sensor says is taken; the controller reports it, opens, and recovers when the sensor does. The run goes on."""
+    """Any value of a sensor is accepted; the controller reports the fault, opens, and recovers when the sensor does. The run continues."""
     p, c = plant.instance(), controller.instance()
     couple(p, c, [1e-3] * 600)
     faults = set()

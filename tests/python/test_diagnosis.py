@@ -1,4 +1,4 @@
-"""What `kisspoint diagnose` writes: the answer against its schema, and the retuned FMU against the numbers of the answer."""
+"""The output of `kisspoint diagnose`: the answer is checked against its schema, and the retuned FMU against the numbers of the answer."""
 
 import csv
 import json
@@ -29,7 +29,7 @@ class Diagnosed:
 
 
 def subset(names, folder):
-    """The example with only these recordings."""
+    """A copy of the example with only these recordings."""
     folder.mkdir()
     shutil.copy(EXAMPLE / "vehicle.json", folder)
     index = json.loads((EXAMPLE / "recordings.json").read_text())
@@ -41,7 +41,7 @@ def subset(names, folder):
 
 @pytest.fixture(scope="session", params=["example", "a launch and a locked drive"])
 def diagnosed(request, kisspoint, tmp_path_factory, example_answer):
-    """The whole example, whose held-out recording is a launch, and two of its recordings, of which the locked drive is held out."""
+    """Two campaigns: the whole example, whose held-out recording is a launch, and two of its recordings, of which the locked drive is held out."""
     if request.param == "example":
         return Diagnosed(EXAMPLE, example_answer)
     folder = tmp_path_factory.mktemp("diagnosis")
@@ -62,7 +62,7 @@ def recording(campaign, name):
 
 
 def starts(measured, noted, values):
-    """Speeds of the first sample, and the noted temperatures; nearly equal speeds of a closed clutch start as their mean."""
+    """Speeds of the first sample, and the noted temperatures; if the clutch is closed, nearly equal speeds start at their mean."""
     omega_f = measured["omega_f_rad_s"][0]
     omega_c = measured["omega_c_rad_s"][0] / values["effect.clutch_speed_gain.gain"]
     closed = measured["x_to_cmd_mm"][0] > 0.5 * (values["actuator.x_cnt_0"] + values["actuator.x_cls_0"])
@@ -77,7 +77,7 @@ def starts(measured, noted, values):
 
 
 def speed_errors(model, measured, noted, values, parameters):
-    """Root mean square of real minus simulated speed, per channel; inputs are held from their sample to the next."""
+    """Root mean square of real minus simulated speed, per channel; each input is held from its sample to the next."""
     inputs = [
         {"x_to": x, "T_e_ref": t, "theta_h": theta}
         for x, t, theta in zip(measured["x_to_cmd_mm"], measured["T_e_Nm"], measured["theta_h_degC"])
@@ -113,7 +113,7 @@ def test_the_example_is_explained(diagnosed):
 
 @pytest.mark.parametrize("figure", ["before", "after"])
 def test_the_fmu_driven_by_the_held_out_recording_gives_the_numbers_of_the_answer(diagnosed, retuned, figure):
-    """'after' is the retuned FMU as it comes; 'before' is the same FMU with the nominal parameters set before it starts."""
+    """'after' is the retuned FMU unchanged; 'before' is the same FMU with the nominal parameters set before initialization."""
     plant = diagnosed.answer["plant"]
     values = plant["nominal_parameters" if figure == "before" else "parameters"]
     parameters = values if figure == "before" else {}
@@ -129,7 +129,7 @@ def test_the_fmu_driven_by_the_held_out_recording_gives_the_numbers_of_the_answe
 
 
 def test_what_a_campaign_has_found_is_handed_on_with_the_vehicle(diagnosed, kisspoint, tmp_path):
-    """An FMU that is written anew from the retuned one's vehicle.json has its places, its deviations and so its GUID."""
+    """An FMU that is written from the retuned one's vehicle.json has the same validated places and deviations, and therefore the same GUID."""
 
     def resources(fmu):
         with zipfile.ZipFile(fmu) as archive:

@@ -1,4 +1,4 @@
-"""Laws that were learned, in the FMU: tables beside the effects that do the same, and a car whose gap only such a law closes."""
+"""Learned laws in the FMU: tables act like the effects of the same meaning, and a car whose gap only a learned law closes."""
 
 import json
 
@@ -12,7 +12,7 @@ OUTSIDE = ROOT / "tests/data/cases/5/campaign"
 
 
 def drive(plant, **parameters):
-    """Outputs along a launch that slips, then rolls on."""
+    """Outputs during a launch that slips and then drives on."""
     instance = plant.instance(omega_f_start=120.0, theta_c_start=70.0, x_to=5.8, T_e_ref=40.0, **parameters)
     shown = []
     for k in range(40):

@@ -1,4 +1,4 @@
-"""evidence.ssp: it is valid, and a reader who has nothing else repeats its numbers with FMPy."""
+"""evidence.ssp is valid, and a reader who has nothing else can reproduce its numbers with FMPy."""
 
 import hashlib
 import json
@@ -44,7 +44,7 @@ def test_a_reader_with_the_archive_alone_repeats_its_numbers(evidence):
 
 
 def test_of_a_drive_it_is_the_engagement_that_judged(kisspoint, tmp_path):
-    """Start temperatures are those of the retuned plant, so that its gap is repeated."""
+    """For a drive, the experiment is the held-out engagement. Its start temperatures are those of the retuned plant, so that the gap is reproduced."""
     drawn = ("--road", "--cars", 1, "--seed", 4, "--drives", 1, "--drive-length", 60, "--draw-only", "--keep", tmp_path / "drawn")
     kisspoint("blind", *drawn)
     kisspoint("diagnose", tmp_path / "drawn" / "case_001", "--out", tmp_path / "out", "--evidence", "--threads", 1)
@@ -97,7 +97,7 @@ XLINK = """<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema" targetNamespac
 
 
 def published(name, folder):
-    """A published schema (XSD 1.1), whose imports are looked up on this machine instead of on the network."""
+    """A published schema (XSD 1.1), whose imports are resolved on this machine instead of over the network."""
     (folder / "xlink.xsd").write_text(XLINK)
     places = [*SCHEMAS.glob("*.xsd"), folder / "xlink.xsd", *(Path(fmpy.__file__).parent / "schema/fmi3").glob("*.xsd")]
     here = {place.name: place.as_uri() for place in places}
@@ -116,7 +116,7 @@ def test_the_metadata_follow_their_published_schemas(evidence, tmp_path):
             resource.validate(archive.read(name).decode())
     manifest = archive.read(f"{LS_REF}/fmi-ls-manifest.xml").decode()
     reference.validate(manifest)
-    # The schemas do refuse: an attribute that they demand, or a kind that they do not know.
+    # The schemas can refuse: a missing attribute that is required, or an unknown kind.
     assert not reference.is_valid(manifest.replace("role=", "use=", 1))
     assert not task.is_valid((evidence / STMD).read_text().replace('kind="testcase"', 'kind="anything"'))
     assert not resource.is_valid(next(evidence.glob("resources/*.srmd")).read_text().replace(" name=", " named=", 1))

@@ -1,4 +1,4 @@
-"""Timed faults: the plant's FMU and the launch play the same file, whatever the communication step."""
+"""Timed faults: the plant's FMU and `kisspoint launch` give the same result from the same file, whatever the communication step."""
 
 import json
 
@@ -52,7 +52,7 @@ def test_a_fault_is_what_setting_the_parameter_is(faulty, plant):
             by_hand.set(effect__kiss_point_offset__offset=0.05)
         played.step(1e-3), by_hand.step(1e-3)
     assert played.outputs() == pytest.approx(by_hand.outputs(), rel=1e-9)
-    # In the middle of its ramp, and back there from a saved state.
+    # To the middle of the ramp, and back to it from a saved state.
     drive(played, 1e-3, 0.2)
     assert 0.89 < played.get("effect.friction_level.factor") < 0.91
     state, time = played.save(), played.time
@@ -65,7 +65,7 @@ def test_a_fault_is_what_setting_the_parameter_is(faulty, plant):
 
 
 def test_the_launch_plays_the_same_file(kisspoint, file, faulty, controller, launch_sets):
-    """Column B of `kisspoint launch --faults` against both FMUs, of which the plant plays the faults itself."""
+    """Column B of `kisspoint launch --faults` compared with both FMUs, of which the plant applies the faults itself."""
     column = json.loads(kisspoint("launch", "--faults", file, "--json").stdout)["table_ii"][2]
     nominal = json.loads(kisspoint("launch", "--json").stdout)["table_ii"][2]
     p, c = faulty.instance(**launch_sets["plant"]), controller.instance(**launch_sets["clutch_controller"])

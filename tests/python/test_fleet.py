@@ -1,4 +1,4 @@
-"""Fleets: rows, cache, resume, engines, stores. One diagnosis takes about a second, so that a campaign of few recordings is used where any will do."""
+"""Fleets: rows, cache, resumption, engines, stores. A diagnosis takes about a second, and a campaign of few recordings is used where any campaign will do."""
 
 import json
 import os
@@ -16,7 +16,7 @@ from conftest import ROOT, find_command
 
 sys.path.insert(0, str(ROOT / "python"))
 os.environ.setdefault("KISSPOINT", str(find_command()))
-# Small matrices gain nothing from threads.
+# Small matrices do not benefit from threads.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 pytest.importorskip("fsspec")
@@ -30,7 +30,7 @@ KEPT = ("r01", "r04")
 
 
 def campaign(folder, comment="", about=None):
-    """Two recordings of the bundled campaign; a comment makes other bytes of it."""
+    """Two recordings of the bundled campaign; a comment makes its bytes different."""
     folder.mkdir(parents=True)
     vehicle = json.loads((EXAMPLE / "vehicle.json").read_text())
     (folder / "vehicle.json").write_text(json.dumps({"_": comment, **vehicle}))
@@ -45,7 +45,7 @@ def campaign(folder, comment="", about=None):
 
 @pytest.fixture(scope="module")
 def cars(tmp_path_factory):
-    """Two sound campaigns, one that is none, and a folder without anything."""
+    """Two sound campaigns, one that cannot be diagnosed, and an empty folder."""
     root = tmp_path_factory.mktemp("cars")
     campaign(root / "car_1", about={"car": "A1", "mileage_km": 1200, "date": "2026-03-01"})
     campaign(root / "car_2", "other")
@@ -57,7 +57,7 @@ def cars(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def first(cars, tmp_path_factory):
-    """A run with everything new, its folder and its cache."""
+    """A run without any cache, with its folder and its cache."""
     out = tmp_path_factory.mktemp("out")
     return fleet.diagnose(f"{cars}/*", out=out / "fleet.parquet"), out
 
@@ -88,7 +88,7 @@ def test_a_joint_posterior_is_whole_and_wider_than_nothing(first):
     mode, H, _, P = _told.matrices(row)
     assert len(mode) == len(row["unknowns"]) >= 12
     told = np.linalg.eigvalsh(H - P)
-    # What the recordings add to the prior is never negative, and they say something.
+    # The information that the recordings add to the prior is never negative, and it is not zero.
     assert told.min() > -1e-4 * told.max() and told.max() > 10
     answer = json.loads((first[1] / "cars/car_1/diagnosis.json").read_text())
     sd = np.sqrt(np.diag(np.linalg.inv(H)))
@@ -99,7 +99,7 @@ def test_a_joint_posterior_is_whole_and_wider_than_nothing(first):
             _, effect, name = unknown["name"].split(".")
             (found,) = [e for e in answer["which"]["effects"] if e["id"] == effect]
             p = found["parameters"][name]
-            # The interval holds the mean of the effect's form too, which is no unknown of the linear model: as large as the form, 12 % of the size, at most.
+            # The interval also covers the mean of the effect's form, which is not an unknown of the linear model: at most the size of the form, 12 % of the effect's size.
             half = max(p["high"] - p["value"], p["value"] - p["low"])
             assert 1.96 * sd[k] * 0.999 <= half <= 1.96 * np.hypot(sd[k], 0.12 * p["value"]) * 1.001
 
@@ -112,7 +112,7 @@ def test_the_same_bytes_are_no_work_and_others_are(first, cars, tmp_path):
     shutil.copytree(cars / "car_1", tmp_path / "elsewhere/car_1")
     (copy,) = fleet.stream(tmp_path / "elsewhere/car_1", cache=cache)
     assert copy["cached"] and copy["key"] == again[0]["key"]
-    # What is said of the car is no part of what is diagnosed, and is read anew.
+    # Statements about the car take no part in the diagnosis, and are read again.
     (tmp_path / "elsewhere/car_1/car.json").write_text('{"mileage_km": 5}')
     (copy,) = fleet.stream(tmp_path / "elsewhere/car_1", cache=cache)
     assert copy["cached"] and copy["mileage_km"] == 5.0
@@ -148,7 +148,7 @@ def runs(folder):
 
 
 def test_a_run_that_is_killed_is_completed_by_the_next(cars, tmp_path):
-    """kill -9 at several moments; what was done is not done again, and the end is that of a run that nobody touched."""
+    """kill -9 at several moments: finished campaigns are not diagnosed again, and the final result is that of an undisturbed run."""
     script, out = slow_command(tmp_path), tmp_path / "out"
     env = {**os.environ, "KISSPOINT": str(script), "PYTHONPATH": str(ROOT / "python")}
     words = [sys.executable, "-m", "kisspoint.fleet", f"{cars}/*", "--out", str(out), "--workers", "1"]
@@ -165,7 +165,7 @@ def test_a_run_that_is_killed_is_completed_by_the_next(cars, tmp_path):
     before = runs(tmp_path)
     done = subprocess.run(words, env=env, capture_output=True, text=True)
     assert done.returncode == 0 and "4 campaigns" in done.stdout and f"{kept} from the cache" in done.stdout, done.stderr
-    assert runs(tmp_path) - before == 4 - kept  # what was refused is tried anew
+    assert runs(tmp_path) - before == 4 - kept  # campaigns that failed are tried again
     again = subprocess.run(words, env=env, capture_output=True, text=True)
     assert "2 from the cache, 2 without an answer" in again.stdout
 
@@ -220,7 +220,7 @@ def test_a_run_that_is_cancelled_ends_its_commands(cars, tmp_path, monkeypatch):
 def test_an_interruption_says_how_to_go_on(cars, tmp_path):
     env = {**os.environ, "KISSPOINT": str(slow_command(tmp_path, 30)), "PYTHONPATH": str(ROOT / "python")}
     words = [sys.executable, "-m", "kisspoint.fleet", f"{cars}/*", "--out", str(tmp_path / "out")]
-    # Whoever runs the tests in the background has them, and what they start, ignore interruptions.
+    # Tests that run in the background, and their child processes, ignore SIGINT, so its default action is restored.
     heeds = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
     child = subprocess.Popen(words, env=env, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, **heeds)
     until = time.monotonic() + 300
@@ -261,7 +261,7 @@ def test_a_scheduler_in_another_process_does_as_well(cars, tmp_path, first):
 
 
 def test_only_a_few_tasks_are_handed_over_at_a_time(tmp_path):
-    """Ten thousand campaigns that are none: the iterator of names is drawn from as tasks end, not before."""
+    """Ten thousand paths without a campaign: the iterator of names advances only as tasks end."""
     from kisspoint.fleet import _engine
 
     drawn = 0
@@ -281,7 +281,7 @@ def test_only_a_few_tasks_are_handed_over_at_a_time(tmp_path):
 
 @pytest.fixture(scope="module")
 def s3():
-    """A server that speaks S3, in this process."""
+    """An S3 server in this process."""
     server = pytest.importorskip("moto.server")
     pytest.importorskip("s3fs")
     with pytest.MonkeyPatch.context() as patch:

@@ -12,7 +12,7 @@ CARS = 10_000
 
 
 def rows():
-    """Cars as `kisspoint fleet` hands them to `kisspoint index`."""
+    """Cars in the form in which `kisspoint fleet` passes them to `kisspoint index`."""
     draw = random.Random(1)
     for k in range(CARS):
         bad = k % 10 == 0
@@ -74,7 +74,7 @@ def test_a_point_is_reached_by_keys_and_named(shown):
         assert js("return document.getElementById('hint').textContent") == "10000 cars have a value"
         js("document.getElementById('plot').dispatchEvent(new KeyboardEvent('keydown', {key: 'ArrowRight'}))")
         assert js("return document.getElementById('hint').textContent").startswith("car_")
-        # An empty canvas is a short picture.
+        # The image of an empty canvas is short.
         assert js("return document.getElementById('plot').toDataURL().length") > 20_000
 
 

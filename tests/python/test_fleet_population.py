@@ -1,4 +1,4 @@
-"""The population of a fleet, on cars that are drawn from one that is known."""
+"""The population of a fleet, tested on cars drawn from a known population."""
 
 import datetime
 import json
@@ -23,7 +23,7 @@ from kisspoint.fleet._table import SCHEMA, digest_of_vehicle  # noqa: E402
 from scipy.stats import binom  # noqa: E402
 
 VEHICLE = (ROOT / "tests/data/campaigns/example/vehicle.json").read_text()
-# Tolerance, whether relative, its size, and the effect's parameter that does the same with its prior centre and size.
+# Tolerance, whether it is relative, its size, and the effect parameter of the same meaning with its prior centre and size.
 NUMBERS = [
     ("actuator.x_cnt", False, 0.015, ("effect.kiss_point_offset.offset", 0.0, 0.2)),
     ("cushion_spring.beta", True, 0.01, ("effect.friction_level.factor", 1.0, 0.15)),
@@ -37,9 +37,9 @@ J = len(NUMBERS)
 
 
 def answer(rng, x, effects=(), mileage=None, k=0):
-    """A row as a diagnosis of a car with these departures (in tolerances) would give it: a linear car, recordings that say something of everything at once."""
+    """The row that a diagnosis of a car with these departures (in tolerances) would give: a linear car, whose recordings inform all numbers at once."""
     A = rng.normal(size=(J + 4, J)) * np.array([4.0, 2.0, 1.5, 1.0, 2.0, 3.0, 0.3])
-    # Force and friction make the torque as a product: only their sum in logarithms is seen.
+    # The torque is the product of force and friction, so only the sum of their logarithms is observed.
     A[:, 1] = A[:, 5] * 0.01 / 0.015
     y = A @ x + rng.normal(size=len(A))
     unknowns = [
@@ -57,7 +57,7 @@ def answer(rng, x, effects=(), mileage=None, k=0):
     value = np.linalg.solve(H, B.T @ y)
     scale = np.ones(len(value))
     for k_, (one, v) in enumerate(zip(unknowns, value, strict=True)):
-        # A factor moves by its logarithm, in steps relative to itself: what is linear here is exp of it.
+        # A factor is shifted in its logarithm, in steps relative to itself; its value is the exponential of the linear quantity.
         factor = one["kind"] == "effect" and one["centre"] == 1.0
         one["value"] = float(np.exp(v)) if factor else float(one["centre"] + v)
         scale[k_] = 1 / one["value"] if factor else 1.0
@@ -74,7 +74,7 @@ def answer(rng, x, effects=(), mileage=None, k=0):
 
 
 def test_the_prior_is_divided_out_with_an_effect_named_or_not():
-    """Whether a shift is taken for tolerance or named as an effect, what the recordings say of it is the same."""
+    """Whether a shift is attributed to a tolerance or named as an effect, the likelihood of it is the same."""
     x = np.array([3.0, 0, 0, 0, 0, 0, 0])
     told = []
     for effects in ((), ("effect.kiss_point_offset.offset",)):
@@ -85,7 +85,7 @@ def test_the_prior_is_divided_out_with_an_effect_named_or_not():
         told.append(one)
     np.testing.assert_allclose(told[0].D, told[1].D, rtol=1e-6, atol=1e-6 * np.abs(told[0].D).max())
     np.testing.assert_allclose(told[0].h, told[1].h, rtol=1e-5, atol=1e-5 * np.abs(told[0].h).max())
-    # And it is the likelihood itself.
+    # And it equals the true likelihood.
     rng = np.random.default_rng(4)
     A = rng.normal(size=(J + 4, J)) * np.array([4.0, 2.0, 1.5, 1.0, 2.0, 3.0, 0.3])
     assert told[0].D[0, 0] == pytest.approx(A[:, 0] @ A[:, 0], rel=1e-6)
@@ -100,7 +100,7 @@ def test_numbers_that_act_alike_are_one():
 
 
 def members(rng, n=200, j=5, off=0.02):
-    """Members of a population with their likelihoods; means, slopes, spreads, who is off, and where they are."""
+    """Members of a population with their likelihoods; the means, slopes, spreads, outliers and numbers they were drawn with."""
     mean, spread = rng.normal(0, 1.5, j), np.exp(rng.normal(-0.3, 0.5, j))
     slope = rng.normal(0, 0.4, j)
     c = np.column_stack([np.ones(n), rng.normal(size=n)])
@@ -115,12 +115,12 @@ def members(rng, n=200, j=5, off=0.02):
 
 
 def rare(hits, tries, chance=0.95):
-    """Probability that an interval of that chance holds the truth so few times."""
+    """Probability that intervals with this coverage contain the truth in so few or fewer cases."""
     return binom.cdf(hits, tries, chance)
 
 
 def test_means_slopes_and_spreads_lie_in_their_intervals_and_outliers_are_found():
-    """Four populations of 200 members and five numbers: 20 means, 20 slopes, 20 spreads, about 80 numbers that are off, and every member's own."""
+    """Four populations of 200 members and five numbers: 20 means, 20 slopes, 20 spreads, about 80 outlying numbers, and the numbers of every member."""
     held = {"means": [], "slopes": [], "spreads": [], "values": []}
     probability, true, clear = [], [], []
     for seed in range(4):
@@ -132,13 +132,13 @@ def test_means_slopes_and_spreads_lie_in_their_intervals_and_outliers_are_found(
         held["values"] += list((np.abs(found.values - x) < 1.96 * found.values_sd).ravel())
         probability.append(found.offs.ravel())
         true.append(away.ravel())
-        # By how much it stands out: what its own recordings say of it, and what the others spread, together are one.
+        # Visibility of an outlier: its departure relative to the uncertainty from its own recordings and the spread of the others together.
         own = np.sqrt(np.einsum("njj->nj", np.linalg.inv(drawn.precision + 1e-6 * np.eye(5))))
         clear.append((away & (np.abs(x - drawn.covariates @ np.stack([mean, slope])) > 6 * np.hypot(own, spread))).ravel())
     for what, hits in held.items():
         assert rare(sum(hits), len(hits)) > 1e-3, f"{what}: {sum(hits)} of {len(hits)}"
     p, t = np.concatenate(probability), np.concatenate(true)
-    # Claimed probabilities are what they are worth: Brier's score lies where it would lie if they were true.
+    # Claimed probabilities are calibrated: the Brier score is within its scatter for true probabilities.
     assert abs(((p - t) ** 2).sum() - (p * (1 - p)).sum()) < 4 * np.sqrt(((1 - 2 * p) ** 2 * p * (1 - p)).sum())
     stands_out = np.concatenate(clear)
     assert t[p > 0.9].mean() > 0.9 and stands_out.sum() > 15 and p[stands_out].min() > 0.5
@@ -170,7 +170,7 @@ def test_shares_of_effects_are_learned_and_rivals_share():
     for _ in range(200):
         holds = {e: rng.random() < share for e, share in truth.items()}
         has.append(holds)
-        # Log evidence of each effect as noise of 3 nats around ±5 would have it: normal with mean ±s²/2 is exact.
+        # Log evidence of each effect with a noise of 5 nats around ±12.5. A normal distribution with mean ±s²/2 is consistent with calibrated evidence.
         nats = {e: rng.normal(12.5 if h else -12.5, 5.0) for e, h in holds.items()}
         sets = {}
         for chosen in [(), ("friction_fade",), ("judder",), ("friction_fade", "judder")]:
@@ -185,7 +185,7 @@ def test_shares_of_effects_are_learned_and_rivals_share():
     p = np.array([one.get("friction_fade", 0.0) for one in each])
     t = np.array([h["friction_fade"] for h in has])
     assert abs(((p - t) ** 2).sum() - (p * (1 - p)).sum()) < 4 * np.sqrt(((1 - 2 * p) ** 2 * p * (1 - p)).sum()) + 0.5
-    # Two that no recording tells apart: where one of them is seen without its rival in other cars, it is the likelier one.
+    # Two effects that no recording can tell apart: if one of them is seen without its rival in other cars, it is the more probable one.
     evidence = [{("a",): 0.5, ("b",): 0.5}] * 10 + [{("a",): 1.0}] * 30 + [{(): 1.0}] * 60
     _, each = _hierarchy.shares(evidence, _population.PRIOR_ODDS)
     assert each[0]["a"] > 0.9 and each[0]["b"] < 0.1
@@ -193,7 +193,7 @@ def test_shares_of_effects_are_learned_and_rivals_share():
 
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory):
-    """200 cars of one vehicle file: a kiss point that is off in all and moves with mileage, a tolerance that is too wide, one that is too narrow, three outliers."""
+    """200 cars of one vehicle file: a kiss point that is off in all and drifts with mileage, a tolerance that is too wide, one that is too narrow, three outliers."""
     rng = np.random.default_rng(11)
     mean, spread = np.array([1.5, 0, 0, 0.0, 0, 0, 0]), np.array([1.0, 0.6, 0.3, 2.5, 1.0, 0.9, 1.0])
     outliers = {5: ("engine.T_e_bias", 15.0), 50: ("driveline.J_c", 12.0), 120: ("engine.T_e_bias", -12.0)}
@@ -204,7 +204,7 @@ def drawn(tmp_path_factory):
         x[0] += 2.0 * (mileage - 1e5) / 1e5
         if k in outliers:
             x[[n[0] for n in NUMBERS].index(outliers[k][0])] += outliers[k][1]
-        # A large shift is named as an effect, a small one is not, as a diagnosis does it.
+        # As in a diagnosis, a large shift is named as an effect, and a small one is not.
         named = tuple(sorted({n[3][0] for n, value in zip(NUMBERS, x, strict=True) if n[3] and abs(value) > 5}))
         rows.append(answer(rng, x, named, mileage, k))
     out = tmp_path_factory.mktemp("fleet")
@@ -248,7 +248,7 @@ def test_the_corrected_vehicle_file_is_one(drawn, kisspoint):
 
 
 def test_estimates_of_each_car_are_shrunk_and_better(drawn):
-    """Of the kiss point, the squares of the errors sum to less than those of each car alone."""
+    """Shrunk towards the population, the estimates of J_c scatter less than those of each car alone."""
     _, out, *_ = drawn
     rows = pq.read_table(out / "cars.parquet").to_pylist()
     assert len(rows) == 200 * (J - 1)
@@ -258,12 +258,13 @@ def test_estimates_of_each_car_are_shrunk_and_better(drawn):
 
 
 def test_laws_that_are_not_exact_leave_what_many_cars_cannot_average_out(drawn, tmp_path):
-    """The same cars, but half of what their answers are unsure of is a law's: a mean is known no better than that leaves one car, a spread lies between two readings."""
+    """The same cars, but half of the likelihood precision is lost to inexact laws. A mean is then no better known than this allows for one car, and a spread lies
+    between two readings."""
     found, out, *_ = drawn
     rows = pq.read_table(out / "fleet.parquet").to_pylist()
     for row in rows:
         _, H, _, P = _told.matrices(row)
-        # A likelihood of half the precision, for it does not trust the laws.
+        # A likelihood of half the precision, because of less confidence in the laws.
         H = P + (H - P) / 2
         row["precision"] = [float(H[i, j]) for i in range(len(H)) for j in range(i + 1)]
     pq.write_table(pa.Table.from_pylist(rows, SCHEMA), tmp_path / "fleet.parquet")
@@ -279,7 +280,7 @@ def test_laws_that_are_not_exact_leave_what_many_cars_cannot_average_out(drawn, 
 
 
 def test_cars_with_an_effect_that_no_number_stands_for_teach_no_number(drawn, tmp_path):
-    """Thirty cars with oil on their facings, whose kiss points are bent by it, leave the fleet's numbers as they were; they are told of themselves."""
+    """Thirty cars with oil on their facings, whose kiss points are biased by it, leave the fleet's numbers as they were, and still receive estimates."""
     found, out, *_ = drawn
     rows = pq.read_table(out / "fleet.parquet").to_pylist()
     for k in range(30):

@@ -1,4 +1,4 @@
-"""What is in the FMUs: schema, semantics, units, files, reproducible bytes."""
+"""Content of the FMUs: schema, semantics, units, files, reproducible bytes."""
 
 import json
 import math
@@ -77,7 +77,7 @@ def test_archive_holds_what_it_should(fmus, model):
 
 
 def test_an_fmu_says_nothing_of_the_machine_that_built_it(written):
-    """No folder of the build, and no debugger information, which would be forty times the size."""
+    """It names no folder of the build, and contains no debug information, which would be forty times the size."""
     places = [str(Path(__file__).resolve().parents[2]), str(Path.home() / ".cargo")]
     for path in written.glob("*.fmu"):
         archive = zipfile.ZipFile(path)
@@ -127,13 +127,13 @@ def test_a_vehicle_gives_its_numbers_as_start_values(kisspoint, fmus, tmp_path):
     kisspoint("fmu", "--out", tmp_path, "--vehicle", file)
     model = Model(tmp_path / "DrivelinePlant.fmu")
     assert float(model.variables["driveline.J_c"].start) == 0.75
-    # An importer that keeps FMUs by their GUID must not take one car for the other.
+    # An importer that caches FMUs by their GUID must not confuse the cars.
     paper = Model(fmus["DrivelinePlant"])
     assert model.description.guid != paper.description.guid and model.description.guid[:24] == paper.description.guid[:24]
     instance = model.instance()
     assert instance.get("driveline.J_c", "friction.m_0") == [0.75, 0.2]
     instance.free()
-    # A start value that the importer sets wins over resources/vehicle.json.
+    # A start value that the importer sets takes precedence over resources/vehicle.json.
     instance = model.instance(driveline__J_c=0.6)
     assert instance.get("driveline.J_c", "friction.m_0") == [0.6, 0.2]
     instance.free()
@@ -162,7 +162,7 @@ START = {"plant": {"omega_c_start": 30.0, "omega_f_start": 120.0, "x_to": 6.0, "
 
 @pytest.mark.parametrize("name", ["plant", "controller"])
 def test_declared_dependencies_hold(request, name):
-    """In initialization an output changes with just those values that ModelStructure lists; afterwards with none."""
+    """During initialization an output depends on exactly those values that ModelStructure lists; afterwards on none."""
     model = request.getfixturevalue(name)
     instance = model.fresh(**START[name])
     instance.fmu.setupExperiment(startTime=0.0)
@@ -186,7 +186,7 @@ def test_declared_dependencies_hold(request, name):
                 found[output].add(known.name)
         instance.set(**{known.name: old})
     for output, names in listed.items():
-        # Of a table the values beside a start value count, so that one start value does not show them all.
+        # In a table, only the values next to the operating point matter, so one start value does not exercise all of them.
         tables = {n for n in names or () if n.startswith("effect.empirical.")}
         assert names is None or found[output] <= names and names - tables == found[output] - tables, output
     assert any(found.values())

@@ -1,6 +1,6 @@
-"""Two hundred drawn files, read by Kisspoint and by the libraries that everybody else reads them with: pandas, pyarrow, asammdf.
+"""Two hundred drawn files, read by Kisspoint and by the libraries that are generally used for them: pandas, pyarrow, asammdf.
 
-Each file holds one recording in a drawn length, rate, type, layout and order of columns. What is compared is every sample.
+Each file holds one recording with a drawn length, rate, type, layout and order of columns. Every sample is compared.
 """
 
 import json
@@ -22,7 +22,7 @@ ENTRY = {"manoeuvre": "launch", "theta_c0_degC": 36.0, "theta_b0_degC": 30.0}
 
 
 def example():
-    """The program that prints what was read, beside the command."""
+    """The example program, beside the command, that prints what was read."""
     built = find_command().parent / "examples" / "read_campaign"
     if not built.is_file():
         profile = os.environ.get("KISSPOINT_PROFILE", "quick")
@@ -31,7 +31,7 @@ def example():
 
 
 def drawn(rng):
-    """Columns of a recording that no check doubts: smooth, alive, within the bounds of a car."""
+    """Columns of a recording that passes all plausibility checks: smooth, varying, within the bounds of a car."""
     n, rate = int(rng.integers(120, 900)), float(rng.choice([50.0, 100.0, 250.0, 1000.0]))
     n = max(n, int(1.2 * rate))
     t = np.arange(n) / rate

@@ -1,6 +1,6 @@
-"""The gallery (`packaging/gallery.py`): every report of it opens in a browser without a word on the console, fits a narrow screen, and says its doubts.
+"""The gallery (`packaging/gallery.py`): every report opens in a browser without console messages, fits a narrow screen, and states its doubts.
 
-$KISSPOINT_GALLERY names a gallery that is built already; else one is built of five recordings of each campaign, without the drive, which takes minutes.
+$KISSPOINT_GALLERY names a gallery that is built already; otherwise one is built from five recordings of each campaign, without the drive, which takes minutes.
 """
 
 import json
@@ -51,7 +51,7 @@ def test_every_report_opens_quietly_and_fits_a_narrow_screen(gallery, browser, s
         assert "NaN" not in drawn and "Infinity" not in drawn, report
 
 
-# Labels of drawings that are cut by their drawing, and pairs of them that lie over each other.
+# Labels that are cut off by their drawing, and pairs of labels that overlap.
 LABELS = """
 const out = [], shown = (e) => e.getClientRects().length > 0;
 for (const svg of document.querySelectorAll("svg")) {
@@ -86,13 +86,13 @@ def test_no_label_is_cut_or_lies_over_another(gallery, browser, width):
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False})
     for report in reports(gallery):
         browser.get(report.as_uri())
-        # The viewer draws anew in the frame after its width has changed, which a busy browser may be late with.
+        # The viewer redraws in the frame after a change of its width; a busy browser may be late with it.
         browser.execute_async_script("const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(done))")
         assert browser.execute_script(LABELS) == [], report
 
 
 def test_labels_can_be_read_on_paper(gallery, browser):
-    """Six points are what a data sheet has; a drawing is scaled with its labels."""
+    """Labels have at least six points, as in a data sheet; a drawing is scaled together with its labels."""
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": 695, "height": 1000, "deviceScaleFactor": 1, "mobile": False})  # A4 inside its margins
     for report in reports(gallery):
@@ -112,7 +112,7 @@ def test_an_unexplained_gap_has_one_model_and_perhaps_a_learned_law(gallery, bro
 
 
 def test_a_learned_law_lies_in_its_data(gallery, browser):
-    """Its dots, less what the other curves account for, lie about each of its curves: half of them within a twentieth."""
+    """The dots of each curve, from which the other curves are subtracted, scatter around it: half of them within a twentieth."""
     browser.get((gallery / "unknown/report.html").as_uri())
     if not json.loads((gallery / "unknown/diagnosis.json").read_text(encoding="utf-8"))["how_far"]["empirical"]["taken"]:
         pytest.skip("no law was taken")
@@ -132,7 +132,7 @@ def test_thin_data_take_the_tick_away(gallery, browser):
     assert "✓" not in browser.find_element("css selector", "header > .pill").text
 
 
-# Zooms, switches to the next recording, and saves every plot; what would be saved is caught on its way.
+# Zooms, switches to the next recording, and saves every plot; the downloads are intercepted.
 ZOOMED_AND_SAVED = """
 const done = arguments[0], saved = [];
 HTMLAnchorElement.prototype.click = function () { saved.push(this.href); };

@@ -1,4 +1,4 @@
-"""What is linked in has a licence that deny.toml allows and that packaging/licenses lists."""
+"""Every linked crate has a licence that deny.toml allows and that packaging/licenses lists."""
 
 import subprocess
 import sys

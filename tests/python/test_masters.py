@@ -1,4 +1,4 @@
-"""The launch through other people's masters, each against our own Jacobi master, and a third check of the FMUs."""
+"""The launch in independent co-simulation masters, each compared with the tests' own Jacobi master, and a third check of the FMUs."""
 
 import shutil
 import subprocess
@@ -18,7 +18,7 @@ END = 1.3
 
 @pytest.fixture(scope="module")
 def reference(plant, controller, launch_sets):
-    """Outputs of plant and controller at END, coupled as a Jacobi master with 1 ms does."""
+    """Outputs of plant and controller at END, coupled by a Jacobi master with a step of 1 ms."""
     p, c = plant.instance(**launch_sets["plant"]), controller.instance(**launch_sets["clutch_controller"])
     couple(p, c, [1e-3] * round(END * 1000), "jacobi")
     assert p.get("phase") == 3
@@ -29,7 +29,7 @@ def reference(plant, controller, launch_sets):
 
 @pytest.mark.parametrize("structure", ["ssp", "osp"])
 def test_libcosim_runs_the_launch(written, tmp_path, reference, structure):
-    """libcosim's fixed-step algorithm is a Jacobi master: only the last bits may differ."""
+    """libcosim's fixed-step algorithm is a Jacobi master, so only the last bits may differ."""
     from libcosimpy.CosimExecution import CosimExecution
     from libcosimpy.CosimObserver import CosimObserver
 
@@ -47,7 +47,7 @@ def test_libcosim_runs_the_launch(written, tmp_path, reference, structure):
 
 
 def test_a_container_of_both_runs_the_launch(written, plant, controller, tmp_path):
-    """fmucontainer couples the FMUs inside one FMU, in C, as a Jacobi master; it leaves the parameter sets out."""
+    """fmucontainer couples the FMUs inside one FMU, in C, as a Jacobi master; it omits the parameter sets."""
     for name in ("launch.ssp", "DrivelinePlant.fmu", "ClutchController.fmu"):
         shutil.copy(written / name, tmp_path)
     words = [tool("fmucontainer"), "-fmu-directory", str(tmp_path), "-container", "launch.ssp:0.001"]
@@ -73,7 +73,7 @@ def test_fmu_manipulation_toolbox_finds_no_error(fmus, model):
 
 
 def test_fmpy_runs_launch_ssp(written, plant, controller, launch_sets):
-    """FMPy's master for SSP steps with 0 at every input at first, and takes parameters as one set; otherwise it is a Jacobi master."""
+    """FMPy's SSP master makes its first step with all inputs at 0, and takes parameters as one set; otherwise it is a Jacobi master."""
     from types import SimpleNamespace
 
     from fmpy.ssp.simulation import simulate_ssp
@@ -101,16 +101,16 @@ SCHEMAS = {
 
 @pytest.mark.parametrize("name", SCHEMAS)
 def test_launch_ssp_follows_the_schema_of_ssp_1_0(written, name):
-    """By the XSD that FMPy brings along."""
+    """By the XSD that comes with FMPy."""
     schema = Path(fmpy.__file__).parent / "ssp" / "schema" / f"{SCHEMAS[name]}.xsd"
     document = etree.fromstring(zipfile.ZipFile(written / "launch.ssp").read(name))
     etree.XMLSchema(etree.parse(str(schema))).assertValid(document)
 
 
 def test_launch_ssp_suits_omsimulator(written):
-    """What OMSimulator asks for: a master in its annotation, and components whose names no variable of theirs begins with.
+    """Requirements of OMSimulator: a master in its annotation, and components whose names are not prefixes of their variables' names.
 
-    OMSimulator itself cannot be had from the package registry as a binary; docs/importers.md holds the recipe.
+    OMSimulator itself is not available as a binary from the package registry; docs/importers.md has the recipe.
     """
     archive = zipfile.ZipFile(written / "launch.ssp")
     structure = etree.fromstring(archive.read("SystemStructure.ssd"))

@@ -1,4 +1,4 @@
-"""The notebook of the documentation, executed anew: it runs, it says what it said, and it names nothing of the machine that ran it.
+"""The notebook of the documentation, executed again: it runs, it prints what it printed before, and it names nothing of the machine that ran it.
 
     python tests/python/test_notebook.py     executes it and writes what it printed into it
 """
@@ -16,7 +16,7 @@ NOTEBOOK = ROOT / "docs/from-recordings-to-fmu.ipynb"
 
 
 def executed():
-    """The notebook with fresh outputs; the package is that of this checkout, with the command that the tests use."""
+    """The notebook with fresh outputs, executed with this checkout's package and the command that the tests use."""
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     paths = os.pathsep.join([str(ROOT / "python"), os.environ.get("PYTHONPATH", "")])
     environment = {**os.environ, "KISSPOINT": str(find_command()), "PYTHONPATH": paths}
@@ -27,7 +27,7 @@ def executed():
 
 
 def printed(notebook):
-    """What the cells print, apart from tables and pictures."""
+    """Texts that the cells print, without tables and pictures."""
     return ["".join(o.text for o in cell.outputs if o.output_type == "stream") for cell in notebook.cells if cell.cell_type == "code"]
 
 
@@ -38,7 +38,7 @@ def verdict(notebook):
 
 def test_it_runs_and_says_what_it_said():
     kept, fresh = nbformat.read(NOTEBOOK, as_version=4), executed()
-    # How much of the gap is closed may change in the last digit with the method; what is said may not.
+    # The closed share of the gap may change in its last digits with the method; the words may not.
     words = lambda notebook: re.sub(r"[\d.]+ %", "… %", verdict(notebook))
     assert words(fresh) == words(kept), "execute it again: python tests/python/test_notebook.py"
     assert "explained by kiss_point_thermal" in verdict(fresh)

@@ -58,7 +58,7 @@ def test_gaps_parameters_and_files_are_told(found):
 
 
 def test_curves_come_from_any_file_and_any_channel_that_the_command_reads(tmp_path):
-    """MF4 and Parquet in turn, with the engine speed in rpm under a logger's name."""
+    """MF4 and Parquet alternately, with the engine speed in rpm under a logger's name."""
     pandas = pytest.importorskip("pandas")
     pytest.importorskip("pyarrow")
     asammdf = pytest.importorskip("asammdf")
@@ -142,12 +142,12 @@ def test_a_plant_is_stepped_and_named_variables_are_checked(found):
 
 
 def test_it_installs_into_a_fresh_environment_and_needs_nothing_else(tmp_path):
-    """Wheel and environment are made offline; the command and the library are those of this build, as setup.py may be told."""
+    """Wheel and environment are made offline; the command and the library are those of this build, which setup.py accepts through variables."""
     source = tmp_path / "source"
     shutil.copytree(ROOT / "python", source / "python", ignore=shutil.ignore_patterns("*.egg-info", "__pycache__"))
     for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE-MIT", "LICENSE-APACHE"):
         shutil.copy(ROOT / name, source)
-    # Without what this session sets: the package must find its own command and library.
+    # Without the variables that this session sets, because the package must find its own command and library.
     bare = {name: value for name, value in os.environ.items() if not name.startswith(("KISSPOINT", "PYTHON"))}
     built = {**bare, "KISSPOINT": str(find_command()), "KISSPOINT_LIBRARY": str(find_command().with_name("libkisspoint.so"))}
     pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]

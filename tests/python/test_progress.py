@@ -1,4 +1,4 @@
-"""The progress bar of `kisspoint diagnose`: it moves as long as work is done, never falls, and has a clock beside it."""
+"""The progress bar of `kisspoint diagnose` moves as long as work is done, never falls, and shows the elapsed time."""
 
 import os
 import re
@@ -13,7 +13,7 @@ SHOWN = re.compile(rb"(\d+) %  +(\d+s)  (.*?)[\r\n\x1b]")
 
 
 def watched(command):
-    """When which percentage was first shown, with what was being done, and how long all of it took."""
+    """Times at which each percentage was first shown, with the activity shown, and the total duration."""
     import fcntl
     import pty
     import struct

@@ -1,4 +1,4 @@
-"""What the documentation quotes is what the program gives: the integrator's first curve, the counts of README.md.
+"""Quotations in the documentation agree with the program: the integrator's first curve, the counts of README.md.
 
     python tests/python/test_quoted.py     writes the integrator's numbers into docs/importers.md; packaging/docs.sh makes the rest
 """
@@ -19,7 +19,7 @@ FIRST_CURVE = re.compile(r"at 1\.3 s `omega_f` = ([\d.]+) rad/s, `omega_c` = ([\
 
 
 def first_curve(fmu):
-    """The numbers of the page's table: the plant alone, its inputs held from the start, 1 ms, 1.3 s."""
+    """The numbers of the page's table: the plant alone, with inputs held from the start, after 1.3 s in steps of 1 ms."""
     plant = Model(fmu).instance(x_to=6.0, T_e_ref=45.0)
     for _ in range(1300):
         plant.step(1e-3)
@@ -38,7 +38,7 @@ VALIDATION = ROOT / "docs/validation.md"
 
 
 def test_the_counts_of_the_readme_are_those_of_the_validation():
-    """Each "n of m" there stands in the tables that say how it was found."""
+    """Each "n of m" in it occurs in the tables of the validation page."""
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     (said,) = re.findall(r"## How often it is right\n(.*?)\n## ", readme, re.S)
     validation = VALIDATION.read_text(encoding="utf-8")
@@ -52,7 +52,7 @@ def test_the_counts_of_the_readme_are_those_of_the_validation():
 
 @pytest.mark.parametrize("page", [ROOT / "README.md", VALIDATION])
 def test_bounds_follow_from_their_counts(page):
-    """The share at which so few, or so many, would be found once in twenty times; bounds are rounded away from what was found."""
+    """A bound is the share at which so few, or so many, hits would be found once in twenty times; it is rounded away from the observed share."""
 
     def at_most(found, all_):
         low, high = found / all_, 1.0
@@ -71,7 +71,7 @@ def test_bounds_follow_from_their_counts(page):
 
 
 def words(head):
-    """The words of the header, without the numbers' last digits, which change with the compiler."""
+    """The words of the header with all numbers masked, because their last digits change with the compiler."""
     return re.sub(r"\d[\d.]*", "…", " ".join(re.sub(r"<[^>]*>", " ", head).split()))
 
 

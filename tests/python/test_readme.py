@@ -1,4 +1,4 @@
-"""README.md does what it says: its Python runs, and its commands are commands."""
+"""README.md is correct: its Python code runs, and its commands exist."""
 
 import os
 import re
@@ -27,7 +27,7 @@ def test_its_python_runs(written, monkeypatch):
 
 
 def test_its_commands_exist(kisspoint):
-    """Every `kisspoint …` in it is understood, options included; what they do is tested elsewhere."""
+    """Every `kisspoint …` in it is accepted, options included; their function is tested elsewhere."""
     said = {" ".join(line.split("#")[0].split()) for line in README.splitlines() if line.startswith("kisspoint ")}
     said |= set(re.findall(r"`(kisspoint [^`]*)`", README))
     assert len(said) > 8

@@ -1,7 +1,7 @@
 """The report in a real browser: console, cursor, zoom, keys, contrast, narrow screens, paper.
 
-Two reports are tested: that of the bundled campaign, as `kisspoint diagnose` writes it, and one that holds everything a report can hold
-(`examples/report.rs`: bench channels, ambiguity groups, a recording left out). `KISSPOINT_REPORT` names a third one to test instead.
+Two reports are tested: that of the bundled campaign, as `kisspoint diagnose` writes it, and one that contains everything a report can contain
+(`examples/report.rs`: bench channels, ambiguity groups, a recording left out). `KISSPOINT_REPORT` names another one to test instead.
 Needs Chromium with its driver and selenium.
 """
 
@@ -18,7 +18,7 @@ import pytest
 from conftest import ROOT
 from test_quoted import words
 
-# Contrast of every text and of the curves against what stands behind it, by the formula of WCAG 2.
+# Contrast of every text and of the curves with their background, by the formula of WCAG 2.
 CONTRAST = r"""
 const channels = (c) => (c.match(/[\d.]+/g) || []).map(Number);
 const light = (c) => { const [r, g, b] = c.slice(0, 3).map((v) => { v /= 255; return v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4; }); return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
@@ -54,7 +54,7 @@ def bundled(request):
 
 
 def made_up(request):
-    """The report with everything in it."""
+    """The report that contains everything."""
     target = request.getfixturevalue("tmp_path_factory").mktemp("report") / "report.html"
     profile = os.environ.get("KISSPOINT_PROFILE", "dev")
     subprocess.run(["cargo", "run", "--quiet", "--profile", profile, "--example", "report", "--", str(target)], cwd=ROOT, check=True)
@@ -62,7 +62,7 @@ def made_up(request):
 
 
 def unpack(text):
-    """Integers as the page packs them: steps in sevens of bits, doubled with the sign last, one added; None for zero."""
+    """Decodes integers as the page packs them: differences in groups of seven bits, doubled with the sign in the last bit, one added; None for zero."""
     out, level, value, weight = [], 0, 0, 1
     for byte in base64.b64decode(text):
         value += (byte & 127) * weight
@@ -77,14 +77,14 @@ def unpack(text):
 
 
 class Browser:
-    """Everything that holds of every report."""
+    """Tests that apply to every report."""
 
     make = None
 
     @pytest.fixture(scope="class", autouse=True)
     @classmethod
     def opened(cls, browser, request):
-        """The report, and the browser that shows it."""
+        """Opens the report in the browser."""
         named = os.environ.get("KISSPOINT_REPORT")
         cls.path = Path(named).resolve() if named else cls.make(request)
         cls.url, cls.driver = cls.path.as_uri(), browser
@@ -102,7 +102,7 @@ class Browser:
         )
 
     def media(self, scheme, kind=""):
-        # Without motion, since a page that still glides gets the pointer in the wrong place.
+        # Without animations, because the pointer would miss its target on a page that is still scrolling.
         features = [{"name": "prefers-color-scheme", "value": scheme}, {"name": "prefers-reduced-motion", "value": "reduce"}]
         self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": kind, "features": features})
 
@@ -118,7 +118,7 @@ class Browser:
         return ActionChains(self.driver, duration=20)
 
     def texts(self, selector):
-        """All at one moment: the page draws its plots anew as it likes."""
+        """All texts at one moment, because the page redraws its plots at any time."""
         return self.js("return [...document.querySelectorAll(arguments[0])].map(e => e.innerText ?? e.textContent)", selector)
 
     def reads(self):
@@ -128,7 +128,7 @@ class Browser:
         return self.texts("#stage figure:first-child .tick.x")
 
     def to_stage(self):
-        """The first plot, in view and in focus."""
+        """Scrolls to the first plot and focuses it. Returns the plot."""
         self.js("document.getElementById('stage').focus(); document.getElementById('stage').scrollIntoView()")
         return self.find("#stage figure > svg")[0]
 
@@ -165,7 +165,7 @@ class Browser:
         self.assertEqual(len(set(places)), 1, "the cursor stands at one instant in all channels")
 
     def test_values_read_are_those_of_the_data(self):
-        """Decodes the integers in Python and compares with what is shown."""
+        """Decodes the integers in Python and compares them with the values shown."""
         channel = self.shown["channels"][0]
         self.to_stage()
         self.press("\ue011", "\ue014")  # home, right
@@ -194,8 +194,7 @@ class Browser:
         time = lambda: float(re.search(r"t = ([\d.]+) s", self.find("#shown")[0].text)[1])
         self.press("\ue014")  # right
         first = time()
-        # The page shows a time to the microsecond, and the mean step of a drive is not round.
-        # Where samples are left out, a step is one of those that are drawn.
+        # The page shows times to the microsecond, and the mean step of a drive is not a round number. If samples are left out, a step leads to the next sample that is drawn.
         channel = self.shown["channels"][0]
         index = list(range(channel["samples"])) if channel["index"] is None else unpack(channel["index"])
         at = min(range(len(index)), key=lambda k: abs(index[k] * self.shown["dt"] - first))
@@ -236,7 +235,7 @@ class Browser:
         figures = len(self.find("#stage figure")) + len(self.find("figure[data-csv]"))
         offered = [e.text for e in self.find(".save button")]
         self.assertEqual(offered, ["SVG", "PNG", "CSV"] * figures)
-        # What would be saved is caught on its way.
+        # Downloads are intercepted.
         self.js("window.saved = []; HTMLAnchorElement.prototype.click = function () { window.saved.push([this.download, this.href]); }")
         for button in self.find("#stage figure:first-child .save button"):
             self.js("arguments[0].click()", button)
@@ -320,7 +319,7 @@ class Browser:
             grounds.add(self.js("return getComputedStyle(document.body).backgroundColor"))
             found = self.js(CONTRAST)
             self.assertGreater(len(found), 300)
-            # 4.5 for text and 3 for what is drawn, as WCAG 2 has it.
+            # WCAG 2 requires 4.5 for text and 3 for graphics.
             weak = [f for f in found if f[0] < (3.0 if f[1] == "curve" else 4.5)]
             self.assertEqual(weak, [], f"{scheme}: {len(weak)} without contrast")
             self.assertTrue(any(f[1] == "curve" for f in found))

@@ -1,4 +1,4 @@
-"""FMUs from C sources: compiled as C99 by gcc, here and for ARM, they give what the binaries give, step by step."""
+"""FMUs compiled from their C sources as C99 by gcc, here and for ARM, give the same results as the binaries, step by step."""
 
 import os
 import re
@@ -12,7 +12,7 @@ from master import Model, couple
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "fmu-sources"
-# Hardly optimised: the compiler is most of the time that this takes.
+# Little optimisation, because the compiler takes most of the time of this test.
 FLAGS = ["-std=c99", "-Og", "-w"]
 
 pytestmark = pytest.mark.skipif(not (SOURCES / "kisspoint.c").is_file(), reason="packaging/sources.sh has not been run")
@@ -26,7 +26,7 @@ def with_sources(kisspoint, tmp_path_factory):
 
 
 def compiled(fmu, folder, compiler, *flags):
-    """The FMU's own sources, compiled as its description says: the file that it names."""
+    """Compiles the FMU's own sources as its description says: the file that it names."""
     zipfile.ZipFile(fmu).extractall(folder)
     library = folder / f"{fmu.stem}.so"
     words = [compiler, *FLAGS, *flags, "-shared", "-fPIC", "-fvisibility=hidden", "-o", library, folder / "sources/all.c", "-lm"]
@@ -57,7 +57,7 @@ def test_every_step_of_the_launch_is_that_of_the_binaries(with_sources, plant, c
         worst = max(worst, *(abs(a - b) / max(abs(a), 1.0) for a, b in zip(*found)))
     print(f"worst difference of an output in 2000 steps: {worst:.1e}")
     assert worst < 1e-9 and pairs[0][0].get("phase") == 3
-    # Roll-back and refusals work there too.
+    # Roll-back and refusals work there, too.
     p = pairs[1][0]
     state, time = p.save(), p.time
     before = p.outputs()
@@ -79,7 +79,7 @@ def test_what_others_wrote_is_named_with_its_licence(with_sources):
 
 @pytest.mark.skipif(not shutil.which("arm-linux-gnueabihf-gcc") or not shutil.which("qemu-arm"), reason="no ARM compiler, or no qemu-arm")
 def test_sources_compile_and_run_on_arm(with_sources, kisspoint, tmp_path):
-    """A 32-bit target: the coupled launch of tests/cross/launch.c, with both models from the plant's sources: they serve both, as the binary does, and the GUID says which."""
+    """A 32-bit target: the coupled launch of tests/cross/launch.c, with both models from the plant's sources, which contain both as the binary does; the GUID selects one."""
     compiler = "arm-linux-gnueabihf-gcc"
     fmus = [with_sources / f"{name}.fmu" for name in ("DrivelinePlant", "ClutchController")]
     library = compiled(fmus[0], tmp_path / "arm", compiler)

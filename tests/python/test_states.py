@@ -11,7 +11,7 @@ from fmpy.fmi1 import FMICallException
 
 
 def drive(instance, first, last, h=0.01):
-    """A run with inputs that change every 10 ms: contact, slip, lock-up, break-away for the plant; a launch for the controller."""
+    """A run with inputs that change every 10 ms: contact, slip, lock-up and break-away for the plant; a launch for the controller."""
     inside = max(1, round(0.01 / h))
     for k in range(first, last):
         t = k * 0.01
@@ -104,7 +104,7 @@ def test_a_state_of_the_other_model_is_refused(plant, controller):
 
 
 def test_results_do_not_depend_on_the_communication_step(plant):
-    """The inputs are held over 10 ms; inside, steps of 10, 1 and 0.1 ms, and irregular ones."""
+    """Inputs are held for 10 ms each; within these, steps of 10, 1 and 0.1 ms, and irregular ones."""
     ends = []
     for h in (0.01, 0.001, 0.0001):
         instance = plant.instance()
@@ -145,7 +145,7 @@ def test_threads_do_not_disturb_each_other(model):
 
 
 def test_effects_injected_while_running_make_no_jump(plant):
-    """Speeds, temperatures, energy and position go on from where they were; the effect shows afterwards."""
+    """Speeds, temperatures, energy and position continue from their values; the effect shows afterwards."""
     nominal, injected = plant.instance(), plant.instance()
     drive(nominal, 0, 100), drive(injected, 0, 100)
     before = injected.outputs()

@@ -1,4 +1,4 @@
-"""What if: the plant in the report replays a recording as the FMU does, and without it the page holds replays that were made beforehand."""
+"""What if: the plant in the report replays a recording as the FMU does; without it, the page contains replays made beforehand."""
 
 import base64
 import gzip
@@ -18,14 +18,14 @@ EFFECT = "kiss_point_thermal"
 
 
 def module():
-    """The plant for browsers where the command looks for it."""
+    """Path of the plant's WebAssembly module, where the command looks for it."""
     beside = find_command().resolve().parent
     places = (beside / "libraries/wasm32/kisspoint.wasm", beside / "../fmu-sources/kisspoint.wasm")
     return next((place for place in places if place.is_file()), None)
 
 
 class Page:
-    """A report with its "what if" open."""
+    """A report with its "what if" section open."""
 
     def __init__(self, driver, report, shown):
         self.driver = driver
@@ -35,14 +35,14 @@ class Page:
         self.said()
 
     def said(self):
-        """What the replay says when it is done."""
+        """The message of a replay, once it is finished."""
         from selenium.webdriver.support.wait import WebDriverWait
 
         text = lambda _: self.driver.execute_script("return document.getElementById('what-if-said').textContent")
         return WebDriverWait(self.driver, 20).until(text)
 
     def drag(self, share):
-        """Moves the first slider to a share of its way; its value."""
+        """Moves the first slider to a share of its range. Returns its value."""
         value = self.driver.execute_script(
             """document.getElementById("what-if-said").textContent = "";
             const s = document.querySelector("#what-if-sizes input");
@@ -62,7 +62,7 @@ class Page:
         return self.said()
 
     def curves(self):
-        """Columns of the tables of both speeds, as a reader saves them."""
+        """Columns of the tables of both speeds, as they are saved."""
         tables = self.driver.execute_script(
             """const saved = [], click = HTMLAnchorElement.prototype.click;
             HTMLAnchorElement.prototype.click = function () { saved.push(this.href); };
@@ -83,7 +83,7 @@ def answer(example_answer):
 
 
 def by_the_fmu(fmu, name, parameters):
-    """Both speeds at each row, driven as a master drives it."""
+    """Both speeds at each row, from the FMU driven by a master."""
     noted = json.loads((EXAMPLE / "recordings.json").read_text())[name]
     values = json.loads((fmu.parent / "diagnosis.json").read_text())["plant"]["parameters"]
     measured = recording(EXAMPLE, name)
@@ -111,7 +111,7 @@ def test_the_plant_in_the_page_is_the_fmu(answer, browser, shown, share):
     for column, table in zip(COLUMNS, page.curves(), strict=True):
         assert len(table["what if"]) == len(expected[column])
         assert table["what if"] == pytest.approx(expected[column], rel=1e-9, abs=1e-9)
-        # It is another plant than that of the verdict, or the slider would do nothing.
+        # It differs from the plant of the verdict, otherwise the slider would have no effect.
         assert max(abs(a - b) for a, b in zip(table["what if"], table["after"])) > 0.5
     assert browser.get_log("browser") == []
 

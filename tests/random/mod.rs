@@ -1,4 +1,4 @@
-//! Random numbers that are the same in every run.
+//! Pseudo-random numbers that are the same in every run.
 
 /// Marsaglia's xorshift.
 pub struct Random(pub u64);

@@ -1,8 +1,7 @@
-//! A made-up campaign with its answer, for tests of the report and for its picture in the docs.
+//! A synthetic campaign with its answer, for tests of the report and for its picture in the docs.
 //!
-//! The car is the plant with a friction fade and noise; "before" is the plant without it, "after" the plant with the fade as a
-//! diagnosis might have found it. Gaps and engagement figures are computed from these curves; evidence, probabilities and the
-//! map of residuals are made up, since the report only shows them.
+//! The car is the plant with a friction fade and noise; "before" is the plant without the fade, "after" the plant with the fade as a diagnosis might have found it. Gaps and
+//! engagement figures are computed from these curves; evidence, probabilities and the residual map are invented, since the report only shows them.
 
 use kisspoint::effects::{Parameters, null, param};
 use kisspoint::plant::{Inputs, Outputs, Phase, Plant, Start};
@@ -16,14 +15,14 @@ const SAMPLES: usize = 450;
 /// Standard deviation of the noise of flywheel speed, disc speed and clutch torque.
 const NOISE: [f64; 3] = [0.35, 0.3, 1.2];
 
-/// Everything that the report is made of.
+/// All data of the report.
 pub struct Campaign {
     pub diagnosis: Value,
     pub overlays: Vec<Overlay>,
     pub provenance: Vec<(String, String)>,
 }
 
-/// Name, manoeuvre, temperature of the disc at the start in °C, clutch torque aimed at in N·m, held out.
+/// Name, manoeuvre, disc temperature at the start in °C, target clutch torque in N·m, held out.
 const RECORDINGS: [(&str, &str, f64, f64, bool); 10] = [
     ("r01", "launch", 32.0, 45.0, false),
     ("r02", "launch", 38.0, 65.0, false),
@@ -45,7 +44,7 @@ fn fade(depth: f64, onset: f64, width: f64) -> Parameters {
     p
 }
 
-/// Builds it; the same bytes every time.
+/// Builds the campaign, with the same bytes every time.
 pub fn campaign() -> Campaign {
     let vehicle = Vehicle::paper();
     let (car, found) = (fade(0.31, 128.0, 42.0), fade(0.304, 126.0, 45.0));
@@ -77,7 +76,7 @@ pub fn campaign() -> Campaign {
     Campaign { diagnosis: diagnosis(per_recording, kpi), overlays, provenance: provenance() }
 }
 
-/// A driver: torque holds the engine's speed, the bearing seeks a clutch torque and closes at lock-up.
+/// A driver model: the engine torque controls the engine speed, and the bearing controls the clutch torque and closes at lock-up.
 fn drive(vehicle: &Vehicle, effects: &Parameters, start: &Start, manoeuvre: &str, aim: f64) -> (Vec<Inputs>, Vec<Outputs>) {
     let mut input = Inputs { x_to: 3.4, t_e_ref: 0.0, theta_h: 25.0, t_load: 0.0 };
     let mut plant = Plant::new(vehicle, effects, start, &input);
@@ -112,7 +111,7 @@ fn replay(vehicle: &Vehicle, effects: &Parameters, start: &Start, inputs: &[Inpu
     inputs.iter().map(step).collect()
 }
 
-/// A small generator, so that the picture never changes: normal deviates from sums of twelve.
+/// A small pseudo-random generator, so that the picture never changes; normal deviates are sums of twelve uniform numbers.
 struct Noise(u64);
 
 impl Noise {
@@ -126,7 +125,7 @@ impl Noise {
     }
 }
 
-/// Column, unit, and how it is read off.
+/// Column, unit, and accessor.
 type Pick = (&'static str, &'static str, fn(&Outputs) -> f64);
 
 fn channels(real: &[Outputs], before: &[Outputs], after: &[Outputs], noise: &mut Noise) -> Vec<OverlayChannel> {
@@ -146,7 +145,7 @@ fn rms(a: &[f64], b: &[f64]) -> f64 {
     (a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>() / a.len() as f64).sqrt()
 }
 
-/// Time of lock-up, energy and slip acceleration just before it; null without lock-up.
+/// Time of lock-up, energy, and slip acceleration just before lock-up; null without lock-up.
 fn engagement(runs: [&[Outputs]; 3]) -> Value {
     let (mut time, mut energy, mut acceleration) = (Map::new(), Map::new(), Map::new());
     for (name, run) in ["real", "before", "after"].into_iter().zip(runs) {

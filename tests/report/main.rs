@@ -1,4 +1,4 @@
-//! The report as a file: what it holds, how large it is, that it repeats, and that it survives bad and missing input.
+//! The report as a file: content, size, reproducibility, and robustness against bad and missing input.
 
 mod campaign;
 
@@ -19,7 +19,7 @@ fn body(html: &str) -> &str {
     &html[html.find("<body>").expect("a body")..html.find("<script").expect("a script")]
 }
 
-/// The text between tags, entities as they are.
+/// The text between tags, with entities left as they are.
 fn visible(html: &str) -> String {
     body(html).split('<').map(|part| part.split_once('>').map_or("", |(_, text)| text)).collect::<Vec<_>>().join(" ")
 }
@@ -125,7 +125,7 @@ fn the_same_input_gives_the_same_bytes() {
     assert!(pages[0] == pages[1]);
 }
 
-/// Every text that a user can bring in is shown as text: none of it becomes markup, neither in the page nor in the script.
+/// Every text that a user can bring in is shown as text; none of it becomes markup, neither in the page nor in the script.
 #[test]
 fn no_text_becomes_markup() {
     const EVIL: &str = "</script><img src=x onerror=alert(1)>'\"&";
@@ -159,7 +159,7 @@ fn no_text_becomes_markup() {
     assert_eq!(page.matches("</script>").count(), 3, "both data and the script end where they should");
 }
 
-/// A section without its data says so; nothing panics, whatever is missing or of another type.
+/// A section without data says so, and nothing panics, whatever is missing or of another type.
 #[test]
 fn what_is_missing_is_said() {
     let page = visible(&render(&json!({}), &[]));
@@ -238,7 +238,7 @@ fn curves_may_be_empty_constant_or_broken() {
     assert!(!page.contains("NaN") && !page.contains("inf "), "no coordinate is other than a number");
 }
 
-/// Where nothing was retuned there is one model, and no column, bar or curve repeats it.
+/// If nothing was retuned, there is one model, and no column, bar or curve repeats it.
 #[test]
 fn an_unexplained_gap_is_shown_once() {
     let mut made = campaign::campaign();
@@ -274,7 +274,7 @@ fn an_unexplained_gap_is_shown_once() {
     assert!(visible(&once).contains("How large the gap is") && !visible(&once).contains("is gone"));
 }
 
-/// Of a gap that is explained in part, the doubt about the rest is no doubt about what was named.
+/// If a gap is explained in part, the ambiguity of the remainder's place does not cast doubt on the named effects.
 #[test]
 fn the_place_of_the_rest_is_told_apart_from_the_place_of_the_gap() {
     let mut made = campaign::campaign();
@@ -289,7 +289,7 @@ fn the_place_of_the_rest_is_told_apart_from_the_place_of_the_gap() {
     assert!(visible(&page).contains("The rest may just as well lie in"));
 }
 
-/// What was taken back is said with the verdict, which is not settled; nothing of its fit is told as if it stood.
+/// Withdrawn effects are mentioned with the verdict, which is then not settled, and numbers of the withdrawn fit are not shown as valid.
 #[test]
 fn effects_that_were_taken_back_stand_with_the_verdict() {
     let mut made = campaign::campaign();
@@ -305,7 +305,7 @@ fn effects_that_were_taken_back_stand_with_the_verdict() {
     assert!(page.contains("Not settled.") && !page.contains("Next best") && !page.contains("by 19 standard deviations"));
 }
 
-/// A load that is taken for a part of the law missing in the driveline is not named; that law without it is no other explanation.
+/// A road load that counts as part of the law missing in the driveline is not named; the same law without it is not a different explanation.
 #[test]
 fn the_next_best_explanation_says_something_else() {
     let mut made = campaign::campaign();
@@ -325,7 +325,7 @@ fn the_next_best_explanation_says_something_else() {
     assert!(said(json!(["road_load", "vehicle_mass"])).contains("Next best: road load, 174 nats behind"));
 }
 
-/// An effect that carries over to nothing is not said to explain the gap without that.
+/// If an effect closes nothing of the held-out data, the headline says so when it names the effect.
 #[test]
 fn a_headline_tells_effects_that_close_nothing_of_what_was_held_out() {
     let mut made = campaign::campaign();
@@ -344,7 +344,7 @@ fn a_headline_tells_effects_that_close_nothing_of_what_was_held_out() {
     assert!(!headline(&made.diagnosis).contains(only), "nothing was held out");
 }
 
-/// An effect that is likelier not to be there is not said to explain the gap; one of two that share its probability is.
+/// An effect that is more likely absent is not said to explain the gap; one of two effects that share their probability is.
 #[test]
 fn a_headline_tells_an_explanation_that_is_likelier_not_to_hold() {
     let mut made = campaign::campaign();
@@ -367,7 +367,7 @@ fn a_headline_tells_an_explanation_that_is_likelier_not_to_hold() {
     assert!(shared.contains(" or ") && shared.contains(" explain the gap"), "{shared}");
 }
 
-/// Numbers that the fit moved farther than the drawing reaches are told from those at its edge.
+/// Numbers that the fit moved beyond the scale of the drawing are marked differently from those at its edge.
 #[test]
 fn a_number_beyond_the_scale_is_drawn_as_an_arrow() {
     let mut made = campaign::campaign();

@@ -1,13 +1,13 @@
-//! The evidence of the diagnosis against a sampler's: Laplace's approximation, (4) of docs/diagnosis.md, against the same integral by the No-U-Turn sampler of nuts-rs.
+//! The evidence of the diagnosis by Laplace's approximation, (4) of docs/diagnosis.md, compared with the same integral by the No-U-Turn sampler of nuts-rs.
 //!
 //! ```text
 //! cargo test --manifest-path tests/sampler/Cargo.toml -- --nocapture
 //! ```
 //!
-//! On three campaigns of the repository, the car within its tolerances and the car with the effect that it carries, forms of the effect included, are fitted. The density is then
-//! sampled, with the own unknowns of every recording explicit, in coordinates in which Laplace's approximation is standard normal. From that normal a path of densities leads to
-//! the true one, and the ratio of the integrals of each pair of neighbours is estimated by bridge sampling (Meng and Wong, 1996, "Simulating ratios of normalizing constants via
-//! a simple identity: a theoretical exploration"). Takes a quarter of an hour on two cores.
+//! On three campaigns of the repository, two hypotheses are fitted: the car within its tolerances, and the car with the effect that it carries, forms of the effect included.
+//! The density is then sampled in coordinates in which Laplace's approximation is standard normal, with the own unknowns of every recording explicit. A path of densities leads
+//! from that normal to the true one, and the ratio of the integrals of each pair of neighbours is estimated by bridge sampling (Meng and Wong, 1996, "Simulating ratios of
+//! normalizing constants via a simple identity: a theoretical exploration"). Takes a quarter of an hour on two cores.
 #![cfg(test)]
 
 use kisspoint::campaign::{self, ReadOptions};
@@ -27,13 +27,14 @@ use rand_distr::{Distribution, StandardNormal};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Shares of the true density along the path, from the normal on.
+/// Exponents of the true density along the path from the normal to it.
 const PATH: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
-/// Draws of each density.
+/// Number of draws from each density.
 const DRAWS: usize = 500;
-/// Draws from which the sampler finds its step.
+/// Number of draws with which the sampler tunes its step size.
 const TUNE: usize = 200;
-/// Nats, and share of the difference, by which the two may tell a set of effects from the empty one otherwise: odds of 20 to one, and less than half of the accuracy of laws.
+/// Admissible disagreement of the two in the evidence of a set of effects against the empty one, in nats and as a share of the difference: odds of 20 to one, and less than
+/// half of the accuracy of laws.
 const AGREE: (f64, f64) = (3.0, 0.01);
 
 fn problem(folder: &str) -> Problem {
@@ -52,18 +53,18 @@ struct Whitened<'a> {
     problem: &'a Problem,
     basis: &'a Basis,
     powers: ByPhase<f64>,
-    /// Where z is zero.
+    /// The point at which z is zero.
     mode: Point,
     frame: Frame,
     /// L⁻ᵀ of the shared coordinates' curvature L Lᵀ.
     shared: DMatrix<f64>,
-    /// For each recording, how its own unknowns follow the shared coordinates, and L⁻ᵀ of their curvature.
+    /// For each recording, the dependence of its own unknowns on the shared coordinates, and L⁻ᵀ of their curvature.
     own: Vec<(DMatrix<f64>, DMatrix<f64>)>,
     /// Half the cost at the mode.
     least: f64,
-    /// Logarithm of the volume that the normal stands for, relative to the prior's.
+    /// Logarithm of the volume of the normal approximation, relative to the prior's.
     log_volume: f64,
-    /// Share of the density, the rest being the normal.
+    /// Exponent of the true density; that of the normal is the rest.
     share: f64,
 }
 
@@ -92,7 +93,7 @@ impl<'a> Whitened<'a> {
             log_volume: 0.5 * (e.log_det_prior - log_det(&e.curvature) - e.log_det_own),
             share: 1.0,
         };
-        // A power moves the mode towards the priors.
+        // Tempering by the powers moves the mode towards the priors.
         let step = -e.curvature.clone().cholesky().unwrap().solve(&e.gradient);
         let to = this.moved(&step, &e.eliminated.iter().map(|r| r.step(&step)).collect::<Vec<_>>());
         let [here, there] = [&this.mode, &to].map(|point| this.half_cost(point).unwrap_or(f64::INFINITY));
@@ -135,7 +136,8 @@ impl<'a> Whitened<'a> {
         self.moved(&shared, &self.own.iter().enumerate().map(own).collect::<Vec<_>>())
     }
 
-    /// Half the cost; none outside the bounds of an effect, or where no replay can follow. What has one sign is counted on both sides, as Laplace's approximation does.
+    /// Half the cost; `None` outside the bounds of an effect, or if the replay fails. A one-sided unknown is folded, that is, counted on both sides of zero, as in Laplace's
+    /// approximation.
     fn half_cost(&self, point: &Point) -> Option<f64> {
         let mut point = point.clone();
         let within = |k: usize| (PARAMETERS[k].min..=PARAMETERS[k].max).contains(&point.effects[k]);
@@ -154,7 +156,7 @@ impl<'a> Whitened<'a> {
         Some(0.5 * (misfit + prior(&point)))
     }
 
-    /// Logarithm of the ratio of density and normal, each relative to its value at the mode.
+    /// Logarithm of the ratio of the density to the normal, each relative to its value at the mode.
     fn log_ratio(&self, z: &[f64]) -> f64 {
         self.half_cost(&self.at(z)).map_or(f64::NEG_INFINITY, |half| self.least - half + 0.5 * square(z))
     }
@@ -189,7 +191,8 @@ impl CpuLogpFunc for Whitened<'_> {
         Whitened::dim(self)
     }
 
-    /// The gradient is the normal's and only leads the way: any field that depends on the position alone keeps the leapfrog reversible and its volume, and what is accepted is decided by the density.
+    /// The gradient is that of the normal and only guides the trajectory. Any field that depends on the position alone keeps the leapfrog reversible and volume-preserving, and
+    /// the acceptance is decided by the true density.
     fn logp(&mut self, position: &[f64], gradient: &mut [f64]) -> Result<f64, Outside> {
         gradient.iter_mut().zip(position).for_each(|(g, z)| *g = -z);
         let log = self.share * self.log_ratio(position) - 0.5 * square(position);
@@ -205,8 +208,8 @@ fn mean(v: &[f64]) -> f64 {
     v.iter().sum::<f64>() / v.len() as f64
 }
 
-/// Logarithm of the ratio of the integrals of two densities q1 and q2 by optimal bridge sampling, and its standard error as if draws were independent; `one` and `two` are
-/// ln q1 − ln q2 at as many draws of each.
+/// Logarithm of the ratio of the integrals of two densities q1 and q2 by optimal bridge sampling, and its standard error for independent draws. `one` and `two` are ln q1 − ln
+/// q2 at equally many draws from each density.
 fn bridge(one: &[f64], two: &[f64]) -> (f64, f64) {
     let mut log_ratio = 0.0_f64;
     let weights = |log_ratio: f64| -> [Vec<f64>; 2] {
@@ -223,7 +226,7 @@ fn bridge(one: &[f64], two: &[f64]) -> (f64, f64) {
     (log_ratio, weights(log_ratio).iter().map(relative).sum::<f64>().sqrt())
 }
 
-/// Ratios of the density to the normal at draws of a density of the path.
+/// Logarithms of the ratio of the density to the normal, at draws from a density of the path.
 fn drawn(density: &Whitened, rng: &mut StdRng) -> Vec<f64> {
     let normal = |rng: &mut StdRng| -> Vec<f64> { (0..density.dim()).map(|_| StandardNormal.sample(rng)).collect() };
     if density.share == 0.0 {
@@ -232,14 +235,14 @@ fn drawn(density: &Whitened, rng: &mut StdRng) -> Vec<f64> {
     let mut settings = DiagNutsSettings { num_tune: TUNE as u64, num_draws: DRAWS as u64, maxdepth: 3, ..Default::default() };
     settings.trajectory_kind = KineticEnergyKind::ExactNormal;
     let mut chain = settings.new_chain(0, CpuMath::new(density.clone()), rng).unwrap();
-    // Not at the mode, where the gradient is zero.
+    // The start is not the mode, where the gradient is zero.
     let start: Vec<f64> = normal(rng).iter().map(|z| 0.3 * z).collect();
     chain.set_position(&start).unwrap();
     let all: Vec<_> = (0..TUNE + DRAWS).map(|_| chain.draw().unwrap().0).collect();
     all[TUNE..].iter().map(|z| density.log_ratio(z)).collect()
 }
 
-/// Logarithm of the evidence by the sampler, with its standard error.
+/// Logarithm of the evidence by the sampler, and its standard error.
 fn sampled(mut density: Whitened) -> (f64, f64) {
     let mut rng = StdRng::seed_from_u64(7);
     let along = PATH.map(|share| {

@@ -2,7 +2,7 @@
 
 use kisspoint::campaign::Recording;
 
-/// The same recording by a logger that keeps one row in so many.
+/// The same recording from a logger that keeps one row in `step`.
 pub fn every(step: usize, whole: &Recording) -> Recording {
     let kept = |v: &[f64]| v.iter().copied().step_by(step).collect::<Vec<f64>>();
     Recording {

@@ -1,11 +1,11 @@
-//! Actuator: where the bearing is after its command has moved.
+//! Actuator: position of the bearing after its command has moved.
 
 use crate::bench::{Bench, Law, bearing, remains};
 use kisspoint::effects::param::{
     actuator_backlash as backlash, actuator_delay as delay, actuator_lag as lag, actuator_rate_limit as limit, release_friction as friction,
 };
 
-/// A bearing at rest at 2 mm, told to be at `x` mm from 0.1 s on.
+/// A bearing at rest at 2 mm, commanded to `x` mm from 0.1 s on.
 fn told(x: f64) -> Bench {
     Bench::held(100.0, 50.0, 25.0, 2.0).moved(0.1, x)
 }
@@ -17,7 +17,7 @@ pub fn laws() -> Vec<Law> {
     let play = [(backlash::play, 0.4)];
     let speed = [(limit::inverse_speed, 0.1)];
     let approach = [(limit::inverse_speed, 0.1), (limit::approach, 0.4)];
-    // From the middle 1 mm up, then 0.3 mm down, over a travel of 0.8 mm; the quick part goes four times as far in it.
+    // 1 mm up from the middle, then 0.3 mm down, over a travel of 0.8 mm; the stiction part relaxes over a quarter of that travel.
     let sticking = |s| [(friction::width, 0.4), (friction::travel, 0.8), (friction::stiction, s)];
     let up = |rate: f64| 1.0 - (-rate / 0.8).exp();
     let back = |rate: f64| -1.0 + (up(rate) + 1.0) * (-0.3 * rate / 0.8).exp();
@@ -49,7 +49,7 @@ pub fn laws() -> Vec<Law> {
         law("the lag of a limited bearing", &[speed[0], (lag::time_constant, 0.05)], told(6.0), 0.3, bearing, {
             2.0 + 10.0 * (0.2 - 0.05 * (1.0 - (-4.0_f64).exp()))
         }),
-        // Behind the ramp by τ, and by what is left of having started at rest.
+        // Delayed against the ramp by τ, plus the decaying transient of the start from rest.
         law(
             "the lag of two equal parts of a limited bearing",
             &[speed[0], (lag::time_constant, 0.06), (lag::curvature, 0.25)],
@@ -69,7 +69,7 @@ pub fn laws() -> Vec<Law> {
         law("lag that overshoots", &slow(1.0, 0.0), told(3.0), 0.33, bearing, 3.0 - left(0.06, 1.0, 0.23)),
         law("slower up", &slow(0.0, 0.5), told(3.0), 0.17, bearing, 3.0 - (-0.07_f64 / 0.09).exp()),
         law("faster down", &slow(0.0, 0.5), told(1.0), 0.17, bearing, 1.0 + (-0.07_f64 / 0.03).exp()),
-        // The law is linear: the answer to a second move adds to that of the first, which is still under way.
+        // The law is linear, so the response to a second move is superposed on that to the first, which is still in progress.
         law("a second move of two parts", &slow(0.1, 0.0), told(3.0).moved(0.13, 2.5), 0.17, bearing, {
             2.5 - left(0.06, 0.1, 0.07) + 0.5 * left(0.06, 0.1, 0.04)
         }),

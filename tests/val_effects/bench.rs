@@ -1,4 +1,4 @@
-//! A plant on which one law can be read: parts that a row does not want have no say.
+//! A plant on which one law can be observed in isolation; parts that a row does not need are neutral.
 
 use kisspoint::effects::{self, Parameters};
 use kisspoint::physics::cushion::CushionSpring;
@@ -12,26 +12,26 @@ pub const MU: f64 = 0.3;
 pub const RADIUS: f64 = 0.09;
 /// Spring force at the closed point, N; the spring is F = F_1 ξ³.
 pub const F_1: f64 = 5000.0;
-/// Contact and closed point, mm.
+/// Contact point and closed point, mm.
 pub const X_CNT: f64 = 4.0;
 pub const X_CLS: f64 = 8.0;
 
-/// Spring force in N at `x` mm with contact and closed point at `cnt` and `cls` mm.
+/// Spring force in N at `x` mm, with the contact point at `cnt` mm and the closed point at `cls` mm.
 pub fn force(x: f64, cnt: f64, cls: f64) -> f64 {
     F_1 * ((x - cnt) / (cls - cnt)).powi(3)
 }
 
-/// Torque in N·m of both faces at `x` mm with the friction coefficient `mu`.
+/// Torque in N·m of both faces at `x` mm, for the friction coefficient `mu`.
 pub fn torque(x: f64, mu: f64) -> f64 {
     2.0 * mu * RADIUS * force(x, X_CNT, X_CLS)
 }
 
-/// Vehicle, start and commands.
+/// Vehicle, initial state and inputs over time.
 #[derive(Clone)]
 pub struct Bench {
     pub vehicle: Vehicle,
     pub start: Start,
-    /// Inputs in which the plant rests before time 0.
+    /// Inputs at which the plant rests before time 0.
     pub rest: Inputs,
     /// Inputs from a time on, s.
     pub then: Vec<(f64, Inputs)>,
@@ -40,7 +40,7 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// Inertias and heat capacities without end: speeds and temperatures stay where they start.
+    /// Infinite inertias and heat capacities: speeds and temperatures keep their initial values.
     pub fn held(omega_f: f64, omega_c: f64, theta: f64, x_to: f64) -> Self {
         let mut vehicle = Vehicle::paper();
         let f = &mut vehicle.friction;
@@ -58,14 +58,14 @@ impl Bench {
         Self { vehicle, start, rest, then: Vec::new(), step: 1e-3 }
     }
 
-    /// The position command is `x_to` mm from `time` s on.
+    /// Sets the position command to `x_to` mm from `time` s on.
     pub fn moved(mut self, time: f64, x_to: f64) -> Self {
         let last = self.then.last().map_or(self.rest, |(_, inputs)| *inputs);
         self.then.push((time, Inputs { x_to, ..last }));
         self
     }
 
-    /// The engine torque asked for is `t_e_ref` N·m from `time` s on.
+    /// Sets the demanded engine torque to `t_e_ref` N·m from `time` s on.
     pub fn driven(mut self, time: f64, t_e_ref: f64) -> Self {
         let last = self.then.last().map_or(self.rest, |(_, inputs)| *inputs);
         self.then.push((time, Inputs { t_e_ref, ..last }));
@@ -89,7 +89,7 @@ impl Bench {
     }
 }
 
-/// One row: effects, bench, what is read when, and its number.
+/// One row: effects, bench, the quantity that is read and its time, and the expected value.
 pub struct Law {
     pub what: &'static str,
     pub set: Vec<(usize, f64)>,
@@ -99,12 +99,12 @@ pub struct Law {
     pub read: fn(&Plant) -> f64,
     pub expected: f64,
     pub tolerance: f64,
-    /// The effects do nothing here.
+    /// Whether the effects do nothing in this row.
     pub limit: bool,
 }
 
 impl Law {
-    /// A row whose tolerance is 1e-7 of its number.
+    /// A row with a relative tolerance of 1e-7.
     pub fn new(what: &'static str, set: &[(usize, f64)], bench: Bench, at: f64, read: fn(&Plant) -> f64, expected: f64) -> Self {
         let tolerance = 1e-7 * expected.abs().max(1e-2);
         Self { what, set: set.to_vec(), bench, at, read, expected, tolerance, limit: false }
@@ -120,7 +120,7 @@ impl Law {
         Self { tolerance, ..self }
     }
 
-    /// The same, where the effects do nothing.
+    /// The same, for a limit at which the effects do nothing.
     pub fn limit(self) -> Self {
         Self { limit: true, ..self }
     }
@@ -160,8 +160,8 @@ pub fn theta_b(plant: &Plant) -> f64 {
     plant.outputs().theta_b
 }
 
-/// What is left at time `t` of a departure 1 with rate 0 from the end value of κτ²ÿ + τẏ + y = u, and its rate: by partial fractions
-/// of the two poles, or the damped cosine where they turn.
+/// Remaining departure at time `t` from the end value of κτ²ÿ + τẏ + y = u, for an initial departure of 1 with rate 0, and its rate: by partial fractions of the two poles, or
+/// by the damped cosine if they are complex.
 pub fn remains(tau: f64, kappa: f64, t: f64) -> (f64, f64) {
     let discriminant = 1.0 - 4.0 * kappa;
     if kappa == 0.0 {

@@ -1,4 +1,4 @@
-//! Clutch force: the torque of a clutch that slips at a held position, T = 2 μ R F(ξ).
+//! Clutch force: the torque of a slipping clutch at a held position, T = 2 μ R F(ξ).
 
 use crate::bench::{Bench, F_1, Law, MU, RADIUS, X_CLS, X_CNT, force, t_fc, torque};
 use kisspoint::effects::param::{
@@ -10,13 +10,13 @@ fn slipping(theta: f64, x: f64) -> Bench {
     Bench::held(100.0, 50.0, theta, x)
 }
 
-/// Torque at 6 mm with contact and closed point moved, N·m.
+/// Torque at 6 mm in N·m, with the contact point and the closed point shifted by `cnt` and `cls` mm.
 fn moved(cnt: f64, cls: f64) -> f64 {
     2.0 * MU * RADIUS * force(6.0, X_CNT + cnt, X_CLS + cls)
 }
 
-/// Torque in N·m at 6 mm after `t` s of slip at 50 rad/s with a wear of `rate` mm/J that moves both points: the gap w that is left obeys ẇ = −rate · P(w), P a
-/// cube of w.
+/// Torque in N·m at 6 mm after `t` s of slip at 50 rad/s, with a wear of `rate` mm/J that shifts both points: the remaining travel w beyond contact obeys ẇ = −rate · P(w),
+/// with a power P proportional to w³.
 fn wearing(rate: f64, t: f64) -> f64 {
     let cube = 2.0 * MU * RADIUS * F_1 / (X_CLS - X_CNT).powi(3);
     let left = 2.0 / (1.0 + 2.0 * rate * cube * 50.0 * 4.0 * t).sqrt();
@@ -28,7 +28,7 @@ pub fn laws() -> Vec<Law> {
     let shift = [(thermal::slope, 0.004), (thermal::curvature, 1e-5)];
     let worn = |share| [(wear::rate, 1e-8), (wear::work_before, 3e7), (wear::closed_share, share)];
     let memory = [(hysteresis::width, 0.4), (hysteresis::stroke, 0.8)];
-    // From the middle 1 mm up, then 0.3 mm down.
+    // 1 mm up from the middle, then 0.3 mm down.
     let up = 1.0 - (-2.0_f64 / 0.8).exp();
     let back = -1.0 + (up + 1.0) * (-0.6_f64 / 0.8).exp();
     let reversed = || slipping(25.0, 5.0).moved(0.01, 6.0).moved(0.02, 5.7);

@@ -19,12 +19,12 @@ const BEYOND: f64 = 0.8 * J;
 const LOAD: f64 = 50.0;
 const COMPLIANCE: f64 = 1e-3;
 
-/// Disc speed from the momentum of both inertias after `t` s and the speed `twisting` of the shafts, rad/s.
+/// Disc speed after `t` s, from the momentum of both inertias and the twisting speed `twisting` of the shafts, rad/s.
 fn disc(t: f64, twisting: f64) -> f64 {
     START + (BEYOND * twisting - LOAD * t) / J
 }
 
-/// Speed of the twist after `t` s under the load's step, with a stiffness (N·m/rad) and damping (N·m·s/rad): a damped oscillator.
+/// Twisting speed `t` s after a step of the load, for a stiffness (N·m/rad) and damping (N·m·s/rad): a damped oscillator.
 fn twisting(stiffness: f64, damping: f64, t: f64) -> f64 {
     let reduced = DISC * BEYOND / J;
     let decay = 0.5 * damping / reduced;
@@ -32,7 +32,7 @@ fn twisting(stiffness: f64, damping: f64, t: f64) -> f64 {
     LOAD / BEYOND / turn * (-decay * t).exp() * (turn * t).sin()
 }
 
-/// The same for a lash of ± `angle` rad without damping: free until the lash is taken up, then an oscillator that begins with a speed.
+/// The same for a lash of ± `angle` rad without damping: free motion until the lash is taken up, then an oscillator with an initial speed.
 fn lashing(angle: f64, t: f64) -> f64 {
     let pull = LOAD / BEYOND;
     let taken_up = (2.0 * angle / pull).sqrt();
@@ -41,7 +41,7 @@ fn lashing(angle: f64, t: f64) -> f64 {
     pull / turn * phase.sin() + pull * taken_up * phase.cos()
 }
 
-/// A tyre: slip per torque, relaxation (rad), grip (N·m), damping (N·m·s/rad); and the compliance of shafts before it.
+/// A tyre: slip per torque, relaxation (rad), grip (N·m), damping (N·m·s/rad); and the compliance of the shafts in series with it.
 #[derive(Clone, Copy)]
 struct Tyre {
     slip: f64,
@@ -52,12 +52,12 @@ struct Tyre {
 }
 
 impl Tyre {
-    /// Slip of a tyre that has come to rest under a torque.
+    /// Steady-state slip of a tyre under a torque.
     fn slip(&self, torque: f64) -> f64 {
         self.slip * torque / (1.0 - torque.abs() / self.grip)
     }
 
-    /// The torque at which tyres and shafts have this twist, by halving.
+    /// The torque at which tyres and shafts together have this twist, by bisection.
     fn torque(&self, twist: f64) -> f64 {
         let (mut low, mut high) = (-self.grip, self.grip);
         for _ in 0..80 {
@@ -67,7 +67,7 @@ impl Tyre {
         low
     }
 
-    /// Disc speed after `t` s under the load's step: the balances of both inertias, in many small steps of Heun's.
+    /// Disc speed `t` s after a step of the load: the balances of both inertias, in many small steps of Heun's method.
     fn disc(&self, share: f64, t: f64) -> f64 {
         const STEPS: usize = 20_000;
         let h = t / STEPS as f64;

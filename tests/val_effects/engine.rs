@@ -1,4 +1,4 @@
-//! Engine: a free flywheel shows the torque on the crankshaft, J (ω − ω_0) = ∫ T dt.
+//! Engine: the speed of a free flywheel shows the crankshaft torque, J (ω − ω_0) = ∫ T dt.
 
 use crate::bench::{Bench, Law, omega_f, remains};
 use kisspoint::effects::param::{
@@ -10,20 +10,20 @@ use kisspoint::plant::Plant;
 const J: f64 = 0.2;
 const START: f64 = 200.0;
 
-/// A flywheel without damping, clutch open, with `report` N·m from time 0 on.
+/// A flywheel without damping, with an open clutch and a reported torque of `report` N·m from time 0 on.
 fn free(start: f64, report: f64) -> Bench {
     let mut bench = Bench::held(start, 0.0, 25.0, 0.0);
     bench.vehicle.driveline.J_f = J;
     bench.driven(0.0, report)
 }
 
-/// Speed after `t` seconds behind a lag with the time constant `tau`, from rest at 0: the law integrated once gives the impulse.
+/// Speed after `t` seconds with a lag of the time constant `tau` that starts from zero torque: the lag's equation, integrated once, gives the impulse.
 fn lagged(report: f64, tau: f64, kappa: f64, t: f64) -> f64 {
     let (z, v) = remains(tau, kappa, t);
     START + report * (t - tau * (1.0 - z) - kappa * tau * tau * -v) / J
 }
 
-/// A flywheel of a held speed, with `report` N·m from time 0 on: its work is the torque's.
+/// A flywheel held at a speed, with `report` N·m from time 0 on; its work is that of the torque.
 fn held(speed: f64, report: f64) -> Bench {
     Bench::held(speed, 0.0, 25.0, 0.0).driven(0.0, report)
 }
@@ -32,7 +32,7 @@ fn work(plant: &Plant) -> f64 {
     plant.energy().work_in
 }
 
-/// The lesser of two torques with a corner of 2 N·m, which leaves 0 as it is.
+/// The smaller of two torques, with a corner smoothed over 2 N·m and zero preserved.
 fn lesser(asked: f64, most: f64) -> f64 {
     0.5 * (asked + most - ((asked - most).powi(2) + 4.0).sqrt()) + 0.5 * ((most * most + 4.0).sqrt() - most)
 }
@@ -63,7 +63,7 @@ pub fn laws() -> Vec<Law> {
         law("full load beside the best speed", &falling, held(150.0, 60.0), 0.1, work, lesser(60.0, 40.0 * (1.0 - 0.8 * 0.0625)) * 15.0),
         law("least full load", &falling, held(600.0, 60.0), 0.1, work, lesser(60.0, 4.0) * 60.0),
         law("no torque asked for", &[(limit::inverse_torque, 0.025)], held(300.0, 0.0), 0.1, work, 0.0).absolute(1e-9).limit(),
-        // The work of a cosine over the angle; 100 rad/s for 0.13 s.
+        // The work of a cosine over the angle, at 100 rad/s for 0.13 s.
         law("pulsation at any load", &firing(12.0, 0.0, 2.0), held(100.0, 30.0), 0.13, work, 30.0 * 13.0 + 12.0 * (26.0_f64).sin() / 2.0),
         law(
             "pulsation with the load",

@@ -1,4 +1,4 @@
-//! Friction: the torque of a clutch that slips at 6 mm at a held speed and temperature.
+//! Friction: the torque of a slipping clutch at 6 mm, at a held speed and temperature.
 
 use crate::bench::{Bench, Law, MU, X_CLS, X_CNT, force, t_fc, theta_c, torque};
 use kisspoint::effects::param::{
@@ -15,7 +15,7 @@ fn open(slip: f64) -> Bench {
     Bench::held(100.0, 100.0 - slip, 25.0, 0.0)
 }
 
-/// Share of the fade at `theta`: a logistic step, e-fold width/8, blurred evenly over the width, by Simpson's rule.
+/// Share of the fade at `theta`: a logistic step with an e-fold width of width/8, averaged evenly over the width by Simpson's rule.
 fn faded(theta: f64, onset: f64, width: f64) -> f64 {
     let n = 2000;
     let at = |k: usize| {
@@ -37,7 +37,7 @@ pub fn laws() -> Vec<Law> {
     let pressing = |exponent, reference| [(pressure::exponent, exponent), (pressure::reference_force, reference)];
     let slope = [(gradient::slope, 0.001), (gradient::reach, 40.0)];
     let stribeck = |n| vec![(gradient::stribeck, 0.1), (gradient::speed, 15.0), (gradient::exponent, n)];
-    // 50 rad/s over 0.13 s.
+    // The angle of 50 rad/s over 0.13 s.
     let turned: f64 = 6.5;
     let pressed = 3.0 * 1.0_f64.tanh() * (0.3 + 0.7 * (-force(6.0, X_CNT, X_CLS) / 200.0).exp());
     let churned = 3.0 * (20.0_f64 / 3.0).tanh() + 0.02 * 20.0;
@@ -105,7 +105,7 @@ pub fn laws() -> Vec<Law> {
             -normal * (force(6.0, X_CNT, X_CLS).hypot(100.0) / 200.0_f64.hypot(100.0)).powf(0.3)
         }),
         law("friction at the reference force", &pressing(0.3, force(6.0, X_CNT, X_CLS)), slipping(50.0, 25.0), 0.01, t_fc, normal).limit(),
-        // 100 and 50 rad/s for 0.13 s.
+        // 100 rad/s (engine) and 50 rad/s (input shaft) for 0.13 s.
         law("judder of the engine", &[(shaft::engine, 0.2)], slipping(50.0, 25.0), 0.13, t_fc, (1.0 + 0.2 * 13.0_f64.cos()) * normal),
         law("judder of the engine, twice a turn", &[(shaft::engine, 0.2), (shaft::engine_order, 2.0)], slipping(50.0, 25.0), 0.13, t_fc, {
             (1.0 + 0.2 * 26.0_f64.cos()) * normal

@@ -1,8 +1,8 @@
-//! The law of every effect: what the plant does with it, against a number worked out another way.
+//! The law of every effect: the behaviour of the plant compared with a value computed independently.
 //!
-//! Each row sets effects on a bench that is simple enough for a closed form – one inertia, constant friction, speeds or temperatures that
-//! do not move – and reads one number off the plant after some time. Signs, sizes, units and limits are those of docs/effects.md. A row must
-//! be far from what the plant does without the effects, or, where it is a limit at which the effect does nothing, equal to it.
+//! Each row sets effects on a bench that is simple enough for a closed form – one inertia, constant friction, speeds or temperatures that do not move – and reads one number
+//! from the plant after some time. Signs, sizes, units and limits are those of docs/effects.md. The number must be far from that of the plant without the effects, or equal to
+//! it if the row is a limit at which the effect does nothing.
 
 mod actuator;
 #[allow(dead_code)]

@@ -1,9 +1,9 @@
-//! Sensors: speeds that change evenly, or decay, as they are sensed.
+//! Sensors: speeds that change linearly or decay exponentially, as they are sensed.
 
 use crate::bench::{Bench, Law, omega_c, omega_f};
 use kisspoint::effects::param::{clutch_speed_delay as late_c, clutch_speed_gain as gain, engine_speed_delay as late_f};
 
-/// Flywheel and disc lose speed to a damping at 4 and 5 1/s.
+/// Flywheel and disc lose speed by damping, at rates of 4 and 5 1/s.
 fn decaying() -> Bench {
     let mut bench = Bench::held(200.0, 100.0, 25.0, 0.0);
     let d = &mut bench.vehicle.driveline;
@@ -20,12 +20,12 @@ fn ramp() -> Bench {
     bench
 }
 
-/// Time by which a filter's output has gone along a ramp.
+/// Distance, in time, that the output of a filter has moved along a ramp.
 fn trailing(t: f64, tau: f64) -> f64 {
     t - tau * (1.0 - (-t / tau).exp())
 }
 
-/// What a filter that was at 1 makes of e^(−λt): its steady response, and what decays.
+/// Response to e^(−λt) of a filter whose output was 1: the steady response and the decaying transient.
 fn smoothed(rate: f64, t: f64, tau: f64) -> f64 {
     let steady = 1.0 / (1.0 - rate * tau);
     steady * (-rate * t).exp() + (1.0 - steady) * (-t / tau).exp()

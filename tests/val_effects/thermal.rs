@@ -5,12 +5,12 @@ use kisspoint::effects::param::{clutch_cooling as cooling, heat_partition as par
 
 const C_1: f64 = 70.0;
 const C_B: f64 = 700.0;
-/// Friction power at 6 mm and a slip of 50 rad/s is this times 50, W.
+/// Friction power at 6 mm and a slip of 50 rad/s, W.
 fn power() -> f64 {
     50.0 * torque(6.0, MU)
 }
 
-/// Clutch that slips with a heat share of 0.3 into the disc and no other exchange.
+/// A slipping clutch with a heat share of 0.3 into the disc and no other heat exchange.
 fn heated(slip: f64) -> Bench {
     let mut bench = Bench::held(100.0, 100.0 - slip, 30.0, 6.0);
     (bench.vehicle.thermal.C_1, bench.vehicle.thermal.C_b) = (C_1, C_B);
@@ -26,7 +26,7 @@ fn cooling_down(x: f64, gamma_1: f64, gamma_2: f64) -> Bench {
     bench
 }
 
-/// Friction that a hotter face loses, at a held temperature and slip.
+/// A clutch whose friction decreases with the temperature of the faces, at a held disc temperature and slip.
 fn fading(slip: f64) -> Bench {
     let mut bench = Bench::held(100.0, 100.0 - slip, 25.0, 6.0);
     let f = &mut bench.vehicle.friction;
@@ -34,10 +34,10 @@ fn fading(slip: f64) -> Bench {
     bench
 }
 
-/// Share of the friction coefficient that fading facings lose, 1/K.
+/// Decrease of the friction coefficient with temperature, 1/K.
 const LOST: f64 = 1e-3;
 
-/// Torque in N·m of those after `t` s: both the rise and the power are linear in each other.
+/// Torque in N·m of that clutch after `t` s: the temperature rise reduces the power linearly, and is driven by it linearly.
 fn faded(slip: f64, per_watt: f64, tau: f64, t: f64) -> f64 {
     let power = slip * torque(6.0, MU);
     let loop_gain = per_watt * power * LOST / MU;
@@ -50,7 +50,7 @@ pub fn laws() -> Vec<Law> {
     let share = |change| [(partition::share_change, change)];
     let body = [(cooling::body_factor, 2.0)];
     let air = [(cooling::air_factor, 3.0)];
-    // Two bodies: their difference decays, the heat in both stays.
+    // Two bodies: their temperature difference decays, and their total heat is constant.
     let difference = 120.0 * (-2.0 * 15.0 * (1.0 / C_1 + 1.0 / C_B) * 2.0_f64).exp();
     let mean = (C_1 * 180.0 + C_B * 60.0) / (C_1 + C_B);
     let faces = [(surface::resistance, 0.02), (surface::speed, 20.0), (surface::time_constant, 0.08)];
@@ -74,7 +74,7 @@ pub fn laws() -> Vec<Law> {
             theta_c,
             20.0 + 160.0 * (-3.0 * 5.0 * 2.0_f64 / C_1).exp(),
         ),
-        // Both sides of the body give to the air while the clutch is open, one while it is closed.
+        // Both sides of the body lose heat to the air while the clutch is open, and one side while it is closed.
         law("the body cools into the air", &air, cooling_down(0.0, 0.0, 5.0), 2.0, theta_b, {
             20.0 + 40.0 * (-2.0 * 3.0 * 5.0 * 2.0_f64 / C_B).exp()
         }),

@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 __all__ = ["SCHEMA", "SPARK_SCHEMA", "Fleet", "Progress", "diagnose", "mapper", "pool", "stream"]
 
 SPARK_SCHEMA = ddl()
-"""Columns of the rows as Spark writes a schema."""
+"""Columns of the rows, as a Spark schema."""
 
 _GROUP = 256
-"""Rows of a row group of the Parquet file, which are held in memory at a time."""
+"""Number of rows of a row group of the Parquet file; they are held in memory at the same time."""
 
 
 class Fleet:
-    """The answer for a fleet: its files, its rows, and what its cars have in common."""
+    """The answer for a fleet: its files, its rows, and the properties that its cars share."""
 
     def __init__(self, folder: _store.Place, file: _store.Place, progress: Progress) -> None:
         self._folder = folder
@@ -63,7 +63,7 @@ class Fleet:
 
     @property
     def population(self) -> dict[str, Any]:
-        """fleet.json."""
+        """Content of fleet.json."""
         found: dict[str, Any] = json.loads((self._folder / "fleet.json").read() or b"{}")
         return found
 
@@ -87,14 +87,14 @@ def stream(
     storage_options: Mapping[str, Any] | None = None,
     progress: Callable[[Progress], None] = lambda _: None,
 ) -> Iterator[Row]:
-    """Diagnoses campaigns and yields a row for each, in the order of the campaigns. Closing the iterator cancels the rest.
+    """Diagnoses campaigns and yields a row for each, in the order of the campaigns. Closing the iterator cancels the remaining ones.
 
     ``campaigns`` is a folder, a URL of any store that fsspec opens (with ``storage_options``), a pattern, or an iterable of these. ``answers`` is the folder for the
     answers, one subfolder for each campaign, ``cache`` the folder of the cache. ``executor`` is a Client of dask.distributed or an executor of
     concurrent.futures; without one, ``workers`` commands run at a time on this machine (by default one per core).
 
-    ``channel_map`` and ``strict`` are as for `kisspoint.diagnose`. With ``fmu``, DrivelinePlant.fmu of each car is written as well. A failure that may pass is
-    retried up to ``retries`` times; a diagnosis may take ``timeout_s``. A campaign that fails is a row with ``error``. ``progress`` is called after each campaign.
+    ``channel_map`` and ``strict`` are as for `kisspoint.diagnose`. With ``fmu``, DrivelinePlant.fmu of each car is written as well. A failure that may be temporary is
+    retried up to ``retries`` times; ``timeout_s`` limits the time of a diagnosis. A campaign that fails yields a row with ``error``. ``progress`` is called after each campaign.
     """
     options = dict(storage_options or {})
     settings = _task.Settings(
@@ -112,7 +112,7 @@ def stream(
 
 
 def _absolute(url: str | Path | None, options: Mapping[str, Any]) -> str | None:
-    """The URL made absolute, so that every worker uses the same folder."""
+    """Makes the URL absolute, so that every worker uses the same folder."""
     return None if url is None else _store.Place.of(url, options).url
 
 
@@ -130,7 +130,7 @@ def diagnose(
     Beside the Parquet file ``out`` it writes ``cars/NAME/`` (diagnosis.json, report.html, plant.ssv and vehicle.json of each campaign; DrivelinePlant.fmu with ``fmu=True``),
     ``fleet.json``, ``cars.parquet`` (estimates of each car given the whole fleet), ``corrections.json``, ``vehicle.corrected.json`` and ``index.html``. ``about`` gives car,
     mileage_km and date of the campaigns by name, as a mapping or as a CSV file with a column ``campaign``; it takes precedence over the campaigns' own car.json.
-    ``cache`` is ``.kisspoint-cache`` beside ``out`` unless given. However a run ended, the same call completes it from there. Further settings are those of `stream`.
+    ``cache`` is ``.kisspoint-cache`` beside ``out`` unless given. If a run was interrupted, the same call completes it. Further settings are those of `stream`.
     """
     options = settings.get("storage_options")
     file = _store.Place.of(out, options)
@@ -153,7 +153,7 @@ def diagnose(
 
 
 def _write(file: _store.Place, rows: Iterable[Row], source: Iterator[Row]) -> None:
-    """Rows as Parquet, a group at a time; the file appears when it is complete."""
+    """Writes rows as Parquet, one row group at a time. The file appears under its name only when it is complete."""
     beside = Path(file.path).parent if file.local else Path(tempfile.gettempdir())
     beside.mkdir(parents=True, exist_ok=True)
     partial = beside / f".kisspoint-{secrets.token_hex(8)}.partial"
@@ -178,7 +178,7 @@ def _write(file: _store.Place, rows: Iterable[Row], source: Iterator[Row]) -> No
 
 
 def _about(given: str | Path | Mapping[str, Mapping[str, Any]] | None) -> dict[str, Row]:
-    """car, mileage_km and date by campaign's name."""
+    """car, mileage_km and date, by name of the campaign."""
     if given is None:
         return {}
     if isinstance(given, Mapping):
@@ -219,8 +219,8 @@ def pool(rows: str | Path, *, storage_options: Mapping[str, Any] | None = None) 
 def mapper(**settings: Any) -> Callable[[Iterator[pandas.DataFrame]], Iterator[pandas.DataFrame]]:
     """A function for Spark's ``mapInPandas``: frames with a column ``campaign`` (path or URL) become frames of `SPARK_SCHEMA`.
 
-    Settings are those of `stream`; each Spark task diagnoses its campaigns one after the other. From the rows, written as one Parquet file, `pool` makes
-    the rest.
+    Settings are those of `stream`; each Spark task diagnoses its campaigns one after the other. Written as one Parquet file, the rows are the input of `pool`, which
+    computes everything else.
     """
     settings = {"workers": 1, **settings}
 

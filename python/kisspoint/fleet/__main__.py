@@ -34,7 +34,7 @@ Exit codes: 0 done, even if some campaigns have no answer; 1 no campaign has one
 
 
 def parser() -> argparse.ArgumentParser:
-    """The command line."""
+    """Parser of the command line."""
     made = argparse.ArgumentParser(prog="kisspoint fleet", description=DESCRIPTION, epilog=EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter)
     made.add_argument("campaigns", metavar="CAMPAIGN", nargs="+", help="folder, URL or pattern of campaigns; a folder that holds some stands for them; - reads one per line")
     made.add_argument("--out", metavar="DIR", required=True, help="folder or URL for the answer")
@@ -59,7 +59,7 @@ def _count(text: str) -> int:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Runs the command line; its exit code."""
+    """Runs the command line. Returns its exit code."""
     asked = parser().parse_args(arguments)
     signal.signal(signal.SIGTERM, _interrupt)
     teller = Teller()
@@ -117,7 +117,7 @@ def _cluster(address: str) -> Any:
 
 
 class Teller:
-    """A line on the terminal that says how far a run is; elsewhere a line for every tenth."""
+    """Shows the progress of a run: on a terminal a line that is updated, elsewhere a line for every tenth of the campaigns."""
 
     def __init__(self) -> None:
         self.total: int | None = None
@@ -128,7 +128,7 @@ class Teller:
         self._terminal = sys.stderr.isatty()
 
     def tell(self, now: Progress) -> None:
-        """Takes note, and says so if it is time."""
+        """Stores the progress, and shows it if it is time to."""
         self.now = now
         passed = time.monotonic() - self._began
         if self._terminal and passed - self._written > 0.2:
@@ -151,7 +151,7 @@ class Teller:
         return ", ".join(parts)
 
     def end(self) -> None:
-        """Takes the line away."""
+        """Removes the line."""
         if self._terminal:
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 

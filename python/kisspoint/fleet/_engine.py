@@ -1,4 +1,4 @@
-"""Many tasks on an engine that exists: threads that each run one command, any executor of concurrent.futures, or a cluster of dask.distributed."""
+"""Runs many tasks on an engine: threads that each run one command, any executor of concurrent.futures, or a cluster of dask.distributed."""
 
 import os
 import queue
@@ -12,26 +12,26 @@ from ._store import Campaign
 from ._table import Row
 
 AHEAD = 4096
-"""Rows that may wait for an earlier one: they are told in the order of the campaigns."""
+"""Number of rows that may wait for an earlier one, because rows are yielded in the order of the campaigns."""
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a run is."""
+    """Progress of a run."""
 
     done: int = 0
-    """Campaigns that are done."""
+    """Campaigns that are finished."""
     failed: int = 0
-    """Of them, without an answer."""
+    """Finished campaigns without an answer."""
     cached: int = 0
-    """Of them, taken from the cache."""
+    """Finished campaigns whose answer came from the cache."""
 
     def __add__(self, row: Row) -> "Progress":
         return replace(self, done=self.done + 1, failed=self.failed + (row["error"] is not None), cached=self.cached + bool(row["cached"]))
 
 
 def slots(executor: Any) -> int:
-    """Tasks that the engine runs at a time."""
+    """Number of tasks that the engine runs at a time."""
     if hasattr(executor, "nthreads"):
         return max(1, int(sum(executor.nthreads().values())))
     return int(getattr(executor, "_max_workers", None) or os.cpu_count() or 1)
@@ -44,12 +44,12 @@ def run(
     workers: int | None = None,
     done: Callable[[Progress], None] = lambda _: None,
 ) -> Iterator[Row]:
-    """Rows in the order of the campaigns. Only a few tasks per worker are handed over at a time, whatever the number of campaigns.
+    """Rows in the order of the campaigns. Only a few tasks per worker are submitted at a time, whatever the number of campaigns.
 
-    Closing the iterator cancels the run: what has not begun never does, and commands of this process's threads are ended.
+    Closing the iterator cancels the run: tasks that have not begun are dropped, and commands run by threads of this process are terminated.
     """
     children = _task.Children()
-    # The work is done by one process per campaign, so that threads are enough to wait for them.
+    # Each campaign is worked on by a process of its own, so threads that wait for these processes suffice.
     own = ThreadPoolExecutor(workers or _cores()) if executor is None else None
     engine: Any = own or executor
     cluster = engine if hasattr(engine, "get_executor") else None
@@ -61,7 +61,7 @@ def run(
     progress, begun, told, more = Progress(), 0, 0, True
     try:
         while more or pending:
-            # Workers of a cluster may come and go.
+            # The number of slots is read again each time, because workers of a cluster may come and go.
             window = 2 * slots(engine) + 2
             while more and len(pending) < window and begun - told < AHEAD:
                 campaign = next(campaigns, None)
@@ -98,7 +98,7 @@ def _cores() -> int:
 
 
 def _result(future: "Future[Row]", campaign: Campaign) -> Row:
-    """The row of a task; of one that was lost with its worker, too."""
+    """The row of a task, even if the task was lost with its worker."""
     try:
         return future.result()
     except (Exception, CancelledError) as error:  # noqa: BLE001 whatever the engine says, the other campaigns go on

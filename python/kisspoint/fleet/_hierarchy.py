@@ -1,19 +1,19 @@
-"""A normal population of which every member is known by a normal likelihood of its own, with some members that do not belong to it.
+"""A normal population whose members are each known by a normal likelihood, and some of whose members are outliers.
 
-Member i has J numbers x_i, in standard deviations of what was believed of them. Of its recordings there is a likelihood
+Member i has J numbers x_i, in standard deviations of the prior knowledge about them. Its recordings give the likelihood
 
     L_i(x) ∝ exp(h_iᵀ x − ½ xᵀ D_i x),                                                                   (1)
 
-which may say nothing in some directions. The population says
+which may be flat in some directions. The population model is
 
     x_ij ~ N(b_jᵀ c_i, τ_j²), or N(b_jᵀ c_i, τ_j² + ω²) with probability π,                              (2)
 
-c_i being 1 and what the member's mean may depend on (mileage, date). With m = B c and V the variances of one choice of outliers, the evidence of the member is
+where c_i consists of 1 and the covariates of the member's mean (mileage, date). With m = B c and V the variances of one choice of outliers, the evidence of the member is
 
     ln Z = hᵀm − ½ mᵀDm + ½ rᵀV^½ K⁻¹ V^½ r − ½ ln det K,    r = h − Dm,    K = 1 + V^½ D V^½,           (3)
 
-and its numbers are N(m + V^½ K⁻¹ V^½ r, V^½ K⁻¹ V^½). B, τ, π, ω are those of the greatest posterior (empirical Bayes), their intervals Laplace's: the curvature of the
-logarithm of the posterior there, by differences of its exact gradient. Weak priors keep what the members do not say anything of within reason.
+and its numbers are N(m + V^½ K⁻¹ V^½ r, V^½ K⁻¹ V^½). B, τ, π and ω maximise their posterior (empirical Bayes), and their intervals are Laplace's: the curvature of the
+log posterior at the maximum, by finite differences of its exact gradient. Weak priors keep parameters within reason about which the members say nothing.
 """
 
 from dataclasses import dataclass
@@ -27,22 +27,22 @@ from scipy.special import expit, log_expit, logsumexp
 Array = NDArray[np.float64]
 
 MEAN_SD = 30.0
-"""Prior of means and slopes: effects of the library reach some tens of tolerances."""
+"""Prior standard deviation of means and slopes: effects of the library reach some tens of tolerances."""
 LOG_SPREAD_SD = 1.5
-"""Prior of ln τ around 0, which is what the tolerances say: 95 % of spreads lie between a twentieth and twentyfold of them."""
+"""Prior standard deviation of ln τ around 0, the value that the tolerances state: 95 % of spreads lie between 1/20 and 20 times the tolerances."""
 OFF_PRIOR = 0.01
 OFF_SD = 1.5
-"""Prior of π: ln (odds) of the diagnosis's own prior of an effect, known to a factor of 4.5."""
+"""Prior of π: in ln (odds), centred on the diagnosis's own prior of an effect, with a standard deviation of a factor of 4.5."""
 LOG_WIDTH = np.log(10.0)
 LOG_WIDTH_SD = 0.7
-"""Prior of ln ω: a number that is off is so by some ten tolerances."""
+"""Prior of ln ω: outlying numbers are off by about ten tolerances."""
 CANDIDATE = 3.0
-"""Nats by which "off" may be behind "not off" for a number to be weighed anew at every step; the rest keep the ratio that they had at the start."""
+"""Nats by which "off" may trail "not off" for a number to be weighed again at every step; the others keep the ratio that they had at the start."""
 MOST = 3
-"""Numbers of one member that may be off: as many effects as a diagnosis names."""
+"""Largest number of outlying numbers of one member: as many as a diagnosis names effects."""
 
 BLOCK = 1000
-"""Choices that are worked on at a time: their matrices take some tens of megabytes."""
+"""Number of choices that are processed at a time; their matrices take some tens of megabytes."""
 
 
 @dataclass
@@ -59,7 +59,7 @@ class Members:
 
 @dataclass
 class Population:
-    """What was inferred; all in the members' units."""
+    """The inferred population, in the members' units."""
 
     means: Array
     """B, J × C."""
@@ -73,23 +73,23 @@ class Population:
     width: float
     """ω."""
     covariance: Array
-    """Of (B row by row, ln τ, logit π, ln ω)."""
+    """Covariance of (B row by row, ln τ, logit π, ln ω)."""
     values: Array
     """Shrunk numbers of every member, N × J."""
     values_sd: Array
     offs: Array
-    """Probability that a number of a member does not belong, N × J."""
+    """Probability that a number of a member is an outlier, N × J."""
 
 
 class _Evaluated(NamedTuple):
     log: Array
-    """Logarithm of (3) of each choice."""
+    """ln Z of (3) for each choice."""
     values: Array
     variances: Array
-    """Posterior mean and variances of its numbers."""
+    """Posterior mean and variances of the member's numbers."""
     slope: Array
     by_variance: Array
-    """Derivatives of (3) by the population's mean and by its variances."""
+    """Derivatives of (3) with respect to the population's mean and variances."""
 
 
 class _Model:
@@ -98,14 +98,14 @@ class _Model:
         self.N, self.J = self.h.shape
         self.C = self.c.shape[1]
         self.robust = robust
-        # Which number of which member may be off, choice by choice; at first none.
+        # Choices of outlying numbers: the member and the numbers that are off; at first one choice per member, with no outlier.
         self.member = np.arange(self.N)
         self.choice = np.zeros((self.N, self.J), bool)
         self.candidate = np.zeros((self.N, self.J), bool)
         self.ratio = np.full((self.N, self.J), -np.inf)
 
     def start(self) -> Array:
-        """Means and spreads of members that are known best, without regard to the rest."""
+        """Initial means and spreads, estimated from the members that are known best."""
         diagonal = np.einsum("njj->nj", self.D)
         mean = np.zeros((self.J, self.C))
         log_spread = np.zeros(self.J)
@@ -122,7 +122,7 @@ class _Model:
         return theta[:k].reshape(self.J, self.C), np.exp(theta[k : k + self.J]), float(theta[-2]), float(np.exp(theta[-1]))
 
     def evaluate(self, theta: Array, member: NDArray[np.int_], choice: NDArray[np.bool_]) -> "_Evaluated":
-        """Of each choice; block by block, or the matrices of some thousand members would take gigabytes."""
+        """Evaluates (3) for each choice, in blocks, because the matrices of several thousand members would take gigabytes."""
         blocks = [self.block(theta, member[k : k + BLOCK], choice[k : k + BLOCK]) for k in range(0, len(member), BLOCK)]
         return _Evaluated(*(np.concatenate(one) for one in zip(*blocks, strict=True)))
 
@@ -144,12 +144,12 @@ class _Model:
         )
         x, cov = m + root * y, root[:, :, None] * inverse * root[:, None, :]
         slope = h - np.einsum("nij,nj->ni", D, x)
-        # Derivative of (3) by a variance: half of the squared slope less the precision of what is observed.
+        # Derivative of (3) with respect to a variance: half of (squared slope − precision of the observed quantity).
         gram = np.einsum("njj->nj", D) - np.einsum("nji,nij->nj", D @ cov, D)
         return log, x, np.einsum("njj->nj", cov), slope, 0.5 * (slope**2 - gram)
 
     def choose(self, theta: Array) -> None:
-        """Lists the choices of outliers that are worth weighing, at these parameters."""
+        """Lists the choices of outliers that are worth weighing at these parameters."""
         everybody = np.arange(self.N)
         none = np.zeros((self.N, self.J), bool)
         log = self.evaluate(theta, everybody, none).log
@@ -158,7 +158,7 @@ class _Model:
             single[:, j] = True
             self.ratio[:, j] = self.evaluate(theta, everybody, single).log - log
         self.candidate = self.ratio > theta[-2] * -1 - CANDIDATE
-        # Of these, the likeliest few one after the other: the best, the best beside it, and so on.
+        # From these, the most likely ones are added one after the other: the best, the best in addition to it, and so on.
         chosen, here = [none], none.copy()
         log_here = log
         for _ in range(MOST):
@@ -194,7 +194,7 @@ class _Model:
         self.member, self.choice = pairs[:, 0], pairs[:, 1:].astype(bool)
 
     def weights(self, theta: Array, log: Array) -> tuple[Array, Array]:
-        """Logarithm of the members' evidence, and the share of each choice in it."""
+        """Log evidence of each member, and the share of each choice in it."""
         logit = theta[-2]
         candidates = self.candidate[self.member].sum(axis=1)
         picked = self.choice.sum(axis=1)
@@ -204,12 +204,12 @@ class _Model:
         np.maximum.at(most, self.member, total)
         share = np.exp(total - most[self.member])
         whole = np.bincount(self.member, share, self.N)
-        # A number that is no candidate is off or not at the odds that it had at the start.
+        # A number that is not a candidate is off or not with the odds that it had at the start.
         rest = np.where(self.candidate, 0.0, np.logaddexp(log_expit(-logit), log_expit(logit) + self.ratio)) if self.robust else np.zeros((self.N, self.J))
         return most + np.log(whole) + rest.sum(axis=1), share / whole[self.member]
 
     def objective(self, theta: Array) -> tuple[float, Array]:
-        """Minus the logarithm of the posterior of the parameters, and its gradient."""
+        """Negative log posterior of the parameters, and its gradient."""
         _, spread, logit, width = self.split(theta)
         found = self.evaluate(theta, self.member, self.choice)
         evidence, weight = self.weights(theta, found.log)
@@ -239,7 +239,7 @@ class _Model:
 
 
 def fit(members: Members, robust: bool = True, taught_by: NDArray[np.bool_] | None = None) -> Population:
-    """The population of these members, or of those that teach it; all are given it. Without `robust` all belong to it."""
+    """Fits the population to these members, or only to those in `taught_by`; estimates are returned for all. Without `robust`, no member is an outlier."""
     teach = members if taught_by is None or taught_by.all() else _of(members, taught_by)
     model = _Model(teach, robust)
     theta = model.start()
@@ -266,7 +266,7 @@ def fit(members: Members, robust: bool = True, taught_by: NDArray[np.bool_] | No
 
 
 def given(members: Members, population: Population, spreads: Array) -> tuple[Array, Array]:
-    """Numbers of every member with their standard deviations, had the population these spreads."""
+    """Numbers of every member and their standard deviations, if the population had these spreads."""
     off = np.clip(population.off, 1e-9, 1 - 1e-9)
     theta = np.concatenate([population.means.ravel(), np.log(spreads), [np.log(off / (1 - off)), np.log(population.width)]])
     model = _Model(members, True)
@@ -291,7 +291,7 @@ def _hessian(model: _Model, theta: Array) -> Array:
 
 
 def _positive(matrix: Array) -> Array:
-    """Directions without curvature keep that of a prior, so that an inverse exists."""
+    """Replaces the curvature of flat directions by that of a prior, so that an inverse exists."""
     values, vectors = np.linalg.eigh(matrix)
     return np.asarray((vectors * np.maximum(values, MEAN_SD**-2)) @ vectors.T)
 
@@ -311,10 +311,11 @@ def _members(model: _Model, theta: Array) -> tuple[Array, Array, Array]:
 
 
 def shares(evidence: list[dict[tuple[str, ...], float]], prior_odds: float) -> tuple[dict[str, tuple[float, float, float]], list[dict[str, float]]]:
-    """Shares of members that have a property (mean, 2.5 %, 97.5 %), and each member's probability of it in the light of all.
+    """Shares of members that have a property (mean, 2.5 %, 97.5 %), and each member's probability of having it, given all members.
 
-    A member's probabilities of sets of properties were found with prior odds of `prior_odds` for each; these are exchanged for the population's own. Prior of a share:
-    Beta with mean `prior_odds` and the weight of `PRIOR_MEMBERS` members. The interval of a share holds the others at their best.
+    The members' probabilities of sets of properties were computed with prior odds of `prior_odds` for each property; these odds are replaced by those of the population.
+    The prior of a share is a Beta distribution with mean `prior_odds` / (1 + `prior_odds`) and the weight of `PRIOR_MEMBERS` members. The interval of a share keeps the
+    other shares at their estimates.
     """
     names = sorted({name for one in evidence for chosen in one for name in chosen})
     place = {name: k for k, name in enumerate(names)}
@@ -352,7 +353,7 @@ def shares(evidence: list[dict[tuple[str, ...], float]], prior_odds: float) -> t
     for name, k in place.items():
         p = np.clip(probabilities[:, k], 1e-300, 1 - 1e-16)
         odds = np.log(p) - np.log1p(-p) - np.log(share[k] / (1 - share[k]))
-        # On a grid of ln (share), which is where a share of nearly nothing has its mass, too.
+        # On a grid of ln (share), which also resolves the posterior of a share near zero.
         grid = np.linspace(np.log(1e-8), np.log(1 - 1e-6), 2000)
         pi = np.exp(grid)
         posterior = np.logaddexp(np.log1p(-pi)[:, None], grid[:, None] + odds[None, :]).sum(axis=1) if n <= 2000 else _in_parts(grid, pi, odds)

@@ -1,4 +1,4 @@
-"""What a fleet's answer consists of beside the rows: fleet.json, the shrunk estimates, the corrections, the page."""
+"""Writes the parts of a fleet's answer other than the rows: fleet.json, the shrunk estimates, the corrections, the page."""
 
 import json
 import subprocess
@@ -16,13 +16,13 @@ from ._store import Place
 from ._table import Row
 
 SHOWN = 20_000
-"""Cars on the page; of more, every outlier and an even choice of the rest, which the page's title says."""
+"""Largest number of cars on the page. Of a larger fleet it shows every outlier and an even selection of the others, and its title says so."""
 
 _COLUMNS = ["campaign", "name", "report", "error", "verdict", "confidence", "where", "effects", "closed", "before", "after", "mileage_km", "date"]
 
 
 def write(folder: Place, rows: Place, found: dict[str, Any], estimates: pa.Table, vehicles: dict[str, tuple[dict[str, Any], dict[str, Any] | None]]) -> None:
-    """Writes all of them, the page last."""
+    """Writes all parts, the page last."""
     with tempfile.TemporaryDirectory(prefix="kisspoint-fleet-") as work:
         for k, (digest, (corrections, corrected)) in enumerate(vehicles.items()):
             ending = "" if k == 0 else f"-{digest}"
@@ -60,7 +60,7 @@ def _json(place: Place, content: Any) -> None:
 
 
 def _brief(found: dict[str, Any]) -> dict[str, Any]:
-    """What the page shows of the population; the vehicle files but the first only by their number."""
+    """Data of the population for the page. Vehicle files beyond the first are given only by their number of cars."""
     return {**found, "outliers": [{"name": one["name"]} for one in found["outliers"]], "populations": [{"cars": p["cars"]} for p in found["populations"]]}
 
 
@@ -79,7 +79,7 @@ def _rows(folder: Place, file: Place, found: dict[str, Any], estimates: pa.Table
             if k % each and campaign not in off:
                 continue
             report = row["report"] or ""
-            # Relative where it lies below the page, so that the folder can be moved and mailed.
+            # Relative if the report lies below the page, so that the folder can be moved and mailed.
             row["report"] = quote(report[len(root) :]) if report.startswith(root) else report or None
             row["effects"] = row["effects"] or []
             row["off"] = off.get(campaign)

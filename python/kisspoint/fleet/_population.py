@@ -1,8 +1,8 @@
-"""What the cars of a fleet have in common: the numbers of their vehicle file, the effects, and how both move with mileage and date.
+"""Properties that the cars of a fleet share: the numbers of their vehicle file, the effects, and how both drift with mileage and date.
 
-Each car's answer holds a normal posterior of the numbers and of the parameters of the effects that were named, and the prior in it. The prior is divided out (`_told`), and what is
-left – what the car's recordings say – is pooled by `_hierarchy`. Numbers and effects' parameters that do the same to a car are added up first: a kiss point that is off
-in every car may be named as an effect in some of them and taken for tolerance in others.
+Each car's answer contains a normal posterior of the numbers and of the parameters of the named effects, and the prior. The prior is divided out (`_told`), and the
+resulting likelihoods, which state what each car's recordings say, are pooled by `_hierarchy`. Numbers and effect parameters that act alike on a car are added up first,
+because a kiss point that is off in every car may be named as an effect in some of them and attributed to a tolerance in others.
 """
 
 import datetime
@@ -27,23 +27,23 @@ from ._table import Row
 from ._told import Array, Group, matrices, read
 
 POOLED = 20_000
-"""Cars of one vehicle file that teach its population; of more, every so many-th is taken, and the rest are left without shrunk estimates."""
+"""Number of cars of one vehicle file that are pooled. Of a larger number only every n-th car is taken, and the others get no shrunk estimates."""
 LEAST = 3
-"""Cars without which there is no population."""
+"""Smallest number of cars for which a population is inferred."""
 PRIOR_ODDS = 0.01 / 0.99
-"""Of an effect, in each car's answer (docs/diagnosis.md)."""
+"""Prior odds of an effect in each car's answer (docs/diagnosis.md)."""
 FAMILY_WISE = 0.05
-"""Probability of any false alarm among the numbers that are told to be off, and as much among what is told to move (Holm)."""
+"""Family-wise error rate (Holm) of the numbers reported as off, and likewise of the reported drifts."""
 OFF = 0.5
 """Probability from which a car counts as an outlier."""
 SLOPE_LEAST = 8
-"""Cars with a mileage or date without which nothing is said of drift."""
+"""Smallest number of cars with a mileage or date for which a drift is inferred."""
 
 _COLUMNS = ["campaign", "name", "mileage_km", "date", "error", "explanations", "unknowns", "precision", "precision_exact", "prior_precision", "vehicle", "vehicle_file", "report"]
 
 
 def groups(file: Place) -> tuple[dict[str, Group], dict[str, int]]:
-    """Rows of a fleet by vehicle file, and how many there are of which kind."""
+    """Rows of a fleet by vehicle file, and the numbers of campaigns, errors and answers without a posterior."""
     parquet = pq.ParquetFile(file.path, filesystem=file.fs)
     counts = {"campaigns": 0, "errors": 0, "without_posterior": 0}
     each = max(1, -(-parquet.metadata.num_rows // POOLED))
@@ -81,20 +81,20 @@ def _add(group: Group, row: Row) -> None:
 
 @dataclass
 class Covariate:
-    """What a mean may depend on."""
+    """A covariate of the means."""
 
     name: str
     unit: str
     centre: float
     scale: float
     values: Array
-    """Standardised; 0 where it is not known."""
+    """Standardised values; 0 where a car's value is unknown."""
     known: Array
-    """Whether each car says it."""
+    """Whether each car's value is known."""
 
 
 def covariates(members: list[Row]) -> list[Covariate]:
-    """Mileage and date where enough cars say them."""
+    """Mileage and date, each if enough cars state it."""
     found = []
     days = [None if m["date"] is None else float(m["date"].toordinal()) for m in members]
     for name, unit, raw in (("mileage_km", "1000 km", [m["mileage_km"] for m in members]), ("date", "year", days)):
@@ -104,14 +104,14 @@ def covariates(members: list[Row]) -> list[Covariate]:
             continue
         centre, scale = float(values[known].mean()), float(values[known].std())
         found.append(Covariate(name, unit, centre, scale, np.where(known, (values - centre) / scale, 0.0), known))
-    # Two that go together tell nothing apart.
+    # If both are strongly correlated, their influences cannot be separated.
     if len(found) == 2 and abs(np.corrcoef(found[0].values, found[1].values)[0, 1]) > 0.95:
         found.pop()
     return found
 
 
 def infer(file: Place) -> tuple[dict[str, Any], pa.Table, dict[str, tuple[dict[str, Any], dict[str, Any] | None]]]:
-    """fleet.json; shrunk estimates of every car and number; and of each vehicle file its corrections with the corrected document."""
+    """fleet.json; shrunk estimates of every car and number; and for each vehicle file its corrections and the corrected document."""
     found, counts = groups(file)
     populations: list[dict[str, Any]] = []
     estimates, vehicles = [], {}
@@ -143,16 +143,16 @@ ESTIMATES = pa.schema(
         "number": pa.string(),  # or an effect's parameter
         "value": pa.float64(),  # departure from the vehicle file, in `unit`
         "sd": pa.float64(),
-        "alone": pa.float64(),  # what the car's own recordings say, without the others; null where they say next to nothing
+        "alone": pa.float64(),  # estimate from the car's own recordings alone; null if they say next to nothing
         "unit": pa.string(),
-        "off": pa.float64(),  # probability that it does not belong to the population
+        "off": pa.float64(),  # probability that it is an outlier
     }
 )
 """Columns of cars.parquet."""
 
 
 def _unit(name: str, group: Group) -> tuple[float, str]:
-    """Factor to a unit that people read, and that unit."""
+    """Factor to a unit for display, and that unit."""
     sigma, relative, _ = group.sigma[name]
     return (100.0 * sigma, "%") if relative else (sigma, "")
 
@@ -173,7 +173,7 @@ def _one(digest: str, group: Group) -> tuple[dict[str, Any], list[Row]]:
     members = [_hierarchy.Members(h[which], D[which], c) for which in (0, 1)]
     fitted, exact = (_hierarchy.fit(one, taught_by=teach) for one in members)
     _allow_for_inexact_laws(fitted, exact, np.nanmedian(inexact, axis=0))
-    # A car is not drawn closer to the others than the widest spread allows: a spread that only looks like none would make each of them known too well.
+    # Estimates of the cars use the upper bound of each spread, because a spread that is underestimated by chance would make every car seem known too well.
     fitted.values, fitted.values_sd = _hierarchy.given(members[0], fitted, fitted.spreads_interval[:, 1])
     h, D = h[0], D[0]
     numbers = [_number(j, name, group, fitted, D[:, j, j], drift) for j, name in enumerate(names)]
@@ -202,16 +202,16 @@ def _one(digest: str, group: Group) -> tuple[dict[str, Any], list[Row]]:
 
 
 def _teach(group: Group) -> NDArray[np.bool_]:
-    """Cars that teach the population its numbers: those in which nothing was named that is no number. The rest are given what it is: an effect of another form than the
-    library's bends the numbers beside it."""
+    """Cars whose numbers the population is fitted to: those in which no effect was named that does not stand for a number. The other cars only receive estimates,
+    because an effect whose form differs from the library's biases the numbers beside it."""
     beyond = [sum(p for chosen, p in one.items() if not group.stood_for.issuperset(chosen)) for one in group.evidence]
     teach = np.array(beyond) <= OFF
     return teach if teach.sum() >= LEAST else np.ones(len(teach), bool)
 
 
 def _allow_for_inexact_laws(fitted: _hierarchy.Population, exact: _hierarchy.Population, inexact: Array) -> None:
-    """Makes room for laws that are not exact. What a car's answer allows for that is partly the same in every car, and nobody knows how much. As far as it is the same a mean
-    is known no better for many cars, and cars differ by all that they seem to; as far as it is not, it takes part in how they seem to differ. Intervals hold for both."""
+    """Allows for inexact laws. The variance that a car's answer includes for them is partly common to all cars, to an unknown degree. As far as it is common, many cars do not
+    determine a mean better, and the observed scatter is a real difference between cars; as far as it is not, it is part of the scatter. Intervals cover both cases."""
     fitted.means_sd[:, 0] = np.hypot(fitted.means_sd[:, 0], np.sqrt(inexact))
     both = np.stack([fitted.spreads_interval, exact.spreads_interval])
     fitted.spreads_interval = np.column_stack([both[:, :, 0].min(axis=0), both[:, :, 1].max(axis=0)])
@@ -252,7 +252,7 @@ def _number(j: int, name: str, group: Group, fitted: _hierarchy.Population, know
 
 
 def _holm(rows: list[dict[str, Any]], what: str, mark: str) -> None:
-    """Marks the rows in which a value is none by chance, by Holm's procedure over all of them."""
+    """Marks the rows whose value differs significantly from zero, by Holm's procedure over all of them."""
     rows = sorted(rows, key=lambda one: -abs(one[what] / one[f"{what}_sd"]))
     on = True
     for rank, one in enumerate(rows):
@@ -261,7 +261,7 @@ def _holm(rows: list[dict[str, Any]], what: str, mark: str) -> None:
 
 
 def _mark(numbers: list[dict[str, Any]]) -> None:
-    """Which numbers are off for all, which move, and whether tolerances are what cars differ by."""
+    """Marks the numbers that are off in all cars, those that drift, and whether their tolerances match the spread of the cars."""
     _holm(numbers, "mean", "off")
     _holm([drift for one in numbers for drift in one["drift"]], "slope", "significant")
     for one in numbers:
@@ -270,7 +270,7 @@ def _mark(numbers: list[dict[str, Any]]) -> None:
 
 
 def _sizes(digest: str, effect: str, group: Group, drift: list[Covariate]) -> tuple[list[dict[str, Any]], list[Row]]:
-    """How the size of an effect is distributed among the cars that have it."""
+    """Distribution of the size of an effect among the cars that have it."""
     which = [i for i, *_ in group.effects[effect]]
     J = len(group.parameters[effect])
     same = [(h, D) for _, h, D in group.effects[effect] if len(h) == J]
@@ -305,7 +305,7 @@ def _member(member: Row, digest: str) -> Row:
 
 
 def _estimates(digest: str, names: list[str], group: Group, fitted: _hierarchy.Population, h: Array, D: Array) -> Iterator[Row]:
-    # A car alone, where its recordings say something of a number whatever the others are.
+    # Estimate of a single car, if its recordings determine a number independently of the others.
     weak = np.eye(len(names)) * 1e-3
     alone = np.linalg.solve(D + weak, h[..., None])[..., 0]
     alone_sd = np.sqrt(np.einsum("njj->nj", np.linalg.inv(D + weak)))
@@ -326,7 +326,7 @@ def _estimates(digest: str, names: list[str], group: Group, fitted: _hierarchy.P
 def _outliers(
     names: list[str], group: Group, fitted: _hierarchy.Population, likely: list[dict[str, float]], shares: dict[str, tuple[float, float, float]]
 ) -> list[dict[str, Any]]:
-    """Cars with a number that does not belong, or with an effect that most others lack."""
+    """Cars with an outlying number, or with an effect that most others lack."""
     out = []
     for i, member in enumerate(group.members):
         numbers = [
@@ -341,7 +341,7 @@ def _outliers(
 
 
 def _corrections(population: dict[str, Any], group: Group) -> dict[str, Any]:
-    """Moves and factors as `kisspoint vehicle correct` takes them: of numbers that are off for all, and of tolerances that the fleet does not bear out."""
+    """Shifts and factors in the format of `kisspoint vehicle correct`: for numbers that are off in all cars, and for tolerances that the fleet contradicts."""
     out: dict[str, Any] = {}
     for one in population["numbers"]:
         if one["kind"] != "tolerance":
@@ -350,7 +350,7 @@ def _corrections(population: dict[str, Any], group: Group) -> dict[str, Any]:
         if one["off"]:
             entry["sigmas"] = one["mean"]
         if one["tolerance"] != "as_declared":
-            # What a new car of this population departs by: the spread, and what is not known of the mean.
+            # Expected departure of a further car of this population: the spread, and the uncertainty of the mean.
             entry["tolerance_factor"] = float(np.hypot(one["spread"]["value"], one["mean_sd"]))
         for part, share in one["parts"].items():
             if entry:
@@ -359,7 +359,7 @@ def _corrections(population: dict[str, Any], group: Group) -> dict[str, Any]:
 
 
 def _corrected(file: str, corrections: dict[str, Any]) -> dict[str, Any] | None:
-    """The vehicle file with its corrections, by the command, which knows what each tolerance moves."""
+    """The corrected vehicle file, made by the command, which knows what each tolerance changes."""
     if not corrections:
         return None
     with tempfile.TemporaryDirectory(prefix="kisspoint-fleet-") as work:

@@ -1,4 +1,4 @@
-"""Folders and files of a store: a local disk, S3 or whatever fsspec opens."""
+"""Folders and files of a store: a local disk, S3 or any other that fsspec opens."""
 
 import os
 import secrets
@@ -24,7 +24,7 @@ class Place:
 
     @classmethod
     def of(cls, url: str | Path, options: Mapping[str, Any] | None = None) -> "Place":
-        """The place that a path or an URL names."""
+        """The place that a path or a URL names."""
         fs, path = fsspec.core.url_to_fs(str(url), **dict(options or {}))
         return cls(fs, str(path))
 
@@ -38,18 +38,18 @@ class Place:
 
     @property
     def url(self) -> str:
-        """As a user would write it."""
+        """Path or URL as a user would write it."""
         return self.path if self.local else str(self.fs.unstrip_protocol(self.path))
 
     def read(self) -> bytes | None:
-        """Its bytes; None if there is no such file."""
+        """Content of the file; None if it does not exist."""
         try:
             return bytes(self.fs.cat_file(self.path))
         except FileNotFoundError:
             return None
 
     def write(self, content: bytes) -> None:
-        """Puts a file there as a whole: a reader finds the old one or the new one, whatever happens while it is written."""
+        """Replaces the file atomically: a reader finds either the old or the new content, whatever happens during writing."""
         if not self.local:
             self.fs.pipe_file(self.path, content)
             return
@@ -66,7 +66,7 @@ class Place:
             beside.unlink(missing_ok=True)
 
     def write_file(self, source: Path) -> None:
-        """Puts a local file there as a whole."""
+        """Replaces the file atomically by a local file."""
         if not self.local:
             self.fs.put_file(str(source), self.path)
             return
@@ -85,15 +85,15 @@ class Campaign:
     """A campaign of a fleet."""
 
     url: str
-    """Where it lies."""
+    """Path or URL."""
     name: str
-    """What it is called in the answer: the last part of its path, unless another one has that."""
+    """Name in the answer: the last part of the path, made unique if another campaign has the same."""
 
 
 def campaigns(asked: str | Path | Iterable[str | Path], options: Mapping[str, Any] | None = None) -> Iterator[Campaign]:
-    """Campaigns of paths, URLs and patterns, one after the other; a folder that holds campaigns but is none stands for these.
+    """Campaigns of paths, URLs and patterns, one after the other. A folder that is no campaign but contains some stands for these.
 
-    Of a pattern only folders count. Two campaigns of one name are told apart by a digest of the path in the later one's name.
+    Patterns match only folders. If two campaigns have the same name, a digest of the path is added to the name of the later one.
     """
     seen: set[bytes] = set()
     for url in _folders([asked] if isinstance(asked, str | Path) else asked, options):
@@ -112,7 +112,7 @@ def _folders(asked: Iterable[str | Path], options: Mapping[str, Any] | None) -> 
         if any(c in str(one) for c in MAGIC):
             found = place.fs.glob(place.path, detail=True)
             folders = sorted(path for path, about in found.items() if about["type"] == "directory" and not _hidden(path))
-            # One pattern among several that finds nothing is a row with that error.
+            # A pattern that matches nothing becomes a row with that error.
             yield from (Place(place.fs, path).url for path in folders) if folders else [place.url]
             continue
         inside = [] if place.fs.exists((place / "vehicle.json").path) else _campaigns_in(place)
@@ -128,7 +128,7 @@ def _hidden(path: str) -> bool:
 
 
 def fetch(place: Place, into: Path) -> None:
-    """Copies a campaign's files. Hidden files stay behind."""
+    """Copies a campaign's files, except for hidden ones."""
     root = place.path.rstrip("/")
     if not place.fs.exists(root):
         raise FileNotFoundError(f"{place.url}: there is no such folder; check the path")
@@ -140,5 +140,5 @@ def fetch(place: Place, into: Path) -> None:
     for target in wanted.values():
         target.parent.mkdir(parents=True, exist_ok=True)
     if wanted:
-        # Files of a remote store are fetched side by side.
+        # Files of a remote store are fetched in parallel.
         place.fs.get(list(wanted), [str(target) for target in wanted.values()])

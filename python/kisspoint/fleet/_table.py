@@ -1,4 +1,4 @@
-"""The row of a campaign: what its columns are called, and how it follows from diagnosis.json."""
+"""The row of a campaign: its columns, and how they follow from diagnosis.json."""
 
 import json
 from collections.abc import Mapping
@@ -31,7 +31,7 @@ _entry = pa.struct({"row": pa.int32(), "column": pa.int32(), "value": _number})
 
 SCHEMA = pa.schema(
     {
-        "campaign": _word,  # where it lies
+        "campaign": _word,  # path or URL
         "name": _word,  # folder of its answer
         "car": _word,
         "mileage_km": _number,
@@ -40,16 +40,16 @@ SCHEMA = pa.schema(
         "verdict": _word,
         "confidence": _number,
         "sentence": _word,
-        "where": _word,  # subsystem with the largest share, or of what stays unexplained
+        "where": _word,  # subsystem with the largest share of the gap, or of the unexplained gap
         "effects": pa.list_(_effect),
         "parameters": pa.list_(_parameter),  # estimates with 95 % intervals
-        "closed": _number,  # share of the gap that is gone, of what was held out
+        "closed": _number,  # share of the gap closed on held-out data
         "before": _number,  # rad/s
         "after": _number,  # rad/s
         "explanations": pa.list_(_explanation),
-        "unknowns": pa.list_(_unknown),  # of the joint posterior; with the next three, all that the population is inferred from
+        "unknowns": pa.list_(_unknown),  # of the joint posterior; the input of the population, together with the next three columns
         "precision": pa.list_(_number),  # lower triangle, row by row
-        "precision_exact": pa.list_(_number),  # the same as if laws were exact
+        "precision_exact": pa.list_(_number),  # the same for exact laws
         "prior_precision": pa.list_(_entry),
         "vehicle": _word,  # digest of the vehicle file's content without comments
         "vehicle_file": _word,
@@ -68,7 +68,7 @@ SCHEMA = pa.schema(
 
 
 def of_diagnosis(found: Mapping[str, Any], vehicle: str) -> Row:
-    """The columns that follow from the answer and the vehicle file."""
+    """The columns that follow from an answer and the vehicle file."""
     place, which, far = found["where"], found["which"], found["how_far"]
     joint = found.get("joint") or {"unknowns": [], "precision": [], "precision_exact": [], "prior_precision": []}
     return {
@@ -101,7 +101,7 @@ def _flat(unknown: Mapping[str, Any]) -> Row:
 
 
 def digest_of_vehicle(text: str) -> str:
-    """The same for files that differ in comments and layout alone."""
+    """Digest of a vehicle file that does not depend on comments and layout."""
 
     def bare(value: Any) -> Any:
         if isinstance(value, dict):
@@ -112,7 +112,7 @@ def digest_of_vehicle(text: str) -> str:
 
 
 def ddl(schema: pa.Schema = SCHEMA) -> str:
-    """The schema as Spark writes one."""
+    """The schema in Spark's notation."""
     return ", ".join(f"`{field.name}` {_spark(field.type)}" for field in schema)
 
 

@@ -1,4 +1,4 @@
-"""One campaign of a fleet: fetched, looked up, diagnosed, kept. Nothing that happens to it is raised; it is said in its row."""
+"""One campaign of a fleet: fetched, looked up in the cache, diagnosed, stored. Errors are not raised but recorded in its row."""
 
 import functools
 import io
@@ -21,37 +21,37 @@ from ._store import Campaign, Place, fetch
 from ._table import Row, of_diagnosis
 
 ABOUT = "car.json"
-"""Optional file of a campaign that says of which car it is, at what mileage and when; no part of what is diagnosed."""
+"""Optional file of a campaign that states the car, its mileage and the date; it does not influence the diagnosis."""
 
 LAYOUT = "1"
-"""Version of what the cache keeps; a new one makes new work."""
+"""Version of the cache's content; entries of another version are computed again."""
 
 _WAIT_S = 0.5
-"""Wait before the first retry; doubled with each."""
+"""Delay before the first retry, s; doubled with each further one."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What all tasks of a run share; small, for it travels with every task."""
+    """Settings that all tasks of a run share; small, because they are sent along with every task."""
 
     out: str | None = None
-    """Folder for the answers, one folder in it for each campaign; None keeps rows alone."""
+    """Folder for the answers, with a subfolder for each campaign; None keeps only the rows."""
     cache: str | None = None
-    """Folder of the cache; None works anew."""
+    """Folder of the cache; None disables it."""
     channel_map: bytes | None = None
     """Content of a channel map."""
     map_ending: str = ".toml"
-    """Its form."""
+    """File extension that states its format."""
     strict: bool = False
     """Refuse a campaign in which any recording has a defect."""
     fmu: bool = False
-    """Write the retuned FMU, too."""
+    """Also write the retuned FMU."""
     retries: int = 2
-    """Further attempts after what may pass: a store that does not answer, a command that was killed."""
+    """Number of retries after a failure that may be temporary: a store that does not answer, a command that was killed."""
     timeout_s: float = 3600.0
     """Longest time of one diagnosis, s."""
     options: Mapping[str, Any] = field(default_factory=dict)
-    """What fsspec needs to open the stores."""
+    """Options with which fsspec opens the stores."""
 
 
 class Children:
@@ -63,11 +63,11 @@ class Children:
         self.stopped = threading.Event()
 
     def run(self, words: list[str], timeout_s: float) -> tuple[int, str]:
-        """Exit code and what was said on standard error."""
+        """Runs a command. Returns its exit code and its output on standard error."""
         with self._lock:
             if self.stopped.is_set():
                 raise InterruptedError("cancelled")
-            # A group of its own: Ctrl-C is for this process to act on, and what the command starts ends with it.
+            # In a process group of its own: Ctrl-C is handled by this process, and the command's own child processes are terminated with it.
             group = 0 if os.name == "posix" else None
             child = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, process_group=group)
             self._running.add(child)
@@ -81,7 +81,7 @@ class Children:
                 self._running.discard(child)
 
     def stop(self) -> None:
-        """Ends them all; none begins after this."""
+        """Terminates all commands; none can begin afterwards."""
         self.stopped.set()
         with self._lock:
             for child in self._running:
@@ -98,12 +98,12 @@ def _end(child: "subprocess.Popen[bytes]") -> None:
 
 
 class Passing(RuntimeError):
-    """What may be over at the next attempt."""
+    """A failure that may be temporary."""
 
 
 @functools.cache
 def version(command: str, _written: tuple[int, int]) -> tuple[str, str]:
-    """What the command calls itself, and the SHA-256 of its file."""
+    """Version of the command, and the SHA-256 of its file."""
     said = subprocess.run([command, "--version"], capture_output=True, text=True, check=True).stdout.split()[-1]
     return said, sha256(Path(command).read_bytes()).hexdigest()
 
@@ -116,7 +116,7 @@ def installed() -> tuple[str, str, str]:
 
 
 def run(campaign: Campaign, settings: Settings, children: Children | None = None) -> Row:
-    """Diagnoses one campaign; the row of it, with `error` in place of an answer if there is none."""
+    """Diagnoses one campaign. Returns its row, which has `error` in place of an answer if there is none."""
     began = time.monotonic()
     row: Row = {"campaign": campaign.url, "name": campaign.name, "cached": False, "attempts": 0}
     for attempt in range(settings.retries + 1):
@@ -143,7 +143,7 @@ def _once(campaign: Campaign, settings: Settings, children: Children) -> Row:
     command, said, binary = installed()
     row: Row = {"version": said, "binary": binary}
     with tempfile.TemporaryDirectory(prefix="kisspoint-fleet-") as work:
-        # The report's title is the campaign's own name.
+        # The title of the report is the campaign's own name.
         folder = Path(work) / "campaign" / (campaign.url.rstrip("/").rsplit("/", 1)[-1] or "campaign")
         fetch(Place.of(campaign.url, settings.options), folder)
         row |= _about(folder / ABOUT, campaign)
@@ -164,7 +164,7 @@ def _once(campaign: Campaign, settings: Settings, children: Children) -> Row:
 
 
 def _key(folder: Path, settings: Settings, said: str, binary: str) -> str:
-    """Digest of everything that decides the answer: bytes and names of the files, the settings, the command."""
+    """Digest of everything that determines the answer: names and content of the files, the settings, the command."""
     digest = sha256()
 
     def add(*parts: bytes) -> None:
@@ -193,7 +193,7 @@ def _diagnosed(command: str, folder: Path, out: Path, campaign: Campaign, settin
     if code != 0:
         if children.stopped.is_set():
             raise InterruptedError("cancelled")
-        # What the command says ends with where help is to be had, which is of no use in a table.
+        # The command's last line points to its help, which is of no use in a table.
         lines = [line for line in said.strip().splitlines() if not line.startswith("For usage and examples")]
         message = "\n".join(lines).replace(str(folder), campaign.url).rpartition("kisspoint: ")[2].strip()
         if code == 1:
@@ -212,7 +212,7 @@ def _packed(files: Mapping[str, bytes]) -> bytes:
 
 
 def _unpacked(content: bytes | None) -> dict[str, bytes] | None:
-    """The files of an entry; an entry that is not whole (of a store that lost something) is none."""
+    """The files of a cache entry; None if the entry is incomplete (because a store lost part of it)."""
     if content is None:
         return None
     try:
@@ -223,7 +223,7 @@ def _unpacked(content: bytes | None) -> dict[str, bytes] | None:
 
 
 def _published(files: Mapping[str, bytes], key: str, folder: Place) -> Row:
-    """Puts the answer into its folder, unless it is there."""
+    """Writes the answer into its folder, unless it is there already."""
     mark = folder / "answer.key"
     if mark.read() != key.encode():
         for name, content in files.items():
@@ -233,7 +233,7 @@ def _published(files: Mapping[str, bytes], key: str, folder: Place) -> Row:
 
 
 def _about(path: Path, campaign: Campaign) -> Row:
-    """What the campaign says of its car."""
+    """Car, mileage and date as the campaign states them."""
     if not path.is_file():
         return {}
     try:
@@ -246,7 +246,7 @@ def _about(path: Path, campaign: Campaign) -> Row:
 
 
 def about(said: Mapping[str, Any]) -> Row:
-    """car, mileage_km and date of what was said; keys that begin with `_` are comments."""
+    """car, mileage_km and date from the given entries; keys that begin with `_` are comments."""
     from datetime import date, datetime
 
     unknown = [key for key in said if key not in ("car", "mileage_km", "date") and not key.startswith("_")]

@@ -1,4 +1,4 @@
-"""What one car's answer says of the numbers of its vehicle file and of the effects: the likelihood, which is its posterior with the prior divided out."""
+"""What one car's answer says about the numbers of its vehicle file and the effects: the likelihood, which is its posterior with the prior divided out."""
 
 from dataclasses import dataclass, field
 
@@ -12,16 +12,16 @@ Array = NDArray[np.float64]
 
 @dataclass
 class Told:
-    """What one car says, as the hierarchy takes it."""
+    """The likelihood of one car, as input of the hierarchy."""
 
     names: list[str]
-    """Numbers, by the name of a tolerance, or of several joined by " × " that act alike."""
+    """Names of the numbers: the name of a tolerance, or of several tolerances that act alike, joined by " × "."""
     h: Array
     D: Array
     exact: tuple[Array, Array]
-    """The same two as if laws were exact: what is left is noise."""
+    """h and D for exact laws, whose only uncertainty is noise."""
     inexact: Array
-    """Variance of each number that is due to laws that are not."""
+    """Variance of each number due to the inaccuracy of the laws."""
 
 
 @dataclass
@@ -33,20 +33,20 @@ class Group:
     """campaign, name, mileage_km, date, report."""
     told: list[Told] = field(default_factory=list)
     sigma: dict[str, tuple[float, bool, str]] = field(default_factory=dict)
-    """Of each number: one standard deviation, whether of the logarithm, and its kind."""
+    """For each number: its standard deviation, whether that of the logarithm, and its kind."""
     parts: dict[str, dict[str, float]] = field(default_factory=dict)
-    """Of each number: its tolerances with their share of a move."""
+    """For each number: its tolerances, and the share of a shift that each takes."""
     stood_for: set[str] = field(default_factory=set)
-    """Effects that do what a number does: they are told of as that number."""
+    """Effects that act like a number, and are reported as that number."""
     effects: dict[str, list[tuple[int, Array, Array]]] = field(default_factory=dict)
-    """By effect: which member, and what it says of the parameters that are no number of the vehicle file, in their sizes."""
+    """By effect: index of the member, and its likelihood of the parameters that are not numbers of the vehicle file, in their sizes."""
     parameters: dict[str, list[tuple[str, str, float, float]]] = field(default_factory=dict)
-    """By effect: variable, unit, prior centre and size of each of these."""
+    """By effect: variable, unit, prior centre and size of each of these parameters."""
     evidence: list[dict[tuple[str, ...], float]] = field(default_factory=list)
 
 
 def matrices(row: Row) -> tuple[Array, Array, Array, Array]:
-    """Mode, posterior precision, the same as if laws were exact, and prior precision of a row's unknowns."""
+    """Mode, posterior precision, posterior precision for exact laws, and prior precision of a row's unknowns."""
     unknowns = row["unknowns"]
     n = len(unknowns)
     H, E, P = np.zeros((3, n, n))
@@ -59,10 +59,10 @@ def matrices(row: Row) -> tuple[Array, Array, Array, Array]:
 
 
 def read(unknowns: list[Row], mode: Array, H: Array, E: Array, P: Array, group: Group) -> tuple[Told, dict[str, tuple[Array, Array]]]:
-    """The likelihood of the numbers, and of what is left of each effect.
+    """The likelihood of the numbers, and of the remaining parameters of each effect.
 
-    Posterior and prior are taken to the sums u of what does the same; the likelihood is their quotient. That holds for any sums, whatever else is free:
-    the posterior of u is its prior times the probability of the recordings given u.
+    Posterior and prior are transformed to the sums u of unknowns that act alike, and the likelihood is their quotient. This is valid for any sums, whatever else is free,
+    because the posterior of u is its prior times the probability of the recordings given u.
     """
     by_parameter: dict[str, list[int]] = {}
     rows: list[tuple[str, dict[int, float], float]] = []
@@ -78,7 +78,7 @@ def read(unknowns: list[Row], mode: Array, H: Array, E: Array, P: Array, group: 
         name = " × ".join(unknowns[k]["name"] for k in members)
         sigmas = np.array([unknowns[k]["sigma"] for k in members])
         relative = all(unknowns[k]["relative"] for k in members)
-        # Where one number is moved alone, its own standard deviation is the unit.
+        # If only one number is shifted, the unit is its own standard deviation.
         rates = sigmas if relative or unknowns[members[0]]["per_sigma"] is None else np.array([unknowns[k]["per_sigma"] for k in members])
         whole = float(np.linalg.norm(rates))
         weights = {k: float(rate / whole) for k, rate in zip(members, rates, strict=True)}
@@ -88,7 +88,7 @@ def read(unknowns: list[Row], mode: Array, H: Array, E: Array, P: Array, group: 
             taken.add(e)
             factor = relative and unknowns[e]["centre"] == 1.0
             if factor:
-                # A factor moves by its logarithm, as the tolerance does.
+                # A factor is shifted in its logarithm, as the tolerance is.
                 value += np.log(mode[e]) / whole
                 weights[e] = 1.0 / (mode[e] * whole)
             else:
@@ -118,7 +118,7 @@ def read(unknowns: list[Row], mode: Array, H: Array, E: Array, P: Array, group: 
 
 
 def _matrix(weights: list[dict[int, float]], n: int) -> Array:
-    """Sums of n unknowns, a row each."""
+    """Matrix whose rows are sums of n unknowns."""
     T = np.zeros((len(weights), n))
     for i, one in enumerate(weights):
         T[i, list(one)] = list(one.values())
@@ -126,20 +126,20 @@ def _matrix(weights: list[dict[int, float]], n: int) -> Array:
 
 
 def _likelihood(weights: list[dict[int, float]], value: Array, centre: Array, H: Array, E: Array, P: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """h and D of sums of unknowns, and the same as if laws were exact. The mode is the latter's; less trust in the laws makes the likelihood wider where it is."""
+    """h and D for sums of unknowns, and the same for exact laws. The mode is that for exact laws; less confidence in the laws widens the likelihood around the same mode."""
     h, D = _quotient(weights, value, centre, E, P)
     wider = _quotient(weights, value, centre, H, P)[1]
     return (np.asarray(wider @ np.linalg.pinv(D, rcond=1e-9, hermitian=True) @ h), wider), (h, D)
 
 
 def _quotient(weights: list[dict[int, float]], value: Array, centre: Array, H: Array, P: Array) -> tuple[Array, Array]:
-    """h and D of posterior / prior of sums of unknowns."""
+    """h and D of the quotient posterior / prior for sums of unknowns."""
     T = _matrix(weights, len(H))
     posterior = np.linalg.inv(T @ np.linalg.solve(H, T.T))
     prior = np.linalg.inv(T @ np.linalg.solve(P, T.T))
     D = posterior - prior
     values, vectors = np.linalg.eigh(0.5 * (D + D.T))
-    # What is below rounding says nothing.
+    # Eigenvalues below rounding errors carry no information.
     kept = np.maximum(values, 0.0) * (values > 1e-6 * np.abs(values).max(initial=0.0))
     h = posterior @ value - prior @ centre
     basis = vectors[:, kept > 0]

@@ -1,14 +1,15 @@
-//! How much of the gap the retuned plant closes on recordings that the diagnosis never saw.
+//! Share of the gap that the retuned plant closes on recordings that the diagnosis never saw.
 //!
-//! Free replays, driven by logged torque and position alone, of the file's plant, the retuned one, and the true car:
+//! The plant of the vehicle file, the retuned plant and the true car are replayed freely, driven by the logged torque and position alone:
 //!
-//! closed = (before − after) / (before − floor), each the mean over replays of the root mean square error of both speeds.
+//! closed = (before − after) / (before − floor), each the mean over the replays of the root mean square error of both speeds.
 //!
-//! A bench recording is replayed from its first sample, and the floor is its sensors' noise; what the true car itself closes is said beside it, for it is told no more than the
-//! retuned plant of start temperatures and of the drift of the torque report. A drive is replayed from each release of the
-//! brake at rest to the next braking, [`LONGEST_S`] at most; until then the replay is pulled towards the speeds that were measured, with a
-//! memory of [`MEMORY_S`], so that temperatures and actuator run through the drive. The floor is what the true car leaves: it too is told neither
-//! the grade, nor the wander of the torque report, nor more of the start temperatures than was noted.
+//! A bench recording is replayed from its first sample, and the floor is the noise of its sensors. The share that the true car itself would close is stated as well, because
+//! the true car is given no more information than the retuned plant about start temperatures and the drift of the torque report.
+//!
+//! A drive is replayed from each release of the brake at rest to the next braking, for [`LONGEST_S`] at most. Between these free replays the plant is pulled towards the
+//! measured speeds with the time constant [`MEMORY_S`], so that the temperatures and the actuator evolve over the whole drive. The floor is the error of the true car, which is
+//! not told the grade or the wander of the torque report either, and knows the start temperatures only as noted.
 
 use crate::effects::{self, PARAMETERS, Parameters};
 use crate::plant::{Inputs, Plant, Start, sensed};
@@ -19,7 +20,8 @@ use serde_json::Value;
 /// Longest free replay of an engagement, s.
 const LONGEST_S: f64 = 5.0;
 
-/// Memory with which a replay follows a drive between engagements, s: longer than any speed is late, or the pull would swing.
+/// Time constant with which a replay follows the measured speeds of a drive between engagements, s. It exceeds every delay of a speed sensor, because otherwise this feedback
+/// would oscillate.
 const MEMORY_S: f64 = 0.3;
 
 /// Disc speed below which a car is at rest, rad/s.
@@ -28,26 +30,26 @@ const AT_REST_RAD_S: f64 = 2.0;
 /// Substep of the plant in a replay, s.
 const SUBSTEP_S: f64 = 5e-3;
 
-/// Gap of both speeds over all replays, rad/s.
+/// Root mean square errors of the speeds, averaged over both speeds and all replays, rad/s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Closed {
-    /// Of the plant of the file.
+    /// Error of the vehicle file's plant.
     pub before: f64,
-    /// Of the retuned plant.
+    /// Error of the retuned plant.
     pub after: f64,
-    /// Of a car that nobody could improve on.
+    /// Smallest error that any plant could reach: the sensor noise on a bench, the true car's own error in a drive.
     pub floor: f64,
-    /// Of the true car, which is told no more than the retuned plant.
+    /// Error of the true car, which is given no more information than the retuned plant.
     pub true_car: f64,
 }
 
 impl Closed {
-    /// Share of the gap above the floor that is gone; none where the gap does not stand out of the floor by a fifth of it.
+    /// Share of the gap above the floor that the retuned plant closes; `None` unless the file's plant exceeds the floor by more than a fifth of it.
     pub fn fraction(&self) -> Option<f64> {
         self.above(self.floor)
     }
 
-    /// The same above what the true car leaves.
+    /// The same share with the true car's error in place of the floor.
     pub fn of_true_car(&self) -> Option<f64> {
         self.above(self.true_car)
     }
@@ -60,11 +62,11 @@ impl Closed {
 
 /// A car that can be replayed.
 trait Replayed: Clone {
-    /// Both speeds as sensed now.
+    /// Both speeds as the sensors show them now.
     fn sensed(&mut self) -> [f64; 2];
-    /// Moves the speeds.
+    /// Shifts both speeds by `off`.
     fn move_by(&mut self, off: [f64; 2]);
-    /// Goes on for `h` seconds in sample `k`.
+    /// Advances by `h` seconds with the inputs of sample `k`.
     fn go(&mut self, r: &Recording, k: usize, h: f64);
 }
 
@@ -106,7 +108,7 @@ fn inputs(r: &Recording, k: usize) -> Inputs {
     Inputs { x_to: r.x_to_cmd_mm[k], t_e_ref: r.t_e_nm[k], theta_h: r.theta_h_deg_c[k], t_load: 0.0 }
 }
 
-/// The gap on these recordings; none without plant parameters.
+/// The gap on these recordings; `None` if the answer holds no plant parameters or no replay is possible.
 pub fn on(unseen: &[Recording], vehicle_json: &str, parameters: &Value, real: &Real) -> Option<Closed> {
     let file = Vehicle::from_json(vehicle_json).ok()?;
     let (retuned, effects) = retuned(&file, parameters)?;
@@ -133,7 +135,7 @@ pub fn on(unseen: &[Recording], vehicle_json: &str, parameters: &Value, real: &R
     (count > 0.0).then(|| Closed { before: sums[0] / count, after: sums[1] / count, floor: sums[2] / count, true_car: sums[3] / count })
 }
 
-/// The file's vehicle and its effects with what the answer says of the FMU's variables.
+/// The file's vehicle and null effects, overwritten with the values that the answer gives for the FMU's variables.
 pub fn retuned(file: &Vehicle, parameters: &Value) -> Option<(Vehicle, Parameters)> {
     let given = parameters.as_object()?;
     let mut vehicle = *file;
@@ -210,7 +212,7 @@ mod tests {
         on(&car.unseen, &car.campaign.vehicle_json, parameters, &car.real).unwrap()
     }
 
-    /// A car that leaves more than its sensors' noise limits what anybody could close.
+    /// The error that the true car leaves, larger than sensor noise, limits what any plant could close.
     #[test]
     fn a_gap_counts_from_the_floor_or_from_what_the_true_car_leaves() {
         let of = |before: f64, after: f64| Closed { before, after, floor: 0.2, true_car: 1.0 };
@@ -229,7 +231,7 @@ mod tests {
         assert_eq!(on(&[], "{}", &Value::Null, &draw_car_of(Place::Bench, 4, 2, Kind::Healthy).real), None);
     }
 
-    /// With the true mass nearly nothing is left above the floor.
+    /// With the true mass, hardly any gap is left above the floor.
     #[test]
     fn the_true_size_of_an_effect_closes_the_gap() {
         for place in [Place::Bench, Place::Road] {

@@ -1,4 +1,4 @@
-//! One car: its folder is written, diagnosed, and only then is its seal opened.
+//! Examination of one car: its folder is written and diagnosed, and only then is the truth unsealed.
 
 use super::closed::{self, Closed};
 use super::folder;
@@ -16,15 +16,15 @@ use std::path::Path;
 pub struct Subject {
     /// The car.
     pub car: Car,
-    /// What is wrong with its logging.
+    /// How its log was degraded, if at all.
     pub alteration: Option<Alteration>,
 }
 
-/// What is true of a car, closed until it has been diagnosed.
+/// The truth about a car, sealed until the car has been diagnosed.
 struct Sealed(Truth, Real, Vec<Recording>);
 
 impl Sealed {
-    /// Opens against an answer.
+    /// Opens the seal in exchange for an answer.
     fn open(self, _answer: &Value) -> (Truth, Real, Vec<Recording>) {
         (self.0, self.1, self.2)
     }
@@ -33,41 +33,41 @@ impl Sealed {
 /// An effect as an answer names it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Named {
-    /// Its id.
+    /// Effect id.
     pub id: String,
-    /// Effects that could be meant as well.
+    /// Ids of the effects that the answer cannot tell apart from this one.
     pub group: Vec<String>,
-    /// Its claimed probability.
+    /// Claimed probability.
     pub probability: Option<f64>,
     /// Name, value and 95 % interval of its parameters.
     pub parameters: Vec<(String, f64, [f64; 2])>,
 }
 
-/// A diagnosed car with its seal open.
+/// A diagnosed car with its truth unsealed.
 pub struct Outcome {
-    /// What is true.
+    /// The truth.
     pub truth: Truth,
-    /// What is wrong with its logging.
+    /// How the log was degraded, if at all.
     pub alteration: Option<Alteration>,
     /// The verdict; empty if there is none.
     pub verdict: String,
-    /// Where the gap is said to be.
+    /// Subsystem to which the answer attributes the gap.
     pub primary: Option<String>,
-    /// Where a remainder is said to be.
+    /// Subsystem to which the answer attributes the remainder.
     pub unexplained_at: Option<String>,
-    /// Subsystems from which the primary one is not told.
+    /// Subsystems that the answer cannot tell apart from the primary one.
     pub doubted: Vec<String>,
     /// The effects, most important first.
     pub named: Vec<Named>,
-    /// How far the gap closes on recordings that the diagnosis never saw.
+    /// Share of the gap closed on recordings that the diagnosis never saw.
     pub closed: Option<Closed>,
-    /// What the predicted deviation of the clutch torque is worth on each of those.
+    /// Errors of the clutch torque compared with their predicted standard deviation, for each of those recordings.
     pub predicted: Vec<Predicted>,
     /// Why there is no answer.
     pub error: Option<String>,
 }
 
-/// Draws into a folder, diagnoses the folder, opens the seal. The folder is gone afterwards, unless its answer is kept.
+/// Writes the car into a folder, diagnoses that folder, and unseals the truth. The folder is removed afterwards unless answers are kept.
 ///
 /// # Errors
 /// A folder that cannot be written. A campaign that cannot be diagnosed is an outcome, not an error.
@@ -133,16 +133,16 @@ fn named(effect: &Value) -> Named {
     }
 }
 
-/// A bound of an interval; without one it is infinite to this side.
+/// A bound of an interval; a missing bound is infinite on its side.
 fn bound(v: &Value, side: f64) -> f64 {
     v.as_f64().unwrap_or(side * f64::INFINITY)
 }
 
-/// An interval of a parameter, and what is true.
+/// Interval of a parameter together with the true value.
 pub struct Interval {
-    /// Effect and parameter.
+    /// Effect and parameter, joined by a dot.
     pub parameter: String,
-    /// Value that was found.
+    /// Estimate.
     pub value: f64,
     /// 95 % interval.
     pub bounds: [f64; 2],
@@ -151,7 +151,7 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// Whether it holds the true value.
+    /// Whether the interval contains the true value.
     pub fn holds(&self) -> bool {
         (self.bounds[0]..=self.bounds[1]).contains(&self.truth)
     }
@@ -163,17 +163,17 @@ impl Outcome {
         self.truth.effects.iter().map(|e| e.id)
     }
 
-    /// Whether the library holds every true effect.
+    /// Whether every true effect belongs to the library.
     pub fn known(&self) -> bool {
         self.truth.effects.iter().all(|e| e.in_library)
     }
 
-    /// Whether this place is one of the true ones.
+    /// Whether `place` is the subsystem of one of the true effects.
     pub fn is_at(&self, place: Option<&str>) -> bool {
         self.truth.effects.iter().any(|e| Some(e.subsystem) == place)
     }
 
-    /// Intervals of what was named rightly.
+    /// Intervals of the parameters of correctly named effects.
     pub fn intervals(&self) -> impl Iterator<Item = Interval> + '_ {
         self.named.iter().flat_map(|n| {
             let truth = self.truth.effects.iter().find(|e| e.id == n.id);
@@ -184,7 +184,7 @@ impl Outcome {
         })
     }
 
-    /// What was said and what is true, in a line.
+    /// Answer and truth in one line.
     pub fn line(&self) -> String {
         let named = |n: &Named| {
             let ids: Vec<&str> = std::iter::once(&n.id).chain(&n.group).map(String::as_str).collect();
@@ -202,7 +202,7 @@ impl Outcome {
         format!("{said} | true: {}", or(self.true_ids().map(str::to_owned).collect(), "healthy"))
     }
 
-    /// Everything about it for people who look closer.
+    /// The whole outcome as JSON, for closer inspection.
     pub fn as_json(&self) -> Value {
         let named: Vec<Value> = self.named.iter().map(|n| json!([n.id, n.group, n.probability])).collect();
         let interval =

@@ -1,4 +1,4 @@
-//! A temporary folder that is gone afterwards, also after an interruption.
+//! A temporary folder that is removed at the end, even if the run is interrupted.
 
 use crate::cli::error::{CommandError, at};
 use std::path::{Path, PathBuf};
@@ -6,26 +6,26 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// Exit code after an interruption from the keyboard, as shells have it.
+/// Exit code after Ctrl-C, by the convention of shells (128 + SIGINT).
 const INTERRUPTED: i32 = 130;
 
-/// What an interruption has to remove.
+/// Folder that the interrupt handler has to remove.
 static OPEN: Mutex<Option<PathBuf>> = Mutex::new(None);
 static STOPPED: AtomicBool = AtomicBool::new(false);
 
-/// A folder that is removed when it is dropped, and when the process is interrupted or told to end.
+/// A folder that is removed when it is dropped, and when the process is interrupted or terminated.
 pub struct Temporary(PathBuf);
 
 impl Temporary {
-    /// An empty folder of this process.
+    /// Creates an empty folder for this process.
     ///
     /// # Errors
-    /// A folder that cannot be made.
+    /// A folder that cannot be created.
     pub fn new(seed: u64) -> Result<Self, CommandError> {
         let path = std::env::temp_dir().join(format!("kisspoint-blind-{}-{seed}", std::process::id()));
         std::fs::create_dir_all(&path).map_err(at(&path))?;
         *OPEN.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = Some(path.clone());
-        // A second folder of one process finds the handler there already.
+        // If the process creates a second folder, the handler is installed already and this call fails harmlessly.
         let _ = ctrlc::set_handler(leave);
         Ok(Self(path))
     }
@@ -51,7 +51,7 @@ fn leave() {
     STOPPED.store(true, Ordering::SeqCst);
     let open = OPEN.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
     if let Some(path) = open {
-        // A thread that is writing a car just now may need a moment to notice.
+        // A thread that is still writing a car may need a moment to notice the stop flag.
         for _ in 0..20 {
             let _ = std::fs::remove_dir_all(&path);
             std::thread::sleep(Duration::from_millis(20));

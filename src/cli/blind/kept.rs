@@ -1,7 +1,7 @@
-//! Answers that an examination gave before it was interrupted.
+//! Answers kept from an examination, so that an interrupted run can continue.
 //!
-//! Each is a file of its own, `diagnoses/case_001.json`, with the SHA-256 of the program and of the campaign that it answers: another build, or
-//! another campaign under the same name, is diagnosed anew.
+//! Each answer is a file of its own, `diagnoses/case_001.json`, with one SHA-256 over the program and the campaign that it answers. If the build or the campaign of that name
+//! has changed, the campaign is diagnosed anew.
 
 use crate::cli::error::{CommandError, at};
 use crate::cli::files::write_all;
@@ -9,17 +9,17 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 
-/// The folder of kept answers, and the program that gives them.
+/// The folder of kept answers, and the hash of the program that computes them.
 pub struct Kept {
     folder: PathBuf,
     program: Sha256,
 }
 
 impl Kept {
-    /// Answers beside the campaigns of this folder.
+    /// Keeps the answers in the subfolder `diagnoses` of this folder of campaigns.
     ///
     /// # Errors
-    /// A folder that cannot be made, a program that cannot be read.
+    /// A folder that cannot be created, or a program file that cannot be read.
     pub fn beside(campaigns: &Path) -> Result<Self, CommandError> {
         let folder = campaigns.join("diagnoses");
         std::fs::create_dir_all(&folder).map_err(at(&folder))?;
@@ -28,10 +28,10 @@ impl Kept {
         Ok(Self { folder, program: Sha256::new_with_prefix(bytes) })
     }
 
-    /// The answer to this campaign: the one that is kept, or else a new one, which is kept from now on.
+    /// The answer to this campaign: the kept one if it is still valid, otherwise a new one, which is then kept.
     ///
     /// # Errors
-    /// Those of `diagnose`, and files that cannot be read or written.
+    /// Errors of `diagnose`, and files that cannot be read or written.
     pub fn answer(&self, campaign: &Path, diagnose: impl FnOnce() -> Result<Value, CommandError>) -> Result<Value, CommandError> {
         let name = campaign.file_name().unwrap_or_default().to_string_lossy();
         let file = format!("{name}.json");

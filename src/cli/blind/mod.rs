@@ -1,16 +1,16 @@
-//! `kisspoint blind`: draws fresh cars, diagnoses them, then opens the answers and scores.
+//! `kisspoint blind`: draws new cars, diagnoses them, and only then unseals the truth and scores the answers.
 //!
-//! The cars come from `realcar`, which shares no code with the plant. What is true of a car is sealed: the diagnosis is handed a folder of
-//! recordings and nothing else, and the seal opens only against a finished answer, of which the fields of diagnosis.json's schema are read.
+//! The cars come from `realcar`, which shares no code with the plant. The truth about a car is sealed: the diagnosis receives a folder of recordings and nothing else, and the
+//! seal opens only in exchange for a finished answer, of which only fields of the schema of diagnosis.json are read.
 //!
 //! - [`examine`]: one car, from its folder to an outcome
-//! - [`closed`]: how much of the gap the retuned plant closes on recordings that the diagnosis never saw
-//! - [`predicted`]: what the predicted standard deviation of the clutch torque is worth there
+//! - [`closed`]: share of the gap that the retuned plant closes on recordings that the diagnosis never saw
+//! - [`predicted`]: the predicted standard deviation of the clutch torque against the errors on those recordings
 //! - [`scores`]: counts, shares and their intervals
-//! - [`reliability`]: what claimed probabilities and intervals are worth
-//! - [`planned`]: what a plan promises against what drawn cars do
-//! - [`kept`]: answers that an interrupted examination gave already
-//! - [`folder`]: a temporary folder that is gone afterwards, also after an interruption
+//! - [`reliability`]: calibration of the claimed probabilities and intervals
+//! - [`planned`]: predictions of a plan against the results with drawn cars
+//! - [`kept`]: answers kept from an interrupted examination
+//! - [`folder`]: a temporary folder that is removed at the end, even if the run is interrupted
 
 pub mod closed;
 pub mod examine;
@@ -86,7 +86,7 @@ pub struct Args {
 }
 
 impl Args {
-    /// The car of an index, and what is wrong with its logging.
+    /// The car with this index, and how its log is degraded.
     fn draw(&self, seed: u64, index: usize) -> Subject {
         if self.altered {
             let (car, alteration) = realcar::altered::draw_altered(seed, index);
@@ -163,12 +163,13 @@ pub fn run(args: &Args) -> Result<(), CommandError> {
     report(&outcomes?, seed, args)
 }
 
-/// Name of the car of an index.
+/// Name of the car with this index.
 fn case(index: usize) -> String {
     format!("case_{:03}", index + 1)
 }
 
-/// Writes what is true of a fleet: mean and standard deviation of each number, and where each car is, in standard deviations of the tolerances.
+/// Writes the truth about a fleet to population.json: mean and standard deviation of each number over the fleet, and by how many standard deviations of its tolerance each
+/// number of each car is off.
 fn write_population(folder: &Path, population: &Population, cars: serde_json::Map<String, Value>) -> Result<(), CommandError> {
     let number = |(name, [mean, spread]): &(&str, [f64; 2])| ((*name).to_owned(), json!({"mean": mean, "spread": spread}));
     let numbers: serde_json::Map<String, Value> = population.numbers.iter().map(number).collect();
@@ -177,7 +178,8 @@ fn write_population(folder: &Path, population: &Population, cars: serde_json::Ma
     std::fs::write(&file, format!("{document:#}\n")).map_err(at(file))
 }
 
-/// Writes the campaigns as `case_001` and on, and what is true of them as `answers.json`; how far the numbers of each are from its file.
+/// Writes the campaigns as `case_001` and so on, and the truth about them as `answers.json` and `shapes.json`. Returns how far the numbers of each car are from its vehicle
+/// file.
 fn keep(folder: &Path, cars: usize, draw: impl Fn(usize) -> Subject + Sync) -> Result<serde_json::Map<String, Value>, CommandError> {
     let one = |k: usize| {
         let Subject { car, alteration } = draw(k);

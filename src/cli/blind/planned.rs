@@ -1,12 +1,12 @@
-//! `kisspoint blind --plan`: what a plan promises against what drawn cars do.
+//! `kisspoint blind --plan`: the predictions of a plan against the results with drawn cars.
 //!
-//! 1. **Splits.** A car is driven through three launches alone and diagnosed. Where more than one explanation stays believed, the manoeuvre that the plan recommends is driven
-//!    with the real car and added, and another time one that is drawn at random. How many cars are then told apart is held against the sum of the predicted
-//!    probabilities.
-//! 2. **Limits.** Before a car is recorded, the plan says from its vehicle file how large an effect has to be. The planned campaign is then driven with that car, the effect
-//!    at 0, ½, 1, 2 and 4 times the limit, and diagnosed. How often a gap is found is held against the theory.
+//! 1. **Splits.** A car drives three launches only and is diagnosed. If more than one explanation remains credible, the real car drives the manoeuvre that the plan recommends,
+//!    which is added to the campaign; separately, it drives one that is drawn at random. The number of cars whose explanations are then told apart is compared with the sum of
+//!    the predicted probabilities.
+//! 2. **Limits.** Before a car is recorded, the plan predicts from its vehicle file how large an effect must be to show. That car then drives the planned campaign with the
+//!    effect at 0, ½, 1, 2 and 4 times this limit, and is diagnosed. The rate at which a gap is found is compared with the theory.
 //!
-//! The cars are `realcar`'s: they share no law and no code with the plant that the plan is made with. They are driven by the plan's own driver, who knows the vehicle
+//! The cars are `realcar`'s, which share no law and no code with the plant that the plan is computed with. They are driven by the plan's own driver, which knows the vehicle
 //! file alone.
 
 use super::scores::wilson;
@@ -33,26 +33,26 @@ use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Sizes at which effects are drawn, in limits.
+/// Sizes at which effects are drawn, as multiples of the limit of detection.
 const TIMES: [f64; 5] = [0.0, 0.5, 1.0, 2.0, 4.0];
 
-/// Manoeuvres of the planned campaign, by name: an everyday one.
+/// Manoeuvres of the planned campaign, by name: an everyday campaign.
 const CAMPAIGN: [&str; 5] = ["launch", "launch_hot", "creep", "open_rev", "tip_in"];
 
-/// Launches after which a car is diagnosed that is to be told apart.
+/// Number of launches after which a car is first diagnosed in the first part.
 const LAUNCHES: usize = 3;
 
-/// Cars of the first part for each of the second: most are not left open.
+/// Ratio of the number of cars in the first part to that in the second, because most cars of the first part are not left open.
 const MORE: usize = 3;
 
-/// Size of their effects, as a share of what is usual: larger ones leave little open.
+/// Size of the effects in the first part, as a share of the usual size; larger effects leave few cars open.
 const SMALL: f64 = 0.3;
 
-/// One car, told apart or not.
+/// A car of the first part whose cause was left open, and what became of it.
 struct Told {
     effect: &'static str,
     rivals: Vec<(Vec<usize>, f64)>,
-    /// Recommended, and drawn at random.
+    /// Trials with the recommended manoeuvre and with one drawn at random.
     tried: [Trial; 2],
 }
 
@@ -62,7 +62,7 @@ struct Trial {
     nats: f64,
     predicted: f64,
     told: bool,
-    /// Whether the rival that is left is the truth.
+    /// Whether the most probable rival that remains is the truth.
     right: bool,
 }
 
@@ -75,9 +75,9 @@ struct Found {
     named: bool,
 }
 
-/// Options that concern it.
+/// Options of `kisspoint blind --plan`.
 pub struct Options<'a> {
-    /// Cars for each of both parts.
+    /// Number of cars in the second part; the first part draws three times as many.
     pub cars: usize,
     /// Seed.
     pub seed: u64,
@@ -87,7 +87,7 @@ pub struct Options<'a> {
     pub curve: Option<&'a PathBuf>,
 }
 
-/// Runs it.
+/// Runs both parts.
 ///
 /// # Errors
 /// A curve that cannot be written.
@@ -123,7 +123,7 @@ pub fn run(o: &Options, pool: &rayon::ThreadPool) -> Result<(), CommandError> {
     print(&as_text(o, &told, &found))
 }
 
-/// Effects of the library in an order of the seed, round and round.
+/// The library effect of car `k`: a permutation of the effects given by the seed, repeated cyclically.
 fn turn(seed: u64, k: usize) -> &'static str {
     let mut all = catalogue::drawn(Place::Bench);
     let mut dice = Dice(seed);
@@ -133,7 +133,7 @@ fn turn(seed: u64, k: usize) -> &'static str {
     all[k % all.len()].0
 }
 
-/// A campaign of this car that is nowhere written.
+/// A campaign of this car in memory, without files.
 fn campaign(car: &Car, recordings: Vec<Recording>) -> Campaign {
     let vehicle_json = serde_json::from_str(&car.campaign.vehicle_json).expect("the generator writes JSON");
     Campaign {
@@ -147,7 +147,7 @@ fn campaign(car: &Car, recordings: Vec<Recording>) -> Campaign {
     }
 }
 
-/// A recording of the generator as the reader would take it over.
+/// A recording of the generator in the form in which the reader would return it.
 fn taken_over(r: &realcar::Recording, name: &str, manoeuvre: &str) -> Recording {
     Recording {
         name: name.to_owned(),
@@ -187,7 +187,7 @@ fn vehicle_of(car: &Car) -> Vehicle {
     Vehicle::from_json(&car.campaign.vehicle_json).expect("the generator's vehicles are sound")
 }
 
-/// Probability of each rival in an answer, relative to all of them; none if none of them is left.
+/// Probability of each rival in an answer, relative to the sum over all rivals; `None` if none of the rivals remains.
 fn shares(d: &Diagnosis, rivals: &[(Vec<usize>, f64)]) -> Option<Vec<f64>> {
     let of = |set: &[usize]| -> f64 {
         let same = |w: &&crate::gap::answer::Weighed| {
@@ -223,7 +223,7 @@ fn told_apart(seed: u64, k: usize) -> Option<Told> {
         recordings.push(driven(&car, what, &vehicle, rate, bench, number, &mut Deviation::default()));
         let after = diagnose(&campaign(&car, recordings), &|_, _| {}).ok()?;
         let left = shares(&after, &rivals);
-        // Rivals that are all gone have been told from each other by what took their place.
+        // If all rivals have vanished, they count as told apart, by the explanation that replaced them.
         let (told, right) = left.map_or((true, false), |left| {
             let most = (0..left.len()).max_by(|a, b| left[*a].total_cmp(&left[*b])).unwrap_or(0);
             let beside = |j: usize| left[j] / (left[j] + left[most]);
@@ -234,7 +234,7 @@ fn told_apart(seed: u64, k: usize) -> Option<Told> {
     Some(Told { effect, tried: [trial(best, 50)?, trial(random, 51)?], rivals })
 }
 
-/// A generator for choices, splitmix64.
+/// A pseudo-random generator for choices, splitmix64.
 struct Dice(u64);
 
 impl Dice {
@@ -247,7 +247,7 @@ impl Dice {
     }
 }
 
-/// The planned campaign, driven: its recordings, and what the effect was in the library's terms.
+/// Drives the planned campaign. Returns its recordings, and the parameters that the effect had in the library's terms.
 fn drive_all(car: &Car, plan: &[Manoeuvre], vehicle: &Vehicle, effect: &str) -> (Vec<Recording>, Vec<(&'static str, f64)>) {
     let mut seen = Deviation::default();
     let subsystem = catalogue::find(effect).map_or("", |e| e.1);
@@ -270,13 +270,13 @@ fn limits(seed: u64, k: usize) -> Vec<Found> {
     let Ok(planner) = Planner::before(&vehicle, &document, sensors, logger, plan.clone()) else { return Vec::new() };
     let Some(predicted) = reach(&planner, None, &planner.nominal()) else { return Vec::new() };
     let Some(limit) = Reach::of(&predicted.with_all, place).filter(|l| l.size.is_finite()) else { return Vec::new() };
-    // One more launch is driven to be held out.
+    // One more launch is driven, to serve as the held-out recording.
     let mut driven_plan = plan;
     driven_plan.extend(driven_plan.iter().find(|m| m.name == "launch").cloned().map(|m| Manoeuvre { name: "again".to_owned(), ..m }));
     TIMES.iter().filter_map(|&times| one_size(&car_of, &driven_plan, &vehicle, effect, limit, times)).collect()
 }
 
-/// An effect at so many limits, diagnosed; none if the generator cannot say how large its effect is in the library's terms.
+/// An effect at `times` its limit, diagnosed; `None` if the generator cannot express the size of its effect in the library's terms, or cannot reach the wanted size.
 fn one_size(
     car_of: &dyn Fn(f64) -> Car,
     plan: &[Manoeuvre],
@@ -294,7 +294,7 @@ fn one_size(
     if times == 0.0 {
         recordings = drive_all(&car_of(0.0), plan, vehicle, effect).0;
     } else {
-        // The generator's sizes are not the library's: two secants lead to the one that is wanted.
+        // The generator measures sizes differently from the library, so the size is scaled proportionally over up to three drives, until it is within 2 % of the wanted one.
         for attempt in 0..3 {
             if attempt > 0 {
                 size *= target / reached;
@@ -317,7 +317,7 @@ fn one_size(
     Some(Found { effect, times, predicted: if times == 0.0 { 0.0 } else { limit.power(reached) }, found, named })
 }
 
-/// Hits, count and the predicted number of hits, by size.
+/// Number of gaps found, number of effects named, number of cars, and predicted number of gaps found, for one size.
 fn by_size(found: &[Found], times: f64) -> (usize, usize, usize, f64) {
     let those = || found.iter().filter(|f| f.times == times);
     (those().filter(|f| f.found).count(), those().filter(|f| f.named).count(), those().count(), those().map(|f| f.predicted).sum())
@@ -401,7 +401,7 @@ fn as_json(o: &Options, told: &[Told], found: &[Found]) -> Value {
     json!({"seed": o.seed, "cars": o.cars, "generator": realcar::VERSION, "open": open, "detection": sizes, "outcomes": each})
 }
 
-/// Share found over the size in limits: drawn cars with their intervals, and the theory.
+/// Plot of the share found over the size in limits: drawn cars with their intervals, and the theory.
 fn curve(found: &[Found]) -> String {
     let of = |get: &dyn Fn(f64) -> f64| TIMES.iter().map(|&t| (t, 100.0 * get(t))).collect::<Vec<_>>();
     let rate = |t: f64| by_size(found, t);

@@ -1,7 +1,8 @@
-//! What the standard deviation of the clutch torque is worth that an answer predicts, on recordings that the diagnosis never saw.
+//! Check of the predicted standard deviation of the clutch torque on recordings that the diagnosis never saw.
 //!
-//! The true car is driven by the torque and the command of each recording. Wherever its clutch slips, its torque is compared with that of the retuned plant at the
-//! same slip, temperature and bearing position, in units of the predicted standard deviation; inside what the campaign covered and outside.
+//! The true car is driven by the torque and the position command of each recording. Wherever its clutch slips, its torque is compared with that of the retuned plant at the
+//! same slip, temperature and bearing position, in units of the predicted standard deviation. Samples inside the domain that the campaign covered and samples outside are
+//! counted separately.
 
 use super::closed;
 use crate::plant::clutch::{self, Branch, Found};
@@ -12,19 +13,19 @@ use crate::vehicle::Vehicle;
 use realcar::{Real, Recording};
 use serde_json::{Value, json};
 
-/// Slip below which a clutch may be locked, rad/s.
+/// Slip below which the clutch may be locked, rad/s.
 const LEAST_SLIP: f64 = 2.0;
-/// Torque below which a clutch is all but open, N·m.
+/// Torque below which the clutch is practically open, N·m.
 const LEAST_TORQUE: f64 = 2.0;
-/// Standard deviations of a band.
+/// Half width of the band, in standard deviations.
 pub const BAND: f64 = 2.0;
 
-/// Errors of the torque beside what was predicted of them.
+/// Errors of the torque and their predicted variances.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Errors {
-    /// Samples.
+    /// Number of samples.
     pub count: usize,
-    /// Those within the band.
+    /// Number of samples within the band.
     pub within: usize,
     /// Sum of squared errors, (N·m)².
     pub squares: f64,
@@ -46,26 +47,26 @@ impl Errors {
     }
 }
 
-/// Inside and outside of what the campaign covered, of one recording.
+/// Errors of one recording inside and outside the domain that the campaign covered.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Predicted {
     /// Where the validity is 1.
     pub inside: Errors,
-    /// Where it is less than a half.
+    /// Where the validity is below one half.
     pub outside: Errors,
 }
 
-/// All recordings together, and what a reader wants to know of them.
+/// Sums over all recordings.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
-    /// Samples inside and outside.
+    /// Errors inside and outside the domain.
     pub all: Predicted,
-    /// Recordings with samples inside, and those whose root mean square error is within the band's.
+    /// Number of recordings with samples inside, and number of those whose ratio of root mean square error to root mean square prediction is within the band.
     pub recordings: [usize; 2],
 }
 
 impl Summary {
-    /// Of these recordings.
+    /// Sums over these recordings.
     pub fn of<'a>(recordings: impl Iterator<Item = &'a Predicted>) -> Self {
         let mut sum = Self::default();
         for p in recordings {
@@ -83,7 +84,7 @@ impl Summary {
         sum
     }
 
-    /// For machines.
+    /// The summary as JSON.
     pub fn as_json(&self) -> Value {
         let part = |e: &Errors| {
             let rms = |sum: f64| (e.count > 0).then(|| (sum / e.count as f64).sqrt());
@@ -93,7 +94,7 @@ impl Summary {
         json!({"inside": part(&self.all.inside), "outside": part(&self.all.outside), "recordings": recordings, "recordings_within_2_sigma": within})
     }
 
-    /// For people.
+    /// The summary as text; empty if no recording has samples inside.
     pub fn as_text(&self) -> String {
         let part = |e: &Errors| {
             if e.count == 0 {
@@ -115,14 +116,14 @@ impl Summary {
     }
 }
 
-/// What `domain` of an answer says; none if it is not there or not sound.
+/// The validated domain of an answer, from its field `domain`; `None` if it is missing or malformed.
 pub fn validated(domain: &Value) -> Option<Validated> {
     let table = domain["torque_sigma"]["sigma_Nm"].as_array()?;
     let sigma: Vec<&Value> = table.iter().flat_map(|t| t.as_array()).flatten().flat_map(|t| t.as_array()).flatten().collect();
     Validated::from_value(&json!({"places": domain["places"], "sigma_Nm": sigma})).ok()?
 }
 
-/// Predictions for each of these recordings; none without an answer.
+/// Errors for each of these recordings; empty without an answer.
 pub fn on(unseen: &[Recording], vehicle_json: &str, answer: &Value, real: &Real) -> Vec<Predicted> {
     let retuned = || closed::retuned(&Vehicle::from_json(vehicle_json).ok()?, &answer["plant"]["parameters"]);
     let Some(((vehicle, effects), known)) = retuned().zip(validated(&answer["domain"])) else { return Vec::new() };

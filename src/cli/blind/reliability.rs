@@ -1,10 +1,11 @@
-//! What claimed probabilities and intervals are worth.
+//! Calibration of claimed probabilities and intervals.
 //!
-//! Every effect that an answer names with a probability is a claim that it is there. Claims in bins of probability against the share that
-//! is true; calibration error Σ n_b/n · abs(mean claim − share true) over the bins; Brier score: mean of (claim − truth)². So few claims are off by chance as well: what the
-//! calibration error of claims would be that are right, each by itself, with the probability that they claim, stands beside it.
+//! Every effect that an answer names with a probability is a claim that the effect is there. Claims are binned by probability, and each bin is compared with the share of its
+//! claims that are true. The calibration error is Σ n_b/n · abs(mean claim − share true) over the bins; the Brier score is the mean of (claim − truth)². With few claims, the
+//! calibration error is above zero by chance as well. Beside it stands the error to be expected of calibrated claims, each true independently with the probability that it
+//! claims.
 //!
-//! Every parameter that has a true value in the library's terms is a claim that its 95 % interval holds that value.
+//! Every parameter that has a true value in the library's terms is a claim that its 95 % interval contains that value.
 
 use super::examine::Outcome;
 use super::scores::wilson;
@@ -14,14 +15,14 @@ use std::collections::BTreeMap;
 /// Edges of the bins.
 const EDGES: [f64; 8] = [0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0];
 
-/// Steps of one claim in which errors by chance are counted.
+/// Steps per claim in the discretised distribution of the calibration error.
 const STEPS: f64 = 100.0;
 
 fn bin_of(p: f64) -> usize {
     EDGES[1..].iter().position(|edge| p < *edge).unwrap_or(EDGES.len() - 2)
 }
 
-/// Distribution of the sum of two numbers from theirs, from 0 on.
+/// Distribution of the sum of two independent non-negative integers, from their distributions.
 fn sum_of(a: &[f64], b: &[f64]) -> Vec<f64> {
     let mut sum = vec![0.0; a.len() + b.len() - 1];
     for (i, x) in a.iter().enumerate().filter(|(_, x)| **x > 0.0) {
@@ -33,24 +34,24 @@ fn sum_of(a: &[f64], b: &[f64]) -> Vec<f64> {
 /// One bin of claims.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Bin {
-    /// How many claims.
+    /// Number of claims.
     pub count: usize,
     /// Sum of their probabilities.
     pub claimed: f64,
-    /// How many of them are true.
+    /// Number of true claims.
     pub hits: usize,
 }
 
-/// Claims and what became of them.
+/// Claims and their outcomes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reliability {
-    /// By probability.
+    /// Claims by probability.
     pub bins: [Bin; 7],
-    /// Every claim's probability.
+    /// Probability of every claim.
     pub claimed: Vec<f64>,
     /// Sum of squared errors of the claims.
     pub squares: f64,
-    /// Intervals that hold the true value, of how many; by parameter.
+    /// Number of intervals that contain the true value, and number of intervals, by parameter.
     pub coverage: BTreeMap<String, (usize, usize)>,
 }
 
@@ -88,19 +89,19 @@ impl Reliability {
         self.claimed.len()
     }
 
-    /// Calibration error; none without claims.
+    /// Calibration error; `None` without claims.
     pub fn calibration_error(&self) -> Option<f64> {
         let n = self.claims();
         (n > 0).then(|| self.bins.iter().map(|b| (b.claimed - b.hits as f64).abs()).sum::<f64>() / n as f64)
     }
 
-    /// Calibration error that the same claims would have by chance if they were calibrated: its mean, and what 95 % of such claims stay below; none without claims.
+    /// Calibration error that the same claims would show by chance if they were calibrated: its mean and its 95th percentile; `None` without claims.
     pub fn error_by_chance(&self) -> Option<[f64; 2]> {
         let n = self.claims();
         if n == 0 {
             return None;
         }
-        // Of Σ abs(claimed − true) over the bins, in steps of 1/STEPS.
+        // Distribution of Σ abs(claimed − true) over the bins, in steps of 1/STEPS.
         let mut error = vec![1.0];
         for k in 0..self.bins.len() {
             let mut hits = vec![1.0];
@@ -122,7 +123,7 @@ impl Reliability {
         Some([mean * unit, most.count() as f64 * unit])
     }
 
-    /// Brier score; none without claims.
+    /// Brier score; `None` without claims.
     pub fn brier(&self) -> Option<f64> {
         let n = self.claims();
         (n > 0).then(|| self.squares / n as f64)
@@ -145,7 +146,7 @@ impl Reliability {
         })
     }
 
-    /// The tables for people.
+    /// The tables as text.
     pub fn as_text(&self) -> String {
         let mut text = String::new();
         if let (Some(error), Some([mean, most]), Some(brier)) = (self.calibration_error(), self.error_by_chance(), self.brier()) {
@@ -194,7 +195,8 @@ mod tests {
         assert_eq!((Reliability::default().calibration_error(), Reliability::default().error_by_chance()), (None, None));
     }
 
-    /// Two claims of 75 %: both true (9 of 16), one (6 of 16) or none is an error of 0.25, 0.25 or 0.75 each. Beside one claim of 40 %, which is off by 0.6 or 0.4.
+    /// Of two claims of 75 %, two are true with probability 9/16, one with 6/16 and none with 1/16; the error per claim is 0.25, 0.25 or 0.75. A further claim of 40 % is off
+    /// by 0.6 or 0.4.
     #[test]
     fn few_claims_are_off_by_chance() {
         let mut few = Reliability::default();

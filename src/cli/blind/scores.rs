@@ -1,34 +1,34 @@
-//! Scores: what is counted over all outcomes, each with its count and its 95 % interval.
+//! Scores over all outcomes, each with its count and its 95 % interval.
 //!
-//! A share p̂ = x/n has Wilson's interval (p̂ + z²/2n ± z √(p̂(1 − p̂)/n + z²/4n²)) / (1 + z²/n), z = 1.96; an effect that is named as one of a
-//! group of m counts 1/m. A quantile has the interval between the order statistics at n q ± z √(n q (1 − q)).
+//! A share p̂ = x/n has Wilson's interval (p̂ + z²/2n ± z √(p̂(1 − p̂)/n + z²/4n²)) / (1 + z²/n), z = 1.96; an effect that is named as one of a group of m counts 1/m. The
+//! interval of a quantile q is given by the order statistics at n q ± z √(n q (1 − q)).
 
 use super::closed::Closed;
 use super::examine::{Named, Outcome};
 use realcar::altered::{ALTERATIONS, Alteration};
 use serde_json::{Value, json};
 
-/// Two-sided 95 % of the normal distribution.
+/// Two-sided 95 % quantile of the normal distribution.
 const Z: f64 = 1.96;
 
 /// One score.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Score {
-    /// What is counted.
+    /// Name of the score.
     pub name: String,
-    /// Its value; none if it concerns no outcome.
+    /// Value; `None` if there is no outcome that it concerns.
     pub value: Option<f64>,
-    /// Of a share: how many of the outcomes, parts counted as parts.
+    /// For a share: number of hits, where partial hits count as fractions.
     pub hits: Option<f64>,
     /// 95 % interval.
     pub interval: Option<[f64; 2]>,
-    /// How many outcomes it concerns.
+    /// Number of outcomes that it concerns.
     pub count: usize,
-    /// Whether it is a share, or a number.
+    /// Whether it is printed in per cent.
     pub is_share: bool,
 }
 
-/// Name of an alteration's rows.
+/// Name of the table rows of an alteration.
 pub fn row_name(alteration: Alteration) -> &'static str {
     ALTERATIONS.iter().find(|a| a.0 == alteration).map_or("", |a| a.1)
 }
@@ -42,7 +42,7 @@ pub fn wilson(hits: f64, count: usize) -> [f64; 2] {
     [-1.0, 1.0].map(|side| ((middle + side * half) / (1.0 + Z * Z / n)).clamp(0.0, 1.0))
 }
 
-/// The share of outcomes for which `hit` holds; a part counts as a part.
+/// Share of the outcomes for which `hit` holds; a partial hit counts as a fraction.
 fn share<'a>(name: impl Into<String>, outcomes: impl Iterator<Item = &'a Outcome>, hit: impl Fn(&Outcome) -> f64) -> Score {
     let hits: Vec<f64> = outcomes.map(hit).collect();
     let (count, sum) = (hits.len(), hits.iter().sum::<f64>());
@@ -70,18 +70,18 @@ fn yes(condition: bool) -> f64 {
     f64::from(u8::from(condition))
 }
 
-/// Whether a name is meant for this effect, by itself or as one of a group.
+/// Whether a named effect refers to this effect, by itself or as a member of its group.
 fn means(named: &Named, id: &str) -> bool {
     named.id == id || named.group.iter().any(|g| g == id)
 }
 
-/// Share of the true effects that are named; one that is named as a group counts 1/size.
+/// Share of the true effects that are named; one named within a group counts 1/(size of the group).
 fn credit(o: &Outcome) -> f64 {
     let of = |id| o.named.iter().find(|n| means(n, id)).map_or(0.0, |n| 1.0 / (1 + n.group.len()) as f64);
     o.true_ids().map(of).sum::<f64>() / o.truth.effects.len() as f64
 }
 
-/// Effects named beyond the true ones.
+/// Number of effects named beyond the true ones.
 fn extra(o: &Outcome) -> usize {
     o.named.iter().filter(|n| !o.true_ids().any(|id| means(n, id))).count()
 }
@@ -100,7 +100,7 @@ pub fn table(outcomes: &[Outcome]) -> Vec<Score> {
     table
 }
 
-/// Two rows for each alteration.
+/// Up to three rows for each alteration, and two for all together.
 fn altered(outcomes: &[Outcome]) -> Vec<Score> {
     let first = |o: &Outcome| yes(o.named.first().is_some_and(|n| o.true_ids().any(|id| id == n.id)));
     let among = |o: &Outcome| yes(o.named.first().is_some_and(|n| o.true_ids().any(|id| means(n, id))));
@@ -183,13 +183,13 @@ pub fn as_json(table: &[Score]) -> Value {
     Value::Object(table.iter().map(row).collect())
 }
 
-/// The scores for people.
+/// The scores as text.
 pub fn as_text(table: &[Score]) -> String {
     let number = |s: &Score, v: f64| if s.is_share { format!("{:.1} %", 100.0 * v) } else { format!("{v:.2}") };
     let row = |s: &Score| {
         let value = s.value.map_or("-".into(), |v| number(s, v));
         let interval = s.interval.map_or(String::new(), |[low, high]| format!("{} to {}", number(s, low), number(s, high)));
-        // Half a name counts half: whole counts have no decimals.
+        // Rounded to two decimals, since an effect named in a group counts as a fraction; whole counts are printed without decimals.
         let of = match s.hits {
             Some(hits) => format!("{} of {}", (100.0 * hits).round() / 100.0, s.count),
             None => format!("{} car{}", s.count, if s.count == 1 { "" } else { "s" }),
@@ -204,7 +204,7 @@ pub fn as_text(table: &[Score]) -> String {
 mod tests {
     use super::*;
 
-    /// Wilson's interval of 0, 7 and 10 in 10, as tables have it.
+    /// Wilson's intervals of 0, 7 and 10 in 10, from published tables.
     #[test]
     fn intervals_are_wilson_s() {
         for (hits, low, high) in [(0.0, 0.0, 0.2775), (7.0, 0.3968, 0.8922), (10.0, 0.7225, 1.0)] {

@@ -1,7 +1,7 @@
 //! The engine's torque pulsates with the crank angle: T_e + (torque + share · |T_e|) cos(n α).
 //!
-//! A four-stroke engine fires twice a turn with four cylinders (n = 2), three times in two turns with three (n = 1.5). Compression pulsates at any load, combustion with the torque.
-//! Sizes are those behind the crankshaft's own damper: at the flywheel's rim they are several times as large.
+//! A four-stroke engine fires twice a turn with four cylinders (n = 2), three times in two turns with three (n = 1.5). The pulsation by compression is independent of the load,
+//! that by combustion is proportional to the torque. The amplitudes are those behind the crankshaft's own damper: at the flywheel's rim they are several times as large.
 //!
 //! Source: Heywood, *Internal Combustion Engine Fundamentals*, 1988, chapter 2; Crowther, Zhang, Liu and Jeyakumaran, *Analysis and simulation of clutch engagement judder and
 //! stick–slip in automotive powertrain systems*, Proc. IMechE D 218, 2004 (pulsation during an engagement).

@@ -7,7 +7,7 @@
 //! | symbol | meaning | unit |
 //! |---|---|---|
 //! | n, `exponent` | power of the force that μ follows; usually a little below 0 | 1 |
-//! | F_r, `reference_force` | force at which μ is the map's | N |
+//! | F_r, `reference_force` | force at which μ is that of the map | N |
 
 use super::{Act, Effect, Parameters, Subsystem, param};
 
@@ -20,7 +20,7 @@ pub const EFFECT: Effect = Effect {
     shown_by: "a creep sweep with a force sensor",
 };
 
-/// Force below which friction no longer changes, N.
+/// Force F_0 below which friction hardly changes any more, N.
 const TOUCHING: f64 = 100.0;
 
 fn apply(p: &Parameters, force: f64) -> f64 {

@@ -1,16 +1,16 @@
-//! Friction holds the release bearing: x = x_a − ½ width (z + s (w − z)), x_a where the actuator would have it.
+//! Friction of the release bearing: x = x_a − ½ width (z + s (w − z)), where x_a is the bearing position without friction.
 //!
-//! z and w go from −1 to 1 with the travel and back after a reversal, dz/dx_a = 2 (sign − z) sign/travel and dw/dx_a = 8 (sign − w) sign/travel: behind a position that
-//! opens or closes the bearing stays back by half of the width, and it sticks by more at first, for w is ahead of z until both have arrived.
+//! z and w move from −1 to 1 with the travel, and back after a reversal, dz/dx_a = 2 (sign − z) sign/travel and dw/dx_a = 8 (sign − w) sign/travel: in a steady motion in
+//! either direction the bearing lags behind x_a by half of the width. Just after a reversal it sticks by more, because w is ahead of z until both have settled.
 //!
 //! Source: Dahl, *Solid friction damping of mechanical vibrations*, AIAA Journal 14, 1976; Armstrong-Hélouvry, Dupont and Canudas de Wit, *A survey of models, analysis tools
 //! and compensation methods for the control of machines with friction*, Automatica 30, 1994 (break-away over a presliding travel).
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
-//! | `width` | difference of the bearing's positions, opening and closing | mm |
+//! | `width` | difference between the bearing's positions when opening and when closing | mm |
 //! | `travel` | travel from one to the other | mm |
-//! | s, `stiction` | how much more it sticks at first | 1 |
+//! | s, `stiction` | weight of the additional friction just after a reversal | 1 |
 
 use super::{Act, Constants, Effect, Parameters, Release, Subsystem, param};
 use crate::vehicle::Vehicle;

@@ -1,7 +1,7 @@
-//! Judder of the geometry: the torque pulsates with the angle of a shaft, T (1 + engine · cos(n α_f) + input · cos(m α_c)).
+//! Geometric judder: the torque pulsates with the angle of a shaft, T (1 + engine · cos(n α_f) + input · cos(m α_c)).
 //!
-//! A crankshaft or pressure plate that wobbles is locked to the engine, a bent input shaft or a disc that runs out to the input shaft. Unlike `judder`, which goes with the
-//! slip angle, the one keeps its frequency while the slip fades and the other begins with the car.
+//! The pulsation of a wobbling crankshaft or pressure plate is locked to the engine, that of a bent input shaft or of a disc with run-out to the input shaft. Unlike `judder`,
+//! which follows the slip angle, the former keeps its frequency while the slip fades, and the latter begins when the car starts to move.
 //!
 //! Source: Maucher, *Clutch chatter*, 4th LuK Symposium, 1990; Centea, Rahnejat and Menday, *Non-linear multi-body dynamic analysis for the study of clutch torsional
 //! vibrations (judder)*, Applied Mathematical Modelling 25, 2001.
@@ -9,7 +9,7 @@
 //! | symbol | meaning | unit |
 //! |---|---|---|
 //! | `engine`, `input` | relative amplitude locked to engine and input shaft | 1 |
-//! | n, m, `engine_order`, `input_order` | pulsations per turn of either | 1 |
+//! | n, m, `engine_order`, `input_order` | pulsations per turn of the respective shaft | 1 |
 //! | α_f, α_c | angles of engine and input shaft since the start | rad |
 
 use super::{Act, Effect, Parameters, Subsystem, param};

@@ -1,7 +1,7 @@
-//! The faces are hotter than the disc: friction sees θ_c + Δ, τ Δ̇ + Δ = R P/√(1 + ω/ω_0), P the friction power.
+//! The faces are hotter than the disc: friction is evaluated at θ_c + Δ, τ Δ̇ + Δ = R P/√(1 + ω/ω_0), P being the friction power.
 //!
-//! Heat enters through the spots that carry. As long as a spot rests, its rise goes with the heat; one that slides away before it warms through
-//! takes up the less, the faster it is: as 1/√ω. Only friction asks for it: contact point and cushion follow the disc.
+//! Heat enters through the contact spots. As long as a spot rests, its temperature rise is proportional to the heat; a spot that slides away before it has warmed through takes
+//! up less the faster it is, as 1/√ω. Only friction depends on this temperature: contact point and cushion spring follow the disc's.
 //!
 //! Source: Blok, *Theoretical study of temperature rise at surfaces of actual contact under oiliness lubricating conditions*, Proc. IMechE General Discussion on
 //! Lubrication 2, 1937; Jaeger, *Moving sources of heat and the temperature at sliding contacts*, J. Proc. Roy. Soc. New South Wales 76, 1942. The lag
@@ -9,8 +9,8 @@
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
-//! | R, `resistance` | rise per friction power of faces that hardly slip | K/W |
-//! | ω_0, `speed` | slip speed from which on spots warm through no more | rad/s |
+//! | R, `resistance` | rise per friction power at low slip speed | K/W |
+//! | ω_0, `speed` | slip speed from which on spots no longer warm through | rad/s |
 //! | τ, `time_constant` | time in which the rise builds up | s |
 
 use super::{Act, Constants, Effect, Parameters, Subsystem, Surface, param};

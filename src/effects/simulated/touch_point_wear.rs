@@ -1,7 +1,7 @@
 //! Facings wear, and the touch point drifts with the work that they have done: x_cnt + r (W_0 + W), x_cls + c r (W_0 + W).
 //!
-//! Worn depth goes with the friction work over the area, as Archard's law has it. W_0 carries the work of earlier runs over to this one: a run begins where the
-//! last one ended if it is given W_0 + E_d of that.
+//! The worn depth is proportional to the friction work per area (Archard's law). W_0 carries the work of earlier runs over to this one: a run continues from an earlier one if
+//! its W_0 is the W_0 + E_d of that run.
 //!
 //! Source: Archard, *Contact and rubbing of flat surfaces*, J. Applied Physics 24, 1953.
 //!
@@ -9,7 +9,7 @@
 //! |---|---|---|
 //! | r, `rate` | drift of the touch point per friction work | mm/J |
 //! | W_0, `work_before` | friction work before this run | J |
-//! | c, `closed_share` | share of the drift that the closed point takes part in | 1 |
+//! | c, `closed_share` | share of the drift that applies to the closed point | 1 |
 //! | W | friction work of this run, E_d | J |
 
 use super::{Act, Contact, Effect, Parameters, Subsystem, param};

@@ -1,10 +1,10 @@
-//! The tyres slip: J_c splits into what turns before the road and the car, with a tyre between them that builds up its force over a distance rolled.
+//! Slip of the tyres: J_c splits into the inertia that turns before the road and the car, with a tyre between them that builds up its force over a rolled distance.
 //!
-//! T = u/(s σ) / (1 + |u|/(s σ G)), u̇ = ω_c − ω_v − ½ (|ω_c| + |ω_v|) u/σ: at a steady torque the tyre slips by s T/(1 − |T|/G) of the speed
-//! it rolls at, and a standing one is a spring. u is the deflection as an angle at the clutch. Where drive shafts are elastic as well, spring
-//! and tyre are in series, and what turns before the road is `driveline_compliance.disc_share`.
+//! T = u/(s σ) / (1 + |u|/(s σ G)), u̇ = ω_c − ω_v − ½ (|ω_c| + |ω_v|) u/σ: at a steady torque the slip speed of the tyre is s T/(1 − |T|/G) times the speed at which it rolls,
+//! and a standing tyre is a spring. u is the deflection as an angle at the clutch. Where the drive shafts are elastic as well, they are in series with the tyre, and the share
+//! of the inertia before the road is `driveline_compliance.disc_share`.
 //!
-//! Range: straight ahead, up to wheels that spin. Source: Pacejka, *Tire and Vehicle Dynamics*, 3rd ed. 2012, chapters 1 and 7 (force over slip, relaxation
+//! Range: straight ahead, up to spinning wheels. Source: Pacejka, *Tire and Vehicle Dynamics*, 3rd ed. 2012, chapters 1 and 7 (force over slip, relaxation
 //! length); Bernard and Clover, *Tire modeling for low-speed and high-speed calculations*, SAE 950311, 1995 (the same from standstill on).
 //!
 //! | symbol | meaning | unit |

@@ -1,9 +1,10 @@
-//! Directions of a fit: shared nuisances, effect parameters, amplitudes of a missing law, and own unknowns of every recording.
+//! Coordinates of a fit: shared nuisances, effect parameters, amplitudes of a missing law, and the own unknowns of each recording.
 
 use super::density::{Point, Problem, TEMPERATURES, size};
 use crate::effects::{self, PARAMETERS, REGISTRY};
 
-/// Step of a finite difference along a ripple's order: after the longest slip its phase is a hundredth of a radian off, or a tenth after a drive of minutes.
+/// Step of a finite difference along the order of a ripple. It shifts the phase of the ripple by a hundredth of a radian after the longest slip, or by a tenth after a drive of
+/// minutes.
 const ORDER_STEP: f64 = 2e-5;
 
 /// One free coordinate.
@@ -74,7 +75,7 @@ impl Coordinate {
         *slot = slot.clamp(least, most);
     }
 
-    /// How much of a move the bounds leave.
+    /// The part of a move `by` that the bounds leave possible.
     pub fn room(self, problem: &Problem, point: &Point, recording: usize, by: f64) -> f64 {
         let (least, most) = self.bounds(problem);
         let from = self.get(point, recording);
@@ -87,7 +88,7 @@ impl Coordinate {
         if factor && to > 0.0 { from * (to / from).ln() } else { to - from }
     }
 
-    /// Whether it is a value of a law that is learned, or an amplitude of one that is missing.
+    /// Whether the coordinate belongs to a law: an amplitude of a missing law, or a value of a learned curve.
     pub fn is_of_law(self) -> bool {
         match self {
             Self::Missing(_) => true,
@@ -121,7 +122,8 @@ mod tests {
     use super::*;
     use crate::gap::model::prepare::Example;
 
-    /// A move that its bounds cut short ends where the room that they leave ends, on either side and of every parameter; one that they let through is all of it.
+    /// For every parameter, in both directions: a move that a bound cuts short ends at the bound, and so does a move by the room that is left; a move within the bounds has all of
+    /// its room.
     #[test]
     fn the_room_that_is_left_leads_to_the_bound() {
         let example = Example::read();
@@ -136,7 +138,7 @@ mod tests {
         for (k, p) in PARAMETERS.iter().enumerate() {
             let c = Coordinate::Effect(k);
             for (side, bound) in [p.min, p.max].into_iter().enumerate().filter(|(_, bound)| bound.is_finite() && *bound != p.null) {
-                // Of a factor that may come down to nothing nothing is at the end of any move.
+                // A factor whose lower bound is 0 never reaches it, because its moves are multiplicative.
                 let factor = c.is_factor() && bound > 0.0;
                 let by = 3.0 * (bound - p.null) * if factor { (bound / p.null).ln().abs().max(1.0) } else { 1.0 };
                 let room = c.room(&problem, &nominal, 0, by);

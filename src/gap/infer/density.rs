@@ -1,14 +1,14 @@
-//! The joint density of recordings and unknowns: one function that everything else is asked of.
+//! The joint density of recordings and unknowns, from which everything else is derived.
 //!
-//! Unknowns are shared nuisances z (tolerances, timing of the logger), own unknowns of every recording (start temperatures, drift, grade), effect
-//! parameters, and the amplitudes of a law that is missing. Minus twice the logarithm of their density, up to a constant, is
+//! The unknowns are shared nuisances z (tolerances, timing of the logger), own unknowns of every recording (start temperatures, drift, grade), effect parameters p, and the
+//! amplitudes of a missing law. Minus twice the logarithm of their joint density with the recordings is, up to a constant,
 //!
 //! ```text
 //! Σ ρ(e) + Σ z² + Σ ((p − p_0)/s_p)² ,
 //! ```
 //!
-//! e the whitened innovations of the corrected replay, ρ Huber's loss, all nuisances in units of their standard deviation, p_0 and s_p an effect
-//! parameter's null value and the size that a noticeable effect has.
+//! where e are the whitened innovations of the corrected replay, ρ is Huber's loss, all nuisances are in units of their standard deviation, and p_0 and s_p are the null value of
+//! an effect parameter and the size that it has in a noticeable effect. [`STRAINS`] and [`BENDS`] add terms that couple some of the parameters.
 
 use super::belief::ByAccuracy;
 use crate::effects::empirical::{CURVES, Curve};
@@ -28,22 +28,23 @@ use std::sync::{Arc, LazyLock};
 /// Where Huber's loss turns linear, in standard deviations.
 pub const HUBER: f64 = 4.0;
 
-/// Substep below which a plant is too fast to be replayed again and again, relative to that of the car as its file gives it: what settles ten times as fast is not seen.
+/// Shortest substep with which a plant is still replayed again and again, relative to that of the car as its file gives it. A plant with a shorter one is too expensive to replay,
+/// and dynamics that settle ten times as fast are not visible.
 const LEAST_SUBSTEP: f64 = 0.1;
 
-/// Own unknowns of a recording that come before its own nuisances: temperatures of disc and body.
+/// Number of own unknowns of a recording that precede its own nuisances: the start temperatures of disc and body.
 pub const TEMPERATURES: usize = 2;
 
-/// Phases of the clutch.
+/// Number of phases of the clutch.
 pub const PHASES: usize = 3;
 
 /// One for each phase of the clutch: open, slipping, locked.
 pub type ByPhase<T> = [T; PHASES];
 
-/// The whole likelihood.
+/// Powers of one: the full likelihood.
 pub const WHOLE: ByPhase<f64> = [1.0; PHASES];
 
-/// Recordings of one car, and what is believed of it.
+/// Recordings of one car with what the density needs: their filters, the vehicle, its nuisances, and the powers of the likelihood.
 #[derive(Clone, Debug)]
 pub struct Problem {
     /// Recordings.
@@ -56,18 +57,18 @@ pub struct Problem {
     pub shared: Vec<Nuisance>,
     /// Nuisances that every recording has of its own.
     pub own: Vec<Nuisance>,
-    /// States of the nominal car by recording, by state, by observation: what the form of an effect may depend on.
+    /// States along the replays of the nominal car, by recording, state and observation: the variables on which the form of an effect may depend.
     pub states: Vec<Vec<Vec<f64>>>,
     /// Power of the likelihood in each phase of the clutch, for each accuracy that explanations may have; see [`belief`](super::belief).
     pub powers: ByAccuracy<ByPhase<f64>>,
-    /// What its replays have cost.
+    /// Work that replays have taken so far.
     pub work: Work,
 }
 
-/// A function that a missing law or the form of an effect is made of, by recording.
+/// A basis function of a missing law or of the form of an effect, one entry per recording.
 pub type Function = Arc<[Missing]>;
 
-/// Such functions; copies share them, for they may be hundreds, as long as a drive.
+/// Basis functions. Copies share their data, because there may be hundreds of functions, each as long as a drive.
 pub type Basis = Vec<Function>;
 
 /// A point in the space of unknowns.
@@ -84,7 +85,7 @@ pub struct Point {
 }
 
 impl Point {
-    /// The same without an effect.
+    /// The same point with all parameters of one effect at their null values.
     pub fn without(&self, effect: usize) -> Self {
         let mut without = self.clone();
         REGISTRY[effect].parameters.clone().for_each(|k| without.effects[k] = PARAMETERS[k].null);
@@ -95,19 +96,20 @@ impl Point {
 /// Whitened innovations of one recording.
 pub type Residuals = Vec<f64>;
 
-/// A place from which changes of the innovations of one recording count.
+/// Reference point from which changes of the innovations of one recording are counted.
 pub struct Baseline<'a> {
     point: &'a Point,
     basis: Option<&'a Basis>,
-    /// The law that drives the replay there.
+    /// The law that acts in the replay at this point.
     law: Option<Missing>,
     steps: Steps,
-    /// Innovations there, but for what functions add that are linear in them.
+    /// Innovations at this point, without the contributions of functions that are linear in the innovations.
     driven: Residuals,
 }
 
 impl Problem {
-    /// Phase of the clutch, from 0 on, at innovation `i` of recording `r`: two speeds per observation, then the bench channels, one value each.
+    /// Phase of the clutch, counted from 0, at innovation `i` of recording `r`. Innovations are ordered as two speeds per observation, followed by the bench channels with one
+    /// value per observation each.
     pub fn phase(&self, r: usize, i: usize) -> usize {
         let phase = &self.filters[r].phase;
         let n = phase.len();
@@ -133,7 +135,7 @@ impl Problem {
         }
     }
 
-    /// The car at a point, as recording `k` found it; without `k`, as all recordings share it.
+    /// The car at a point, with the own nuisances of recording `k`; without `k`, with the shared nuisances alone.
     pub fn car(&self, point: &Point, k: Option<usize>) -> Car {
         let mut car = Car { effects: point.effects, ..Car::nominal(&self.vehicle) };
         car.apply(&self.shared, &point.shared);
@@ -149,8 +151,8 @@ impl Problem {
         std::array::from_fn(|node| track.theta_0[node] + track.theta_0_sigma[node] * point.own[k][node])
     }
 
-    /// Whether an effect makes a sensor no later than its declared latency may: within [`LATE_SIGMAS`] of its standard deviations that is worth less than an effect's price, and
-    /// what an explanation gains beyond it is the form's, which nobody could tell from anything else.
+    /// Whether an effect makes a sensor no later than its declared latency allows, which is [`LATE_SIGMAS`] standard deviations. A delay within this range is worth less than the
+    /// price of an effect; whatever an explanation gains beyond that comes from the form of the effect, which could not be distinguished from anything else.
     pub fn is_tolerated(&self, point: &Point, effect: usize) -> bool {
         let car = self.car(point, None);
         let amplitudes = REGISTRY[effect].effect.amplitudes;
@@ -159,7 +161,7 @@ impl Problem {
         latencies.into_iter().any(|(k, sigma)| amplitudes.contains(&k) && late < LATE_SIGMAS * sigma)
     }
 
-    /// Whether the plant there is slow enough for replays: a wild step may ask for inertias or shafts that no car has.
+    /// Whether the plant at a point is slow enough for replays. A wild step of a fit may lead to inertias or shafts that no car has.
     pub fn can_follow(&self, point: &Point) -> bool {
         let substep = |car: &Car| Config::new(&car.vehicle, &car.effects).pace.longest_substep(replay::SUBSTEP_S);
         substep(&self.car(point, None)) >= LEAST_SUBSTEP * substep(&Car::nominal(&self.vehicle))
@@ -176,7 +178,7 @@ impl Problem {
         all
     }
 
-    /// Innovations of recording `k` under a law that a replay has to know of.
+    /// Innovations of recording `k` under a law that acts in the replay, without the contributions of functions that are linear in the innovations.
     fn driven(&self, k: usize, point: &Point, law: Option<&Missing>, steps: Steps) -> Residuals {
         let acts = law.filter(|l| !l.is_linear());
         let track = &self.tracks[k];
@@ -189,13 +191,13 @@ impl Problem {
         (0..self.tracks.len()).into_par_iter().map(|k| self.residuals(k, point, basis)).collect()
     }
 
-    /// Steps of replays of recording `k` at a point of which only differences count.
+    /// Steps with which recording `k` is replayed at a point if only differences between replays are used.
     fn steps(&self, k: usize, point: &Point) -> Steps {
-        // What pulsates changes within an observation.
+        // A pulsating clutch torque varies within an observation.
         if self.tracks[k].averages() && !self.car(point, Some(k)).pulsates() { Steps::Observations } else { Steps::Rows }
     }
 
-    /// Courses of the car at a point, without missing laws; in steps like those of others to which they are compared.
+    /// Courses of the car at a point, without missing laws. With `like`, they have the same steps as the courses with which they will be compared.
     pub fn courses(&self, point: &Point, like: Option<&[Course]>) -> Vec<Course<'_>> {
         let one = |k: usize| self.course(k, point, like.map_or_else(|| self.steps(k, point), |all| all[k].steps));
         (0..self.tracks.len()).into_par_iter().map(one).collect()
@@ -207,7 +209,7 @@ impl Problem {
         Course::new(steps, track, &self.filters[k], &self.car(point, Some(k)), self.temperatures(point, k))
     }
 
-    /// The place from which [`Problem::change`] counts, in recording `k`. `known` are the innovations there, if they are known.
+    /// The reference point of [`Problem::change`] in recording `k`. `known` are the innovations at this point, if they have been computed before.
     pub fn baseline<'a>(&self, k: usize, point: &'a Point, basis: Option<&'a Basis>, known: Option<&Residuals>) -> Baseline<'a> {
         let steps = self.steps(k, point);
         let law = basis.map(|b| driving(b, k, &point.missing));
@@ -239,7 +241,7 @@ impl Problem {
     }
 
     fn change_driven(&self, k: usize, from: &Baseline, to: &Point, law: Option<&Missing>) -> Residuals {
-        // What only the torque of a clutch would show changes nothing where that is unknown.
+        // Where the clutch torque is unknown, a difference between cars that only this torque would show changes nothing.
         let hides = || look_alike(&self.car(from.point, Some(k)), &self.car(to, Some(k)));
         if self.tracks[k].position_free && law == from.law.as_ref() && hides() {
             return vec![0.0; from.driven.len()];
@@ -251,7 +253,7 @@ impl Problem {
         difference(self.driven(k, to, law, from.steps), &from.driven)
     }
 
-    /// One of its recordings by itself.
+    /// The same problem with recording `k` alone.
     pub fn of_recording(&self, k: usize) -> Self {
         Self {
             tracks: vec![self.tracks[k].clone()],
@@ -265,13 +267,13 @@ impl Problem {
         }
     }
 
-    /// Samples of all recordings.
+    /// Number of samples in all recordings.
     pub fn samples(&self) -> usize {
         self.filters.iter().map(|f| f.samples).sum()
     }
 }
 
-/// The law that amplitudes make of the functions that a replay has to know of, in recording `k`.
+/// Sum of the functions that act in the replay of recording `k`, each times its amplitude.
 fn driving(basis: &Basis, k: usize, amplitudes: &[f64]) -> Missing {
     let mut sum = Missing::default();
     for (function, a) in basis.iter().zip(amplitudes).filter(|(f, a)| **a != 0.0 && !f[k].is_linear()) {
@@ -295,12 +297,12 @@ pub fn cost(point: &Point, residuals: &[Residuals]) -> f64 {
     misfit(residuals) + prior(point)
 }
 
-/// The recordings' part of it.
+/// The recordings' part of the cost, Σ ρ(e).
 pub fn misfit(residuals: &[Residuals]) -> f64 {
     residuals.iter().flatten().map(|r| huber(*r)).sum()
 }
 
-/// The priors' part of it.
+/// The priors' part of the cost.
 pub fn prior(point: &Point) -> f64 {
     let square = |x: &f64| x * x;
     let nuisances: f64 = point.shared.iter().chain(point.own.iter().flatten()).chain(&point.missing).map(square).sum();
@@ -315,21 +317,21 @@ pub fn size(k: usize) -> f64 {
     effects::owner(k).map_or(PARAMETERS[k].nominal, |entry| entry.scale(k))
 }
 
-/// Two parameters of an effect of which the second goes with the first, more or less.
+/// Prior that couples two parameters of an effect: the follower is expected to be a share of the leader.
 #[derive(Clone, Copy, Debug)]
 pub struct Strain {
-    /// The first.
+    /// Index of the leading parameter.
     pub leader: usize,
-    /// The second.
+    /// Index of the parameter that follows it.
     pub follower: usize,
-    /// Share of the first that the second is expected to take.
+    /// Expected ratio of the follower to the leader.
     pub share: f64,
-    /// Standard deviation of the second around that.
+    /// Standard deviation of the follower around this expectation.
     pub sigma: f64,
 }
 
-/// A clutch whose contact moves is worn or was adjusted, and its closed point moves the same way, by all, some or none of it. On its own it would
-/// be another stiffness.
+/// If the contact point moves, the clutch is worn or was adjusted, and its closed point moves in the same direction, by all, some or none of the distance. A closed point that
+/// moved on its own would be a different stiffness.
 pub const STRAINS: [Strain; 1] = [Strain {
     leader: effects::param::kiss_point_offset::offset,
     follower: effects::param::kiss_point_offset::closed_offset,
@@ -338,24 +340,24 @@ pub const STRAINS: [Strain; 1] = [Strain {
 }];
 
 impl Strain {
-    /// How far apart they are, in standard deviations.
+    /// Deviation of the follower from its expected value, in standard deviations.
     pub fn strain(&self, effects: &Parameters) -> f64 {
         (effects[self.follower] - self.share * effects[self.leader]) / self.sigma
     }
 }
 
-/// How much a learned curve bends from breakpoint to breakpoint: standard deviation of its second differences, in sizes of its values.
+/// Prior standard deviation of the second differences of a learned curve from breakpoint to breakpoint, in units of the prior size of its values.
 pub const BEND: f64 = 0.5;
 
-/// A second difference of a learned curve.
+/// Smoothness prior on one second difference of a learned curve.
 #[derive(Clone, Copy, Debug)]
 pub struct Bend {
-    /// Places of three neighbouring values.
+    /// Parameter indices of three neighbouring values.
     values: [usize; 3],
     sigma: f64,
 }
 
-/// All of them.
+/// The smoothness priors of all learned curves.
 pub static BENDS: LazyLock<Vec<Bend>> = LazyLock::new(|| {
     let of = |c: &'static Curve| {
         let all: Vec<usize> = c.parameters().collect();
@@ -365,12 +367,12 @@ pub static BENDS: LazyLock<Vec<Bend>> = LazyLock::new(|| {
 });
 
 impl Bend {
-    /// The difference, in standard deviations.
+    /// The second difference, in standard deviations.
     pub fn strain(&self, effects: &Parameters) -> f64 {
         self.slopes().map(|(k, a)| a * effects[k]).sum()
     }
 
-    /// Each value with the strain's derivative along it.
+    /// Parameter index of each value with the derivative of the strain along it.
     pub fn slopes(&self) -> impl Iterator<Item = (usize, f64)> {
         self.values.into_iter().zip([1.0 / self.sigma, -2.0 / self.sigma, 1.0 / self.sigma])
     }
@@ -383,7 +385,7 @@ pub fn huber(r: f64) -> f64 {
     if a <= HUBER { r * r } else { HUBER * (2.0 * a - HUBER) }
 }
 
-/// Weight of a residual in the iteration that minimises [`huber`].
+/// Weight of a residual in the iteratively reweighted least squares that minimise [`huber`].
 #[inline]
 pub fn weight(r: f64) -> f64 {
     let a = r.abs();
@@ -395,7 +397,7 @@ mod tests {
     use super::*;
     use crate::effects::param;
 
-    /// r² up to four standard deviations, its tangent beyond; the weight makes a parabola that touches it.
+    /// The loss is r² up to four standard deviations and its tangent beyond; a parabola with the weight as factor touches it.
     #[test]
     fn the_loss_turns_linear_at_four() {
         for (r, loss, factor) in [(0.0, 0.0, 1.0), (-3.0, 9.0, 1.0), (4.0, 16.0, 1.0), (5.0, 24.0, 0.8), (-10.0, 64.0, 0.4)] {
@@ -416,7 +418,7 @@ mod tests {
             prior(&point)
         };
         assert!((of(param::vehicle_mass::factor, -1.5) - 2.25).abs() < 1e-9 && (of(param::judder::sine, 2.0) - 4.0).abs() < 1e-9);
-        // A contact that moves takes half of itself along, give or take a twentieth of a millimetre.
+        // The closed point is expected to follow the contact point by half of its move, ± 0.05 mm.
         let mut moved = effects::null();
         (moved[STRAINS[0].leader], moved[STRAINS[0].follower]) = (0.3, 0.25);
         assert!((STRAINS[0].strain(&moved) - 2.0).abs() < 1e-9);
@@ -426,7 +428,7 @@ mod tests {
         assert!((cost(&point, &[vec![2.0]]) - prior(&point) - 4.0).abs() < 1e-12);
     }
 
-    /// A straight line does not bend, whatever its slope; a kink of half a value's size is one standard deviation.
+    /// A straight line has no second difference, whatever its slope; a kink of half the size of a value is one standard deviation.
     #[test]
     fn a_curve_pays_for_its_bends() {
         let bend = &BENDS[0];

@@ -1,4 +1,4 @@
-//! The exchange: every member of the best set is dropped in turn, and exchanged for what suits the rest better, or nearly as well.
+//! The exchange: every member of the best set is dropped in turn and replaced by effects that suit the rest better, or nearly as well.
 
 use super::density::{Point, Problem};
 use super::fit::LOOK;
@@ -6,7 +6,7 @@ use super::search::{BEHIND_NATS, Hypothesis, LEAST_PROMISE, STAY, Search, extend
 use crate::effects::REGISTRY;
 use rayon::prelude::*;
 
-/// Exchanges members of the best set until none is left that something else suits better, and then fits its [`rivals`].
+/// Exchanges members of the best set until no other effect suits the rest better, and then fits its [`rivals`].
 pub fn exchange(problem: &Problem, found: &mut Search) {
     improve(problem, found);
     let looked: Vec<Hypothesis> = rivals(problem, found)
@@ -16,8 +16,9 @@ pub fn exchange(problem: &Problem, found: &mut Search) {
     finish(problem, found, looked);
 }
 
-/// Sets that nobody has fitted, or not as well as one would expect, and that may be as probable as the best: an effect that was nearly as good as a member of it beside a part of the set stands in that member's place, beside all the
-/// others. As long as it was only met beside a part, it lacks what the rest explains, and seems far behind.
+/// Sets, with start points, that may be as probable as the best one but were not fitted, or not as well as expected. In each of them, an effect that was nearly as good as a member
+/// of the best set beside only a part of that set takes this member's place beside all the others. As long as such an effect was fitted beside a part only, it lacks what the rest
+/// explains and seems far behind.
 fn rivals(problem: &Problem, found: &Search) -> Vec<(Vec<usize>, Point)> {
     let best = found.best();
     let mut all: Vec<(Vec<usize>, Point)> = Vec::new();
@@ -32,7 +33,7 @@ fn rivals(problem: &Problem, found: &Search) -> Vec<(Vec<usize>, Point)> {
             set.sort_unstable();
             let mut start = best.formed.point.without(*member);
             REGISTRY[*rival].parameters.clone().for_each(|k| start.effects[k] = other.formed.point.effects[k]);
-            // One that was looked at from elsewhere may be far from its mode.
+            // A set that was fitted from another start may be far from its mode.
             let expected = best.log_posterior - (part.log_posterior - other.log_posterior).max(0.0);
             let is_short = |h: &Hypothesis| h.log_posterior < expected - 0.5 * LEAST_PROMISE;
             if found.of(&set).is_none_or(is_short) && all.iter().all(|(s, _)| *s != set) && problem.can_follow(&start) {
@@ -43,8 +44,8 @@ fn rivals(problem: &Problem, found: &Search) -> Vec<(Vec<usize>, Point)> {
     all
 }
 
-/// Drops every member of the best set in turn; what is left is fitted from there and looks for a better companion, if it fits better than it did or if the
-/// best set strains its tolerances, which says that it is not the right one.
+/// Drops each member of the best set in turn and fits the remaining set from there. Further effects are screened beside the remaining set if it fits better than before, or if the
+/// best set strains its tolerances, which indicates that it is not the right one.
 fn improve(problem: &Problem, found: &mut Search) {
     for _ in 0..EXCHANGES {
         let best = found.best().clone();
@@ -69,7 +70,7 @@ fn improve(problem: &Problem, found: &mut Search) {
                 extend(problem, found, &rest);
             }
         }
-        // The twins of tolerances that are pulled, in the place of each member.
+        // In place of each member, tries the effects that are equivalent to strongly pulled tolerances.
         if strained && problem.work.may_go_on() {
             let all = taken_over(problem, &best.formed.point, &best.effects);
             let swapped = all.into_iter().flat_map(|(effects, point)| {
@@ -93,9 +94,10 @@ fn improve(problem: &Problem, found: &mut Search) {
     }
 }
 
-/// Rounds of exchange.
+/// Maximum number of rounds of exchange.
 const EXCHANGES: usize = 4;
-/// Share of its strain that a strained set may keep in a round for another one: what only changes places is not on its way to what is wrong.
+/// Share of its strain that a strained set may keep in a round that replaces it by another set. Strain that only moves from some tolerances to others does not lead to what is
+/// wrong.
 const STRAIN_LEFT: f64 = 0.75;
 
 fn is_relieved(before: f64, now: f64) -> bool {
@@ -109,8 +111,8 @@ mod tests {
     use crate::gap::infer::fit::Fit;
     use crate::gap::model::prepare::Example;
 
-    /// Alone, friction is nearly as good as the contact point, and a lag far behind: friction is fitted beside the mass that the contact point has beside it, from the size that it had alone. Once
-    /// it is as good there as one would expect, it is not fitted again.
+    /// The best set is contact point and mass. Alone, friction is nearly as good as the contact point, and a lag far behind. Friction is therefore fitted beside the mass, in place
+    /// of the contact point, from the size that it had alone. Once it is as good there as expected, it is not fitted again.
     #[test]
     fn what_was_nearly_as_good_alone_is_tried_beside_the_rest_of_the_best_set() {
         let example = Example::read();

@@ -1,6 +1,6 @@
 //! Fit of a hypothesis: the mode of the joint density, and its evidence by Laplace's approximation there.
 //!
-//! Levenberg–Marquardt with derivatives along nuisances that are kept while the linear model keeps its word.
+//! The method is Levenberg–Marquardt. Derivatives along nuisances are reused as long as the linear model predicts the gain of a step well.
 
 use super::belief::ByAccuracy;
 use super::coordinate::{Coordinate, coordinates};
@@ -16,36 +16,36 @@ use std::sync::Arc;
 pub struct Fit {
     /// Mode.
     pub point: Point,
-    /// Minus twice the logarithm of the density there, up to a constant of the recordings.
+    /// Minus twice the logarithm of the density at the mode, up to a constant that depends on the recordings alone.
     pub cost: f64,
-    /// Innovations there; empty once they were let go.
+    /// Innovations at the mode; empty once they were released.
     pub residuals: Arc<Vec<Residuals>>,
     /// The recordings' part of the cost, phase by phase of the clutch.
     pub misfits: ByPhase<f64>,
     /// Coordinates that all recordings share.
     pub shared: Vec<Coordinate>,
-    /// Curvature of half the cost along them, own unknowns eliminated.
+    /// Curvature of half the cost along the shared coordinates, own unknowns eliminated.
     pub curvature: DMatrix<f64>,
-    /// Logarithm of the evidence, nats, up to a constant of the recordings.
+    /// Logarithm of the evidence, nats, up to a constant that depends on the recordings alone.
     pub log_evidence: f64,
-    /// Derivatives near the mode; empty once they were let go.
+    /// Derivatives near the mode; empty once they were released.
     pub columns: Arc<Vec<Columns>>,
     /// Coordinates that each recording has of its own.
     pub own: Vec<Coordinate>,
     /// Products of the derivatives, by recording and phase of the clutch.
     pub parts: Arc<Vec<ByPhase<Products>>>,
-    /// Sum of the squares of the shared nuisances where the likelihood to the power with which it was weighed has its mode; none before it is weighed.
+    /// Sum of squares of the shared nuisances at the mode of the density under the likelihood powers with which the fit was weighed; 0 before it is weighed.
     pub strain: f64,
-    /// Size of the effects' forms relative to that with which they were fitted: root mean square over the sizes that it may have, by their evidence; 1 before they are weighed.
+    /// Size of the effects' forms relative to the one assumed in the fit: root mean square over the possible sizes, weighted by their evidence; 1 before the fit is weighed.
     pub form_size: f64,
-    /// Covariance of the shared coordinates but for functions, the mean over the accuracies that an explanation may have; none before they are weighed, or where the
-    /// recordings bound nothing.
+    /// Covariance of the shared coordinates without functions, averaged over the accuracies that an explanation may have. None before the fit is weighed, or if the curvature is
+    /// not positive definite for one of them.
     pub mean_covariance: Option<DMatrix<f64>>,
-    /// The curvature that is left of `shared` without functions where the likelihood is taken whole, as if laws were exact.
+    /// Curvature along the shared coordinates without functions under the full likelihood, as if laws were exact. Before the fit is weighed, a copy of `curvature`.
     pub exact: DMatrix<f64>,
 }
 
-/// The covariance of fits of one explanation, one for each accuracy that it may have.
+/// Mean covariance of the fits of one explanation, one fit for each accuracy that it may have, functions eliminated.
 pub fn mean_covariance(fits: ByAccuracy<Fit>) -> Option<DMatrix<f64>> {
     let all: Vec<DMatrix<f64>> = fits.into_iter().map(|fit| fit.marginal().covariance()).collect::<Option<_>>()?;
     let number = all.len() as f64;
@@ -53,7 +53,7 @@ pub fn mean_covariance(fits: ByAccuracy<Fit>) -> Option<DMatrix<f64>> {
 }
 
 impl Fit {
-    /// Derivatives at the mode, worked out anew if they were let go.
+    /// Derivatives at the mode, computed anew if they were released.
     pub fn derivatives(&self, problem: &Problem, frame: &Frame, basis: Option<&Basis>) -> Arc<Vec<Columns>> {
         if !self.columns.is_empty() {
             return self.columns.clone();
@@ -68,22 +68,23 @@ impl Fit {
         self.misfits.iter().sum()
     }
 
-    /// Lets go of the innovations, the derivatives and their products.
+    /// Releases the memory of the innovations, the derivatives and their products.
     pub fn let_go(&mut self) {
         (self.residuals, self.columns, self.parts) = (Arc::default(), Arc::default(), Arc::default());
     }
 
-    /// Derivatives as a fit of something else takes them over.
+    /// Derivatives of which a fit of other effects can reuse those along nuisances.
     pub fn known(&self) -> Option<Known<'_>> {
         (!self.columns.is_empty()).then_some(Known::Nuisances(&self.columns))
     }
 
-    /// The same as a fit of the same effects with more of the same law does.
+    /// Derivatives of which a fit of the same effects with further functions of the same law can reuse those along nuisances and along the law.
     pub fn known_with_law(&self) -> Option<Known<'_>> {
         (!self.columns.is_empty()).then_some(Known::Law(&self.columns))
     }
 
-    /// Standard deviation of the mean that the form of an effect may have where these recordings do not show it, along one of the effect's parameters.
+    /// Standard deviation of the mean of an effect's form, as a change of one of the effect's parameters. These recordings do not show such a mean, because a constant form is the
+    /// same as a change of size.
     pub fn mean_of_form(&self, parameter: usize) -> f64 {
         FORM * self.form_size * (self.point.effects[parameter] - PARAMETERS[parameter].null)
     }
@@ -131,7 +132,7 @@ impl Fit {
 
 #[cfg(test)]
 impl Fit {
-    /// A fit of nothing along these coordinates, at the car as its file gives it.
+    /// A fit without recordings along these coordinates, at the nominal car.
     pub fn made_up(along: Vec<Coordinate>) -> Self {
         let identity = DMatrix::identity(along.len(), along.len());
         Self {
@@ -153,34 +154,35 @@ impl Fit {
     }
 }
 
-/// Mean square of the nuisances beyond which a fit strains its tolerances: of a dozen and more standard normal numbers it is so once in a hundred times.
+/// Mean square of the nuisances beyond which a fit strains its tolerances. By chance, the mean square of a dozen standard normal numbers exceeds it in 2 % of all cases, that of
+/// sixteen in 1 %.
 const STRAINED: f64 = 2.0;
-/// Steps that an iteration tries, each shorter than the one before, and the factor on their damping.
+/// Maximum number of steps that an iteration tries, and the factor by which their damping grows from one to the next, so that each is shorter than the one before.
 const TRIES: usize = 7;
 const SHRINK: f64 = 20.0;
-/// Ratio of a step's gain to what the linear model promised within which derivatives along nuisances are kept.
+/// Range of the ratio of a step's gain to the gain that the linear model predicted within which derivatives along nuisances are reused.
 pub const KEEPS_ITS_WORD: std::ops::Range<f64> = 0.7..1.5;
-/// Gain of a step, in units of the cost that is believed, below which a fit ends.
+/// Gain of a step below which a fit ends, in the cost scaled by [`Problem::power`].
 const LEAST_GAIN: f64 = 0.3;
 
-/// [`LEAST_GAIN`] in units of the whole cost.
+/// [`LEAST_GAIN`] in the unscaled cost.
 pub fn least_gain(problem: &Problem) -> f64 {
     LEAST_GAIN / problem.power()
 }
 
-/// Iterations of a fit that only looks: it lives on the derivatives along nuisances that it was given.
+/// Iterations of a look: a preliminary fit with the derivatives along nuisances that it was given.
 pub const LOOK: usize = 2;
 
 /// What is fitted beside the nuisances.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Free<'a> {
-    /// Effects, by their place in the registry.
+    /// Effects, by their index in the registry.
     pub effects: &'a [usize],
     /// Functions of a missing law.
     pub basis: Option<&'a Basis>,
 }
 
-/// Maximises the density from `start`. `known` are derivatives of a place nearby.
+/// Maximises the density from `start`. `known` are derivatives at a nearby point.
 pub fn fit(problem: &Problem, free: Free, start: &Point, iterations: usize, known: Option<Known>) -> Fit {
     let missing = free.basis.map_or(0, Vec::len);
     let (shared, own) = coordinates(problem, free.effects, missing);
@@ -201,7 +203,7 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
     let least = least_gain(problem);
     while done < iterations {
         if !kept {
-            // New ones take as much memory again.
+            // The old derivatives are released first, because the new ones take as much memory again.
             columns = Vec::new();
         }
         let old = match known {
@@ -209,7 +211,7 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
             _ => Known::Law(&columns),
         };
         columns = derivatives(problem, &point, basis, &residuals, &frame, kept.then_some(old));
-        // What stale derivatives had to be damped for says nothing of new ones.
+        // How much damping reused derivatives needed says nothing about new ones.
         damping = if kept { damping } else { 0.0 };
         let (before, mut promised) = (now, f64::INFINITY);
         let parts = all_products(&columns, &residuals);
@@ -237,7 +239,7 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
                 damping = if damping < 0.1 { 0.0 } else { damping * 0.1 };
                 break;
             }
-            // At a mode shorter steps promise even less.
+            // The linear model promises next to nothing, as at a mode; shorter steps would promise even less.
             if promised < least {
                 break;
             }
@@ -245,12 +247,12 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
         }
         let gain = before - now;
         let looks = iterations <= LOOK;
-        // What kept derivatives say is enough for a look; a mode is where new ones promise nothing more.
+        // A full fit ends only where new derivatives lead to no further gain. A look also ends where reused derivatives promise no gain, or predicted it badly.
         if gain < least && (!kept || looks && promised < least) || (kept && looks && !KEEPS_ITS_WORD.contains(&(gain / promised))) {
             break;
         }
         let keeps_its_word = gain >= least && KEEPS_ITS_WORD.contains(&(gain / promised));
-        // A step from kept derivatives that broke its word was only a try.
+        // A step with reused derivatives that predicted its gain badly does not count as an iteration.
         done += usize::from(keeps_its_word || !kept);
         kept = keeps_its_word;
     }
@@ -283,7 +285,7 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
     }
 }
 
-/// Logarithm of the evidence: density at the mode times the volume that the posterior leaves of the prior.
+/// Logarithm of the evidence by Laplace's approximation: density at the mode times the ratio of posterior to prior volume.
 pub fn laplace(cost: f64, equations: &Normal) -> f64 {
     let Some(root) = equations.curvature.clone().cholesky() else { return f64::NEG_INFINITY };
     let log_det = 2.0 * root.l_dirty().diagonal().map(f64::ln).sum() + equations.log_det_own;
@@ -291,7 +293,7 @@ pub fn laplace(cost: f64, equations: &Normal) -> f64 {
 }
 
 pub(super) fn promise(equations: &Normal, step: &DVector<f64>) -> f64 {
-    // Own unknowns move along; what they gain where they stand is part of it.
+    // The own unknowns follow the shared ones; what they gain while the shared ones stay fixed is included.
     let own: f64 = equations.eliminated.iter().map(|e| e.gain()).sum();
     own - 2.0 * equations.gradient.dot(step) - (&equations.curvature * step).dot(step)
 }
@@ -309,13 +311,13 @@ pub(super) fn moved(problem: &Problem, frame: &Frame, equations: &Normal, point:
     trial
 }
 
-/// Where a step within the bounds leads from a point; none where the model is not positive.
+/// Point to which a Gauss–Newton step within the bounds leads; None if the curvature is not positive definite.
 pub fn stepped(problem: &Problem, frame: &Frame, equations: &Normal, point: &Point) -> Option<Point> {
     bounded_step(problem, equations, frame, point).map(|step| moved(problem, frame, equations, point, &step))
 }
 
-/// Gauss–Newton step within the bounds: the least of the quadratic model over the box that they leave, by the primal active-set method (Nocedal and Wright,
-/// "Numerical Optimization", 2nd edition, algorithm 16.3). A coordinate that is stopped at its bound is let go where the model then falls inwards.
+/// Gauss–Newton step within the bounds: the minimum of the quadratic model over the box of moves that the bounds leave possible, by the primal active-set method (Nocedal and
+/// Wright, "Numerical Optimization", 2nd edition, algorithm 16.3). A coordinate that was stopped at its bound is released where the model falls inwards.
 pub(super) fn bounded_step(problem: &Problem, equations: &Normal, frame: &Frame, point: &Point) -> Option<DVector<f64>> {
     let n = frame.shared.len();
     let room = |k: usize| [-FAR, FAR].map(|by| frame.shared[k].room(problem, point, 0, by));
@@ -326,13 +328,13 @@ pub(super) fn bounded_step(problem: &Problem, equations: &Normal, frame: &Frame,
 /// Further than any step.
 const FAR: f64 = 1e9;
 
-/// Least of ½ sᵀHs + gᵀs with every s between its two bounds, which hold zero between them; none if H is not positive definite.
+/// Minimises ½ sᵀHs + gᵀs with every component of s between its two bounds, which have zero between them; None if H is not positive definite.
 fn least_in_box(curvature: &DMatrix<f64>, gradient: &DVector<f64>, bounds: &[[f64; 2]]) -> Option<DVector<f64>> {
     let n = bounds.len();
     let mut step = DVector::zeros(n);
     let outwards = |k: usize, slope: f64, at: f64| (at <= bounds[k][0] && slope > 0.0) || (at >= bounds[k][1] && slope < 0.0);
     let mut stopped: Vec<bool> = (0..n).map(|k| outwards(k, gradient[k], 0.0)).collect();
-    // Each round stops a coordinate or lets one go while the model falls: it ends, and in practice after a few.
+    // Each round stops a coordinate or releases one while the model falls, so that the iteration ends, in practice after a few rounds.
     for _ in 0..4 * n.max(4) {
         let (mut h, mut downhill) = (curvature.clone(), -(gradient + curvature * &step));
         for k in (0..n).filter(|k| stopped[*k]) {
@@ -387,7 +389,7 @@ mod tests {
         }
     }
 
-    /// Two shared unknowns and a function: what is left without it is the curvature of the two alone, the inverse of their part of the covariance.
+    /// Two shared unknowns and one function: eliminating the function leaves a curvature whose inverse is the unknowns' block of the covariance.
     #[test]
     fn a_fit_without_its_functions_has_the_covariance_that_it_had() {
         let along = vec![Coordinate::Shared(0), Coordinate::Missing(0), Coordinate::Shared(1)];
@@ -404,7 +406,7 @@ mod tests {
         assert_eq!(rest.marginal().shared.len(), 2);
     }
 
-    /// The mean over what an explanation's accuracy may be, of covariances and not of curvatures; none where one of them bounds nothing.
+    /// The mean over the accuracies is that of covariances, not of curvatures. There is none if one of the curvatures is not positive definite.
     #[test]
     fn covariances_are_the_mean_over_accuracies() {
         let with = |curvature: f64| {
@@ -417,7 +419,8 @@ mod tests {
         assert_eq!(mean_covariance([with(1.0), with(-1.0), with(1.0)]), None);
     }
 
-    /// Both coordinates want to leave at first; with the second at its bound the first moves inwards.
+    /// First case: the second coordinate is stopped at its bound from the beginning, and only the first one moves. Second case: the unconstrained minimum violates the bounds of
+    /// both coordinates; with the second one at its bound, the first one remains within its own.
     #[test]
     fn a_coordinate_that_was_stopped_is_let_go_where_the_model_falls_inwards() {
         let h = DMatrix::from_row_slice(2, 2, &[1.0, 0.9, 0.9, 1.0]);
@@ -430,7 +433,7 @@ mod tests {
         assert!((s[1] - 2.0).abs() < 1e-12 && (s[0] + 2.8).abs() < 1e-12, "{s}");
     }
 
-    /// Against every combination of bounds: of those that are feasible and free at the rest, the least.
+    /// Comparison with all combinations of active bounds: the result is as low as the lowest of their feasible minima.
     #[test]
     fn the_least_in_a_box_is_the_least_of_all_its_faces() {
         let mut seed = 7_u64;

@@ -1,19 +1,21 @@
 //! The form of an effect: how the real one differs from the library's.
 //!
-//! An effect does something, d: torques, errors of readings. A real one does more here and less there,
+//! Let d be what an effect of the library does: torques and sensor errors. A real effect does more in some states and less in others,
 //!
 //! ```text
 //! d (1 + Σ a_jk H_k(u_j)) ,   a_jk normal,
 //! ```
 //!
-//! with u_j the states that its subsystem can depend on ([`missing::states`](crate::gap::model::missing::states)), and d itself if it comes of a memory, each shifted and scaled to mean 0 and variance 1
-//! where the effect acts, and H_k the Hermite polynomials up to the fourth degree. All a_jk have one standard deviation, so that the form is expected to do [`FORM`] of what the effect does; or
-//! those of a single state have it, with as much to change ([`alone`]). What each function changes in the innovations follows from the course of the car ([`Course`]), whose filter takes up what lasts.
+//! where u_j are the states that the effect's subsystem can depend on ([`missing::states`](crate::gap::model::missing::states)), and d itself if the effect arises from a memory,
+//! each shifted and scaled to mean 0 and variance 1 where the effect acts, and H_k are the Hermite polynomials up to the fourth degree. All a_jk have one standard deviation,
+//! chosen so that the form is expected to do the share [`FORM`] of what the effect does; alternatively, the functions along a single state do as much alone ([`alone`]). What each
+//! function changes in the innovations follows from the course of the car ([`Course`]), including the filter, which absorbs whatever lasts.
 //!
-//! What inertias and elastic shafts do is not told by a course, nor are ripples that a logger hardly resolves. Of such effects, and of missing laws, d is what they change in the whitened
-//! innovations, and the polynomials are those of first and second degree along all states. A ripple may also be shifted in phase: its d is joined by that of the ripple a quarter of a turn on.
+//! A course does not show what inertias and elastic shafts do, nor ripples that a logger hardly resolves. For these effects, and for missing laws, d is the change that they make
+//! in the whitened innovations, and the polynomials are those of first and second degree along all states. A ripple may also be shifted in phase: the d of the same ripple a
+//! quarter of a turn on is added to its own.
 //!
-//! The functions are linear in the innovations: a fit takes them along without replays of their own.
+//! The functions are linear in the innovations, so that a fit includes them without further replays.
 
 use super::density::{Baseline, Basis, Point, Problem, Residuals};
 use crate::effects::{Act, REGISTRY, Subsystem};
@@ -26,21 +28,23 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::f64::consts::SQRT_2;
 
-/// How far the form of a real effect is from the library's: standard deviation of what that changes in the recordings, relative to what the effect itself
+/// How far the form of a real effect is expected to be from the library's: standard deviation of what the form changes in the recordings, relative to what the effect itself
 /// changes in them.
 pub const FORM: f64 = 0.12;
 
-/// By how much the form of a real effect moves in time what the effect changes, s.
+/// Time, s, by which the form of a real effect shifts what the effect changes.
 const MOVED_S: f64 = 0.02;
 
-/// Highest degree of the polynomials: of what an effect does, and of what one changes that does nothing that is told.
+/// Highest degree of the polynomials: for functions of what an effect does, and for functions of what an effect changes in the innovations, where its courses do not show what it
+/// does.
 const DEGREE_OF_CAUSE: i32 = 4;
 const DEGREE_OF_CHANGE: i32 = 2;
 
-/// Share of what an effect changes, root mean square, up to which what it does may fail to account for it.
+/// Largest relative error (root mean square) with which the response to what an effect does may reproduce what the effect changes in the innovations; beyond it, the form is
+/// derived from these changes.
 const UNTOLD: f64 = 0.5;
 
-/// States on which what a subsystem does can depend.
+/// States on which the action of a subsystem can depend.
 fn depends_on(subsystem: Subsystem) -> &'static [usize] {
     match subsystem {
         Subsystem::Engine => &[state::OMEGA_F, state::REPORT, state::TIME],
@@ -49,10 +53,10 @@ fn depends_on(subsystem: Subsystem) -> &'static [usize] {
     }
 }
 
-/// Scaled states beyond which a function stays as it is.
+/// Limit of the scaled states beyond which a polynomial is constant.
 const FAR: f64 = 2.5;
 
-/// The functions of the forms of these effects at a point, one standard deviation each.
+/// The functions of the forms of these effects at a point, each with the size of one standard deviation.
 pub fn forms(problem: &Problem, point: &Point, effects: &[usize]) -> Basis {
     if effects.is_empty() {
         return Basis::new();
@@ -83,20 +87,21 @@ fn of_effect(problem: &Problem, point: &Point, effect: usize, with: &[Course]) -
     if !accounts_for(&answers(&causes), &changes[0]) {
         return of_changes(problem, &changes, FORM, Some(effect));
     }
-    // What comes of a memory is no function of states alone.
+    // An effect that arises from a memory is not a function of states alone, and its form may depend on what the effect does itself.
     let at_once: Vec<Missing> = with.iter().zip(&without).map(|(a, b)| a.beyond_at_once(b)).collect();
     let itself: &[usize] = if accounts_for(&answers(&at_once), &changes[0]) { &[] } else { &[state::ITSELF] };
     let along = [depends_on(entry.effect.subsystem), itself].concat();
     of_causes(problem, &changes[0], &causes, with, (effect, &along))
 }
 
-/// Whether it is told what changes these innovations.
+/// Whether `told` predicts the change of the innovations to within the relative error [`UNTOLD`].
 fn accounts_for(told: &[Residuals], change: &[Residuals]) -> bool {
     let untold: Vec<Residuals> = change.iter().zip(told).map(|(a, b)| difference(a, b)).collect();
     square(&untold) <= UNTOLD.powi(2) * square(change)
 }
 
-/// The functions of the form of a missing law: what its first `amplitudes` change at a point. Of a law that nobody knows the form is as uncertain as its size.
+/// The functions of the form of a missing law at a point, from the change of the innovations by the first `amplitudes` functions of the basis. Since nobody knows the law, its form
+/// is as uncertain as its size.
 pub fn of_law(problem: &Problem, point: &Point, basis: &Basis, amplitudes: usize) -> Basis {
     let mut without = point.clone();
     without.missing[..amplitudes].fill(0.0);
@@ -104,29 +109,29 @@ pub fn of_law(problem: &Problem, point: &Point, basis: &Basis, amplitudes: usize
     of_changes(problem, &[less(problem, &from, &without)], 1.0, None)
 }
 
-/// What forms are expected to change: the sum of squares of one standard deviation of each function.
+/// Expected square of the change that forms make in the innovations: the sum of squares of all functions, which have the size of one standard deviation.
 pub fn change(basis: &Basis) -> f64 {
     basis.iter().flat_map(|f| f.iter()).map(|f| f.innovations.square()).sum()
 }
 
-/// Difference of the logarithms of the squares of what two sets of forms change, up to which they are as large as each other.
+/// Difference of the logarithms of [`change`] below which two sets of forms are equally large.
 const AS_LARGE: f64 = 0.2;
 
-/// Whether two sets of forms are as large as each other: those that are not are worked out again where a fit ends, for a form is a share of what its effect changes there.
+/// Whether two sets of forms are equally large. If not, the forms are computed again where a fit ends, because a form is a share of what its effect changes there.
 pub fn are_as_large(one: &Basis, other: &Basis) -> bool {
     one.is_empty() && other.is_empty() || (change(one) / change(other)).ln().abs() < AS_LARGE
 }
 
-/// Functions along one state: their places in a basis, and the factor at which they alone change as much as those along every state.
+/// Functions along one state: their indices in a basis, and the factor on their sizes with which they alone change as much as the functions along all states together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Alone {
-    /// Places in the basis.
+    /// Indices in the basis.
     pub functions: Vec<usize>,
     /// Factor on their sizes.
     pub factor: f64,
 }
 
-/// The functions of each effect's form, state by state.
+/// Groups the functions of each effect's form by state.
 pub fn alone(basis: &Basis) -> Vec<Vec<Alone>> {
     let mut effects: BTreeMap<usize, BTreeMap<usize, (Vec<usize>, f64)>> = BTreeMap::new();
     for (k, function) in basis.iter().enumerate() {
@@ -143,7 +148,8 @@ pub fn alone(basis: &Basis) -> Vec<Vec<Alone>> {
     effects.into_values().map(of_effect).collect()
 }
 
-/// The functions of changes, so that all of them together change this share of what the first one is: of the form of an effect, or of nothing that is told apart.
+/// The functions of a form that is derived from changes of the innovations, scaled so that all of them together change the given share of what `changes[0]` is. `effect` is the
+/// effect to which the form belongs; a missing law has none.
 fn of_changes(problem: &Problem, changes: &[Vec<Residuals>], share: f64, effect: Option<usize>) -> Basis {
     let whole = square(&changes[0]);
     if whole == 0.0 {
@@ -154,10 +160,11 @@ fn of_changes(problem: &Problem, changes: &[Vec<Residuals>], share: f64, effect:
     basis(functions, share * (whole / all.max(f64::MIN_POSITIVE)).sqrt(), effect)
 }
 
-/// The functions of the form of an effect from what it does in each recording, so that all of them together do [`FORM`] of it, and from what it changes, for that may also be moved in time.
+/// The functions of the form of an effect that are derived from what the effect does in each recording (`causes`), scaled so that all of them together do the share [`FORM`] of it.
+/// The shifts in time are derived from what the effect changes in the innovations (`change`).
 fn of_causes(problem: &Problem, change: &[Residuals], causes: &[Missing], with: &[Course], (effect, along): (usize, &[usize])) -> Basis {
     let size = |k: usize| causes.iter().flat_map(|c| c.acting()[k]).map(|x| x * x).sum::<f64>();
-    // A torque, if there is one, for that is what acts; then an error of a speed.
+    // The foremost action of the effect is its largest torque or, without any, the larger of its two speed errors.
     let torque = (0..3).max_by(|&a, &b| size(a).total_cmp(&size(b))).filter(|&k| size(k) > 0.0);
     let foremost = torque.unwrap_or(if size(3) > size(4) { 3 } else { 4 });
     let itself: Vec<&[f64]> = causes.iter().map(|c| c.acting()[foremost].as_slice()).collect();
@@ -188,7 +195,7 @@ fn basis(functions: Vec<Function>, scale: f64, effect: Option<usize>) -> Basis {
     functions.into_iter().map(one).collect()
 }
 
-/// A function of a form, along a state unless it moves the change in time.
+/// A function of a form along a state or, without a state, a shift in time.
 struct Function {
     state: Option<usize>,
     by_recording: Vec<Column>,
@@ -220,7 +227,8 @@ impl Polynomial {
     }
 }
 
-/// Those of these states up to a degree, shifted and scaled by weights of values by recording; what a state is at a value is `value`'s to say.
+/// The polynomials along these states from the first degree up to `degree`. Each state is shifted and scaled to mean 0 and variance 1 under `weights`, which are given by recording
+/// and sample; `value(r, state, i)` returns the state at sample `i` of recording `r`.
 fn polynomials(along: &[usize], degree: i32, weights: &[Vec<f64>], value: impl Fn(usize, usize, usize) -> f64) -> Vec<Polynomial> {
     let whole: f64 = weights.iter().flatten().sum();
     let mut all = Vec::new();
@@ -231,7 +239,7 @@ fn polynomials(along: &[usize], degree: i32, weights: &[Vec<f64>], value: impl F
         };
         let centre = mean(&|x| x);
         let spread = mean(&|x| (x - centre).powi(2)).sqrt();
-        // A state that stands still modulates nothing.
+        // A state that does not vary modulates nothing.
         if spread <= 1e-9 * centre.abs() || !spread.is_finite() {
             continue;
         }
@@ -240,7 +248,7 @@ fn polynomials(along: &[usize], degree: i32, weights: &[Vec<f64>], value: impl F
     all
 }
 
-/// A change moved in time, and times the polynomials of every state.
+/// A change shifted in time, and a change multiplied by the polynomials of every state.
 fn modulated(problem: &Problem, change: &[Residuals]) -> Vec<Function> {
     // Two speeds per observation, then the bench channels, one value each.
     let value = |r: usize, state: usize, i: usize| {
@@ -256,7 +264,7 @@ fn modulated(problem: &Problem, change: &[Residuals]) -> Vec<Function> {
     functions
 }
 
-/// A change's first and second difference in time, each as large as the change.
+/// First and second difference of a change in time, each scaled to the size of the change.
 fn in_time(problem: &Problem, change: &[Residuals]) -> Vec<Vec<Residuals>> {
     let difference = |weights: [f64; 3]| -> Vec<Residuals> {
         let one = |(d, track): (&Residuals, &Track)| {
@@ -286,7 +294,7 @@ fn baselines<'a>(problem: &Problem, point: &'a Point, basis: Option<&'a Basis>) 
     (0..problem.tracks.len()).into_par_iter().map(|r| problem.baseline(r, point, basis, None)).collect()
 }
 
-/// Change from baselines to a point with less: what the effect or law in question does is minus this.
+/// Change of the innovations from baselines to a point without a law; what the law changes is the negative of this.
 fn less(problem: &Problem, from: &[Baseline], to: &Point) -> Vec<Residuals> {
     from.par_iter().enumerate().map(|(r, from)| problem.change(r, from, to)).collect()
 }
@@ -307,7 +315,8 @@ mod tests {
     use crate::gap::model::prepare::Example;
     use nalgebra::{DMatrix, DVector};
 
-    /// A load that rises with speed beside the even one is what the functions along the speed change; what the even load changes, times the speed, is not.
+    /// A load that rises with speed is reproduced by an even load and the functions along the speed that are derived from the load's torque. Functions that are derived from the
+    /// change that the even load makes in the innovations do not reproduce it.
     #[test]
     fn the_form_of_a_load_is_that_of_its_torque() {
         let example = Example::read();
@@ -340,7 +349,8 @@ mod tests {
         assert!(by_cause < 0.04 && by_change > 0.1, "{by_cause} {by_change}");
     }
 
-    /// A friction level has a form along what friction depends on; a lag also along what it does itself; a car's mass along every state, for that is no torque.
+    /// A friction level has a form along the states on which friction depends; a lag also along what the lag does itself; a car's mass along every state, because it does not act
+    /// as a torque.
     #[test]
     fn what_remembers_may_depend_on_its_own_size_and_sign() {
         use param::{engine_torque_lag, friction_level, vehicle_mass};

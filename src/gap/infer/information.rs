@@ -1,4 +1,4 @@
-//! What recordings say of effects that are not free, beside all that is: from sums over them, what each effect alone is worth.
+//! Information of recordings about effects that are not free in a fit, and what each of these effects alone is worth beside everything that is free.
 
 use super::linear::Normal;
 use super::prior::moment;
@@ -6,41 +6,41 @@ use super::screen::{Candidate, LARGEST_FACTOR, off};
 use crate::effects::REGISTRY;
 use nalgebra::{DMatrix, DVector};
 
-/// What recordings say of candidates and of all that recordings share, own unknowns eliminated, without any prior: a sum over recordings, so that those of
-/// several campaigns at one anchor add up.
+/// Information of recordings about the shared coordinates and the candidates: curvature of half the cost without the priors of either, own unknowns eliminated. It is a sum over
+/// recordings, so that the information of several campaigns at one anchor adds up.
 #[derive(Clone, Debug)]
 pub struct Information {
-    /// Of the shared coordinates.
+    /// Information about the shared coordinates.
     pub(super) curvature: DMatrix<f64>,
-    /// Of shared coordinates with candidates.
+    /// Cross terms of shared coordinates and candidates.
     pub(super) cross: DMatrix<f64>,
-    /// Of the candidates.
+    /// Information about the candidates.
     pub(super) gram: DMatrix<f64>,
 }
 
 impl Information {
-    /// Adds that of other recordings, so many times.
+    /// Adds the information of other recordings, multiplied by `times`.
     pub fn add(&mut self, other: &Self, times: f64) {
         self.curvature += &other.curvature * times;
         self.cross += &other.cross * times;
         self.gram += &other.gram * times;
     }
 
-    /// None at all, for as many coordinates and candidates.
+    /// No information, with as many coordinates and candidates.
     pub fn none(&self) -> Self {
         let zero = |m: &DMatrix<f64>| DMatrix::zeros(m.nrows(), m.ncols());
         Self { curvature: zero(&self.curvature), cross: zero(&self.cross), gram: zero(&self.gram) }
     }
 
-    /// Of each candidate once the shared coordinates are eliminated, which have this prior precision.
+    /// Information about each candidate alone once the shared coordinates, which have this prior precision, are eliminated.
     pub(super) fn beside(&self, prior: &DMatrix<f64>) -> Vec<f64> {
         let root = (&self.curvature + prior).cholesky().expect("a prior of positive precision");
         let solved = root.solve(&self.cross);
         (0..self.gram.nrows()).map(|k| (self.gram[(k, k)] - self.cross.column(k).dot(&solved.column(k))).max(0.0)).collect()
     }
 
-    /// Each candidate alone, as it is believed: recordings count with this power, and the prior of the shared coordinates in full. Given are the gradients of the recordings along these
-    /// and along the candidates.
+    /// Worth of each candidate alone, with the likelihood raised to `power` and the prior of the shared coordinates in full. `shared` and `own` are the gradients of the
+    /// recordings' part of half the cost along the shared coordinates and along the candidates.
     pub(super) fn believed(
         &self,
         power: f64,
@@ -66,12 +66,12 @@ impl Information {
     }
 }
 
-/// What a candidate alone is worth as it is believed, beside what settles without it.
+/// Worth of a candidate alone with the likelihood raised to a power, beyond what the shared coordinates gain without it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Believed {
-    /// Gain in the cost.
+    /// Reduction of the cost.
     pub(super) gain: f64,
-    /// Nats of evidence, an effect's moments included and its odds not.
+    /// Gain in log evidence, nats, with the effect's moment prior and without its prior odds.
     pub(super) evidence: f64,
 }
 
@@ -81,7 +81,8 @@ mod tests {
     use super::*;
     use crate::effects;
 
-    /// A tolerance that was pulled by five standard deviations, and an effect that does the same: it relieves that by 25, however little the recordings are believed.
+    /// A tolerance is pulled by five standard deviations, and an effect does exactly what the tolerance does. The effect relieves the cost by 25, however low the power of the
+    /// likelihood is.
     #[test]
     fn what_relieves_a_tolerance_counts_in_full() {
         let (pulled, sure) = (5.0, 1e6);
@@ -90,16 +91,16 @@ mod tests {
         let of = |x: f64| DVector::from_element(1, x);
         let prior = Normal { curvature: one(1.0), gradient: of(pulled), eliminated: Vec::new(), log_det_own: 0.0, log_det_prior: 0.0 };
         let mut point = Point { shared: vec![pulled], own: Vec::new(), effects: effects::null(), missing: Vec::new() };
-        // A hundredth of its size stands for one standard deviation.
+        // A hundredth of the size of the amplitude does the same as one standard deviation of the tolerance.
         let amplitude = REGISTRY[0].effect.amplitudes[0];
         point.effects[amplitude] += 0.01 * size(amplitude);
         let candidate = Candidate::of_share(0, point, 0.01);
         for power in [1.0, 0.1, 0.01] {
-            // At the fit the recordings pull as the prior does, the other way.
+            // At the fit, the gradient of the recordings is the opposite of that of the prior.
             let Believed { gain, evidence } =
                 information.believed(power, &prior, &of(-pulled), &of(-pulled), std::slice::from_ref(&candidate))[0];
             assert!((gain / pulled.powi(2) - 1.0).abs() < 1e-3, "{power}: {gain}");
-            // Of a start it is 0.05 ± 0.01, beside what a start was thought to be.
+            // The effect has 0.05 ± 0.01 times the size of its start, which was the prior standard deviation.
             let expected = 12.5 + 0.01_f64.ln() + moment(0.05_f64.powi(2) + 0.01_f64.powi(2));
             assert!((evidence - expected).abs() < 0.02, "{power}: {evidence} {expected}");
         }

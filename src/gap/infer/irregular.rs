@@ -1,8 +1,8 @@
-//! What comes and goes too fast for a law: something irregular, as a hypothesis beside all explanations.
+//! Irregular disturbances, which come and go too fast for a law, as a hypothesis beside all explanations.
 //!
-//! An explanation may be the best and still leave more than noise: misfires, a tone wheel that wobbles, an actuator that wanders. That is a disturbance in one
-//! place, a first-order Gauss–Markov process of unknown size and memory. It enters the filter, and the likelihood of the innovations, Σ ρ(e) + ln det S, says
-//! where it is, how large and how lasting. Under that filter effects count for what they explain beyond it.
+//! The best explanation may still leave more than noise: misfires, a tone wheel that wobbles, an actuator that wanders. The hypothesis is a disturbance in one place, a first-order
+//! Gauss–Markov process of unknown size and correlation time in the filter. The likelihood of the innovations, Σ ρ(e) + ln det S, tells where it acts, how large it is and how long
+//! it lasts. Under the filter that contains it, effects count for what they explain beyond it.
 
 use super::belief::{ByAccuracy, overall};
 use super::density::{PHASES, Point, Problem, Residuals, misfit};
@@ -12,20 +12,20 @@ use crate::effects::Subsystem;
 use crate::gap::model::filter::Disturbances;
 use crate::gap::model::tolerance::Wander;
 
-/// A disturbance that the recordings ask for.
+/// An irregular disturbance that the recordings support.
 #[derive(Clone, Debug)]
 pub struct Irregular {
-    /// Subsystems that it may be of, the likeliest first.
+    /// Subsystems in which it may arise, the most likely first.
     pub places: Vec<Subsystem>,
-    /// What it is, in words with its size.
+    /// Description in words, with its size.
     pub what: String,
-    /// Its share of what the explanation and it together gain over the car as its file gives it, in nats.
+    /// Share of the disturbance in what explanation and disturbance together gain over the car as its file gives it, both in nats.
     pub share: f64,
-    /// Probability that it is there, given the explanation.
+    /// Probability that the disturbance is present, given the explanation.
     pub probability: f64,
-    /// Nats by which the recordings are likelier with it, with the likelihood to the powers that steer the search.
+    /// Gain in log likelihood, nats, scaled by [`Problem::power`], the power of the likelihood in the search.
     pub gain: f64,
-    /// All disturbances, this one with them.
+    /// All disturbances of the filter, including this one.
     pub with: Disturbances,
 }
 
@@ -42,15 +42,16 @@ enum At {
 
 const ALL: [At; 6] = [At::Engine, At::Bearing, At::Clutch, At::Driveline, At::Flywheel, At::Disc];
 
-/// Sizes that are tried, each as likely: torques in N·m, of the bearing in mm, of the clutch torque as a share of it, speeds in their white noise.
+/// Sizes that are tried, all equally likely: torques in N·m, bearing positions in mm, clutch torques as a share of the transmitted torque, speeds in multiples of their white
+/// noise.
 const TORQUES_NM: [f64; 3] = [3.0, 10.0, 30.0];
 const POSITIONS_MM: [f64; 3] = [0.02, 0.06, 0.2];
 const SHARES: [f64; 3] = [0.02, 0.05, 0.15];
 const SPEEDS: [f64; 3] = [2.0, 5.0, 15.0];
-/// Memories that are tried, s: what lasts longer is a law of time.
+/// Correlation times that are tried, s; an error that lasts longer is a law of time.
 const MEMORIES_S: [f64; 3] = [0.02, 0.1, 0.5];
 
-/// Nats behind the likeliest place up to which another one is not ruled out.
+/// Distance in nats behind the most likely place within which another one is not ruled out.
 const NEARLY_NATS: f64 = 3.0;
 
 impl At {
@@ -77,7 +78,7 @@ impl At {
         with
     }
 
-    /// Whether what takes the place of a slow error that was there before does more than that did, however slowly it comes and goes: σ²τ is its power at low frequencies.
+    /// Whether the changed disturbance does more at low frequencies, where its power is σ²τ, than the slow error that it replaces; always true where it replaces none.
     fn is_more(self, changed: &Disturbances, than: &Disturbances) -> bool {
         let power = |w: Wander| w.sigma.powi(2) * w.time_s;
         match self {
@@ -88,7 +89,7 @@ impl At {
         }
     }
 
-    /// Subsystems that it may be of.
+    /// Subsystems in which a disturbance that acts here may arise.
     fn places(self) -> &'static [Subsystem] {
         match self {
             Self::Engine => &[Subsystem::Engine],
@@ -111,17 +112,17 @@ impl At {
     }
 }
 
-/// Probability of what has the prior of a missing law in one place, and this logarithm of the odds that the recordings give it.
+/// Posterior probability of a hypothesis that has the prior of a missing law in one place and by which the recordings gain `log_odds` nats.
 pub fn posterior(log_odds: f64) -> f64 {
     1.0 / (1.0 + (-log_odds - (PLACE_PRIOR / (1.0 - PLACE_PRIOR)).ln()).exp())
 }
 
-/// Probability that something is irregular in one place, from the nats by which the whole likelihood is in favour of it, for each accuracy that explanations may have.
+/// Probability that something is irregular in one place, for each accuracy that explanations may have, if the full likelihood gains this many nats by it.
 pub fn probability(problem: &Problem, gain: f64) -> ByAccuracy<f64> {
     problem.powers.map(|powers| posterior(overall(powers) * gain))
 }
 
-/// Nats that innovations gain if those of each phase of the clutch may have a variance of their own, with the likelihood to the powers that steer the search.
+/// Gain in log likelihood, nats, if the innovations of each phase of the clutch may have a variance of their own, with the likelihood raised to the powers that steer the search.
 fn dispersed(problem: &Problem, residuals: &[Residuals]) -> f64 {
     let mut samples = [0.0; PHASES];
     for (r, residuals) in residuals.iter().enumerate() {
@@ -131,15 +132,15 @@ fn dispersed(problem: &Problem, residuals: &[Residuals]) -> f64 {
     problem.misfits(residuals).into_iter().zip(samples).map(gain).zip(problem.steering()).map(|(gain, power)| gain * power).sum()
 }
 
-/// The disturbance for which the innovations of an explanation ask, beside those `with` which the problem's filters are made; none if they are no larger than
-/// they should be.
+/// Finds the disturbance that the innovations of an explanation support, starting from the disturbances `with` for which the problem's filters were computed. There is none if the
+/// innovations are no larger than their covariance allows, or if no disturbance is worth its price.
 pub fn irregular(problem: &Problem, point: &Point, residuals: &[Residuals], with: &Disturbances) -> Option<Irregular> {
     let price = -(PLACE_PRIOR / (1.0 - PLACE_PRIOR)).ln();
     if dispersed(problem, residuals) < price {
         return None;
     }
     let point = &Point { missing: Vec::new(), ..point.clone() };
-    // Forms and laws of the explanation count for it; a disturbance is weighed without them.
+    // The explanation is credited with its forms and laws, whereas a disturbance is weighed without them.
     let log_det = problem.filters.iter().map(|f| f.log_det).sum::<f64>();
     let without = minus_log_likelihood(problem, point, with).min(misfit(residuals) + log_det);
     let power = problem.power();
@@ -152,7 +153,7 @@ pub fn irregular(problem: &Problem, point: &Point, residuals: &[Residuals], with
         ALL.into_iter().flat_map(of).map(|(at, changed, memory)| (gain(&changed), at, changed, memory)).collect();
     all.sort_by(|a, b| b.0.total_cmp(&a.0));
     let (most, at, with, memory) = all[0];
-    // Sizes and memories share the prior of their place.
+    // Sizes and correlation times share the prior of their place.
     let lead = most - price - (TORQUES_NM.len() as f64 * MEMORIES_S.len() as f64).ln();
     if lead < 0.0 {
         return None;
@@ -175,12 +176,12 @@ mod tests {
     use super::*;
     use crate::gap::model::prepare::Example;
 
-    /// A place stands beside the likeliest one if it is three nats behind at most, and with the odds that prior and likelihood give it.
+    /// A place is named beside the most likely one if it is at most three nats behind. The probability follows from the prior odds and the likelihood ratio.
     #[test]
     fn places_are_named_within_three_nats() {
         let example = Example::read();
         let (mut told_apart, mut doubtful) = (0, 0);
-        // A likelihood that is believed so little that places come close to each other.
+        // The likelihood has such low powers that places come close to each other.
         for (r, power) in example.campaign.recordings.iter().flat_map(|r| [0.02, 0.005, 0.003].map(|power| (r, power))) {
             let (mut problem, with) = example.problem(&[r]);
             problem.powers = [[power; PHASES]; 3];
@@ -192,7 +193,7 @@ mod tests {
             };
             let costs = ALL.map(least);
             let best = costs.iter().copied().fold(f64::INFINITY, f64::min);
-            // Odds that something is irregular in this place: what was believed before, shared by nine sizes and memories, times what the recording says.
+            // Odds that something is irregular in this place: the prior odds, shared by nine combinations of size and correlation time, times the likelihood ratio.
             let before = PLACE_PRIOR / (1.0 - PLACE_PRIOR) / 9.0;
             let odds = before * (0.5 * problem.power() * (minus_log_likelihood(&problem, &point, &with) - best)).exp();
             assert!(odds >= 1.0 && (found.probability - odds / (1.0 + odds)).abs() < 1e-6, "{}: {odds} {}", r.name, found.probability);

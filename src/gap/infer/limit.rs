@@ -1,22 +1,23 @@
 //! The detection limit: how large an effect has to be for recordings to show it.
 //!
-//! Along one start of an effect, in units of that start, recordings have the information I once all nuisances are eliminated (Cramér–Rao: no unbiased
-//! estimate of the size f has a variance below 1/I). The gradient g of half the cost at f = 0 is then normal with mean I f and variance I, and with the prior's
-//! precision of one, H = 1 + I, the log odds of the effect over none are those of the search,
+//! Along one start of an effect, let f be the size of the effect in units of that start, and I the information of the recordings on f once all nuisances are eliminated
+//! (Cramér–Rao: no unbiased estimate of f has a variance below 1/I). The negative gradient g of half the cost at f = 0 is then normal with mean I f and variance I. With the
+//! prior's precision of one, H = 1 + I, and the log odds of the effect against none are those of the search,
 //!
 //! ```text
 //! L(g) = ½ g²/H − ½ ln H + ln odds + ln m − 0.01/m,   m = r² (g²/H² + 1/H),
 //! ```
 //!
-//! r the start in units of a noticeable effect (evidence, look-elsewhere price, prior odds, moment prior: `infer/prior.rs`). An effect is found where L > 0,
-//! that is where |g| > g*. It is so with probability Φ((I f − g*)/√I) + Φ((−I f − g*)/√I), and the limit is the size found with probability [`POWER`].
+//! where r is the start in units of a noticeable effect. The terms are those of evidence, look-elsewhere price, prior odds and moment prior (`infer/prior.rs`). An effect is found
+//! where L > 0, which is where |g| > g*. This happens with the probability Φ((I f − g*)/√I) + Φ((−I f − g*)/√I), and the limit is the size that is found with probability
+//! [`POWER`].
 
 use super::prior::{log_prior, moment};
 
-/// Probability with which an effect of the limit's size is found: the usual one of a limit of detection (ISO 11843-1).
+/// Probability with which an effect of the size of the limit is found, as usual for a limit of detection (ISO 11843-1).
 pub const POWER: f64 = 0.95;
 
-/// What recordings say along one start of an effect.
+/// Information of recordings along one start of an effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Visibility {
     /// Information on the size in units of the start, nuisances eliminated, without the prior.
@@ -32,9 +33,9 @@ impl Visibility {
         0.5 * g * g / h - 0.5 * h.ln() + log_prior(1) + moment(square)
     }
 
-    /// Gradient from which on the effect is believed.
+    /// Threshold g* of |g| above which the effect is found.
     fn threshold(self) -> f64 {
-        // The log odds grow with |g|: they are bracketed and halved.
+        // The log odds grow with |g|, so that their zero is bracketed and bisected.
         let (mut low, mut high) = (0.0, (1.0 + self.information).sqrt());
         while self.log_odds(high) < 0.0 {
             (low, high) = (high, 2.0 * high);
@@ -46,14 +47,14 @@ impl Visibility {
         high
     }
 
-    /// Probability that an effect of this size, in starts, is found.
+    /// Probability that an effect of this size, in units of the start, is found.
     pub fn power(self, size: f64) -> f64 {
         let root = self.information.sqrt().max(f64::MIN_POSITIVE);
         let threshold = self.threshold();
         normal((self.information * size - threshold) / root) + normal((-self.information * size - threshold) / root)
     }
 
-    /// The limit in starts; infinite where there is no information.
+    /// The limit in units of the start; infinite where there is no information.
     pub fn limit(self) -> f64 {
         if self.information <= 0.0 {
             return f64::INFINITY;
@@ -84,7 +85,7 @@ mod tests {
         assert_eq!(Visibility { information: 0.0, relative: 1.0 }.limit(), f64::INFINITY);
     }
 
-    /// Against drawn gradients, judged by the log odds themselves.
+    /// Comparison with drawn gradients, which are judged by the log odds themselves.
     #[test]
     fn the_power_is_the_share_of_drawn_cars_that_are_found() {
         let v = Visibility { information: 200.0, relative: 0.8 };

@@ -23,7 +23,7 @@ pub type Columns = Vec<Column>;
 pub struct Frame {
     /// Shared by all recordings.
     pub shared: Vec<Coordinate>,
-    /// Of each recording.
+    /// The own unknowns of each recording.
     pub own: Vec<Coordinate>,
 }
 
@@ -33,18 +33,18 @@ impl Frame {
     }
 }
 
-/// Derivatives that are known of a place nearby.
+/// Derivatives that are known at a nearby point.
 #[derive(Clone, Copy, Debug)]
 pub enum Known<'a> {
-    /// Of another frame: nuisances are the same there.
+    /// Derivatives in another frame, whose nuisances are the same.
     Nuisances(&'a [Columns]),
-    /// Of the same effects and the first functions or curves of the same law, which change as little as nuisances do: it is a sum of them.
+    /// Derivatives along the same effects and the first functions or curves of the same law. Those along the law are reused as well, because they change as little as those along
+    /// nuisances: the law is a sum of its functions.
     Law(&'a [Columns]),
 }
 
-/// Derivatives of every recording along all coordinates, as finite differences of whole replays. Columns of what hardly changes are taken over from `known`
-/// ones. A tolerance that moves the same number as a free effect has that effect's column: differences of their own would hide the
-/// valley between the two.
+/// Derivatives of every recording along all coordinates, by finite differences of whole replays. Columns that hardly change are taken over from `known`. A tolerance that moves the
+/// same number as a free effect gets a multiple of that effect's column: separate finite differences would hide the valley between the two.
 pub fn derivatives(
     problem: &Problem,
     point: &Point,
@@ -67,7 +67,7 @@ pub fn derivatives(
     let from: Vec<Baseline> = residuals.par_iter().enumerate().map(|(r, known)| problem.baseline(r, point, basis, Some(known))).collect();
     let columns: Vec<Column> = tasks.par_iter().map(|&(r, k)| derivative(problem, point, basis, r, &from[r], all[k])).collect();
     let mut columns = columns.into_iter();
-    // Shared nuisances keep their places whatever effects are free; own ones are counted from the end.
+    // Shared nuisances have the same index whatever effects are free; own unknowns are counted from the end.
     let place = |known: &Columns, k: usize| if k < frame.shared.len() { k } else { known.len() - (all.len() - k) };
     let known = known.map(|known| match known {
         Known::Nuisances(columns) | Known::Law(columns) => columns,
@@ -92,7 +92,7 @@ pub fn derivatives(
         .collect()
 }
 
-/// For every coordinate that moves the car exactly as another does, that other one and the ratio of their rates. An effect leads its tolerances.
+/// For every coordinate that moves the car exactly as another one does, the index of that other one and the ratio of their rates. An effect leads the tolerances that do the same.
 fn leaders(problem: &Problem, point: &Point, all: &[Coordinate]) -> Vec<Option<(usize, f64)>> {
     let car = problem.car(point, None);
     let direction = |c: Coordinate| match c {
@@ -130,7 +130,7 @@ fn derivative(problem: &Problem, point: &Point, basis: Option<&Basis>, r: usize,
     Column::new(&problem.change(r, from, &moved)).times(1.0 / step)
 }
 
-/// One recording's own part of the normal equations, eliminated.
+/// The own unknowns of one recording, eliminated from the normal equations.
 #[derive(Clone, Debug)]
 pub struct Eliminated {
     own: Cholesky<f64, Dyn>,
@@ -140,7 +140,7 @@ pub struct Eliminated {
     offset: DVector<f64>,
 }
 
-/// Logarithm of the determinant of a positive matrix that is nearly diagonal: of what is not, by Cholesky's factor.
+/// Logarithm of the determinant of a positive definite matrix that is nearly diagonal: only the rows with off-diagonal elements are factorised (Cholesky).
 fn log_det(m: &DMatrix<f64>) -> Option<f64> {
     let coupled: Vec<usize> = (0..m.nrows()).filter(|&i| (0..m.ncols()).any(|j| j != i && m[(i, j)] != 0.0)).collect();
     let alone = (0..m.nrows()).filter(|i| !coupled.contains(i)).map(|i| m[(i, i)].ln()).sum::<f64>();
@@ -149,7 +149,7 @@ fn log_det(m: &DMatrix<f64>) -> Option<f64> {
 }
 
 impl Eliminated {
-    /// Step of the own unknowns that goes with a step of the shared ones.
+    /// Step of the own unknowns that follows from a step of the shared ones.
     pub fn step(&self, shared: &DVector<f64>) -> DVector<f64> {
         -(&self.offset) - &self.coupling * shared
     }
@@ -162,7 +162,7 @@ pub struct Normal {
     pub curvature: DMatrix<f64>,
     /// Gradient of half the cost.
     pub gradient: DVector<f64>,
-    /// By recording.
+    /// Eliminated own unknowns, by recording.
     pub eliminated: Vec<Eliminated>,
     /// Logarithm of the determinant of the own unknowns' curvature.
     pub log_det_own: f64,
@@ -181,7 +181,7 @@ pub fn products(columns: &[Column], residuals: &Residuals) -> Products {
 /// Rows that are multiplied at a time: few enough to stay in the cache.
 const ROWS: usize = 1024;
 
-/// The same over these samples alone.
+/// As [`products`], over these samples alone.
 fn products_of(columns: &[Column], residuals: &Residuals, mut samples: impl Iterator<Item = usize>) -> Products {
     let there: Vec<usize> = (0..columns.len()).filter(|&k| !columns[k].is_zero()).collect();
     let (mut p, mut g) = (DMatrix::zeros(there.len(), there.len()), DVector::zeros(there.len()));
@@ -196,7 +196,7 @@ fn products_of(columns: &[Column], residuals: &Residuals, mut samples: impl Iter
             columns[k].gather(&rows, &roots, column);
         }
         let r = DVector::from_iterator(rows.len(), rows.iter().zip(&roots).map(|(i, root)| residuals[*i] * root));
-        // A product of matrices is blocked; gemm_tr takes one scalar product after the other.
+        // `gemm` works on blocks; `gemm_tr` takes one scalar product after the other.
         p.gemm(1.0, &a.transpose(), &a, 1.0);
         g.gemv_tr(1.0, &a, &r, 1.0);
     }
@@ -216,7 +216,7 @@ pub fn by_phase(problem: &Problem, columns: &[Columns], residuals: &[Residuals])
     columns.par_iter().zip(residuals).enumerate().map(of).collect()
 }
 
-/// Products with the likelihood of each phase to a power.
+/// Products over all phases with the likelihood of each phase raised to its power.
 pub fn to_powers(parts: &[ByPhase<Products>], powers: ByPhase<f64>) -> Vec<Products> {
     let one = |part: &ByPhase<Products>| {
         let (mut p, mut g) = (&part[0].0 * powers[0], &part[0].1 * powers[0]);
@@ -229,17 +229,18 @@ pub fn to_powers(parts: &[ByPhase<Products>], powers: ByPhase<f64>) -> Vec<Produ
     parts.iter().map(one).collect()
 }
 
-/// Those of all recordings.
+/// Products of all recordings.
 pub fn all_products(columns: &[Columns], residuals: &[Residuals]) -> Vec<Products> {
     columns.par_iter().zip(residuals).map(|(c, r)| products(c, r)).collect()
 }
 
-/// Assembles them. None if an own block is not positive.
+/// Assembles the normal equations from derivatives and residuals, see [`assemble`].
 pub fn normal(point: &Point, frame: &Frame, columns: &[Columns], residuals: &[Residuals], damping: f64) -> Option<Normal> {
     assemble(point, frame, &all_products(columns, residuals), damping)
 }
 
-/// From products that are there.
+/// Assembles the normal equations from products, one per recording, with the precision of each coordinate's prior multiplied by 1 + `damping`. None if the priors or the own
+/// unknowns of a recording have no positive definite curvature.
 pub fn assemble(point: &Point, frame: &Frame, parts: &[Products], damping: f64) -> Option<Normal> {
     let (s, o) = (frame.shared.len(), frame.own.len());
     let mut curvature = DMatrix::zeros(s, s);
@@ -289,7 +290,7 @@ pub fn assemble(point: &Point, frame: &Frame, parts: &[Products], damping: f64) 
 }
 
 impl Eliminated {
-    /// What the own unknowns gain of the cost while the shared ones stand still.
+    /// Reduction of the cost by the own unknowns while the shared ones stay fixed.
     pub fn gain(&self) -> f64 {
         let l = self.own.l();
         (l.transpose() * &self.offset).norm_squared()
@@ -306,7 +307,7 @@ impl Eliminated {
     pub fn offset(&self) -> &DVector<f64> {
         &self.offset
     }
-    /// Covariance of the own unknowns while the shared ones stand still.
+    /// Covariance of the own unknowns while the shared ones stay fixed.
     pub fn covariance(&self) -> DMatrix<f64> {
         self.own.inverse()
     }
@@ -332,7 +333,8 @@ mod tests {
         DMatrix::from_columns(&all)
     }
 
-    /// Of more samples than are multiplied at a time, with one column that is nothing, one weight that Huber's loss takes away from, and half of the samples in each of two parts.
+    /// The products are taken over more samples than are multiplied at a time, with one column of zeros and one residual whose weight is reduced by Huber's loss. Those of two
+    /// halves of the samples add up to the whole.
     #[test]
     fn products_are_those_of_the_whole_matrices() {
         let n = 2 * ROWS + 7;
@@ -355,7 +357,7 @@ mod tests {
         }
     }
 
-    /// A contact that moves takes its closed point along: with sizes s and s, share ½ and σ the prior of both has the precision (1/s² + ¼/σ², −½/σ²; −½/σ², 1/s² + 1/σ²).
+    /// The closed point follows the contact point: with sizes s_1 and s_2, share ½ and σ, their prior has the precision (1/s_1² + ¼/σ², −½/σ²; −½/σ², 1/s_2² + 1/σ²).
     #[test]
     fn the_volume_of_a_prior_counts_what_goes_together() {
         use crate::effects::param::kiss_point_offset::{closed_offset, offset};

@@ -1,4 +1,4 @@
-//! Inference: one density, its mode, its evidence, and the search over what may be missing.
+//! Inference: the joint density, its mode and its evidence, and the search over sets of effects and missing laws.
 
 pub mod belief;
 pub mod coordinate;

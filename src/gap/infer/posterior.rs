@@ -1,6 +1,6 @@
-//! The posterior over everything that may be wrong: sets of effects, with a missing law in some place or without.
+//! The posterior over everything that may be wrong: sets of effects, with or without a missing law in some place.
 //!
-//! Verdict, probabilities, groups and places are sums of this one distribution.
+//! Verdict, probabilities, groups and places are sums over this one distribution.
 
 use super::belief::{ACCURACIES, ByAccuracy};
 use super::density::{Point, Problem};
@@ -13,26 +13,26 @@ use super::weigh::log_sum;
 use crate::effects::{REGISTRY, Subsystem};
 use std::f64::consts::LN_2;
 
-/// One explanation with its share of the posterior; nothing wrong, and not weighed, unless more is said.
+/// One explanation with its share of the posterior. By default, nothing is wrong and nothing has been weighed.
 #[derive(Clone, Debug, Default)]
 pub struct Explanation {
     /// Effects, by their place in the registry, ascending.
     pub effects: Vec<usize>,
-    /// Place of a missing law, if there is one.
+    /// Subsystem of the missing law, if there is one.
     pub place: Option<Subsystem>,
-    /// Logarithm of the posterior for each accuracy that explanations may have, nats, up to a constant of its own.
+    /// Logarithm of the posterior for each accuracy that explanations may have, nats, up to a constant of each accuracy.
     pub by_accuracy: ByAccuracy<f64>,
     /// [`Fit::strain`] for each accuracy, if it was fitted.
     pub strains: ByAccuracy<f64>,
-    /// Logarithm of the posterior, the mean over accuracies, nats.
+    /// Logarithm of the posterior probability, which is the mean over accuracies, nats.
     pub log_posterior: f64,
     /// Posterior probability.
     pub probability: f64,
-    /// Fit; of a missing law that was not worth one, none.
+    /// The fit; none for a missing law that was not worth one.
     pub fit: Option<Fit>,
 }
 
-/// The posterior, the explanation that stands first, then by probability.
+/// The posterior. Its explanations are in the order of their probability, except that the one that stands may precede "nothing is wrong".
 #[derive(Clone, Debug)]
 pub struct Posterior {
     /// All explanations that were weighed.
@@ -65,19 +65,19 @@ impl Posterior {
     }
 }
 
-/// Weighs missing laws beside what the search found; `known` ones are not worked out again.
+/// Weighs missing laws beside the sets that the search found; those that are already `known` are not computed again.
 pub fn posterior(problem: &Problem, search: &Search, known: Strained) -> Posterior {
     let tolerated = |effects: &[usize], fit: &Fit| effects.iter().any(|&e| problem.is_tolerated(&fit.point, e));
     let sets: Vec<&Hypothesis> = search.hypotheses.iter().filter(|h| !tolerated(&h.effects, &h.fit)).collect();
     let best = sets.first().copied().unwrap_or(search.base());
     let mut unknowns: Vec<Unknown> = known.laws_beside(problem, search, best);
     unknowns.sort_by(|a, b| b.lead.total_cmp(&a.lead));
-    // The set that is believed may be a smaller one than that which leads.
+    // The set that is most probable at the powers of the search may be smaller than the one that leads under the full likelihood.
     let believed = sets.iter().copied().max_by(|a, b| a.log_posterior.total_cmp(&b.log_posterior)).unwrap_or(best);
     if !believed.effects.is_empty() && believed.effects != best.effects {
         unknowns.extend(places(problem, believed, believed.lead));
     }
-    // A law that is missing may have been what an effect stood in for, or stand in for one: both are tried from the best.
+    // An effect may stand in for a missing law, and a missing law for an effect: both are tried, from the leading law.
     if let Some(first) = unknowns.iter().find(|u| u.fit.is_some()).filter(|u| u.lead > best.lead).cloned() {
         unknowns.extend(changed_beside(problem, search, first));
     }
@@ -86,7 +86,7 @@ pub fn posterior(problem: &Problem, search: &Search, known: Strained) -> Posteri
         unknowns.retain(|u| u.fit.as_ref().is_none_or(|fit| !tolerated(&u.effects, fit)));
         unknowns = distinct(unknowns);
         let posterior = weighed(problem, search, &sets, &unknowns);
-        // What stands has been tried without each of its effects: what is believed in the end is not what steered the search.
+        // The explanation that stands must also have been fitted without each of its effects: the search was steered by other probabilities than those that count in the end.
         let first = posterior.best();
         let Some(first) = unknowns.iter().find(|u| u.effects == first.effects && Some(u.law.place) == first.place) else {
             return posterior;
@@ -108,7 +108,7 @@ pub fn posterior(problem: &Problem, search: &Search, known: Strained) -> Posteri
     }
 }
 
-/// Each explanation once: of two fits the better one, and either before a promise.
+/// Removes duplicate explanations: of two fits the better one is kept, and a fit takes precedence over a promise of the linear model.
 fn distinct(mut unknowns: Vec<Unknown>) -> Vec<Unknown> {
     unknowns.sort_by(|a, b| b.fit.is_some().cmp(&a.fit.is_some()).then(b.lead.total_cmp(&a.lead)));
     let mut distinct: Vec<Unknown> = Vec::new();
@@ -125,7 +125,7 @@ fn all_but(effects: &[usize], dropped: usize) -> Vec<usize> {
     effects.iter().copied().filter(|e| *e != dropped).collect()
 }
 
-/// The posterior of sets of effects and of missing laws beside them.
+/// The posterior over sets of effects and missing laws beside them.
 fn weighed(problem: &Problem, search: &Search, sets: &[&Hypothesis], unknowns: &[Unknown]) -> Posterior {
     let of_set = |h: &&Hypothesis| Explanation {
         effects: h.effects.clone(),
@@ -151,7 +151,8 @@ fn weighed(problem: &Problem, search: &Search, sets: &[&Hypothesis], unknowns: &
     Posterior { explanations: all, beyond, base_misfit: search.base().fit.misfit() }
 }
 
-/// Logarithm of the factor that the prior of a missing law has because it is none of the library's, from the sets that have an effect of its subsystem instead.
+/// Logarithm of a factor on the prior of a missing law, by which the law must differ from the library: it is computed from the sets that have an effect of the law's subsystem
+/// instead of the law.
 fn prior_beside_the_library(search: &Search, law: &Unknown) -> f64 {
     let (Some(fit), Some(without)) = (&law.fit, search.of(&law.effects)) else { return 0.0 };
     let instead = |h: &&Hypothesis| {
@@ -162,7 +163,7 @@ fn prior_beside_the_library(search: &Search, law: &Unknown) -> f64 {
     library.map_or(0.0, |library| departure(without.fit.misfit(), fit.misfit(), library))
 }
 
-/// Logarithm of the factor that the prior of effects has because they are beside a missing law of their own subsystem.
+/// Logarithm of a factor on the prior of effects that stand beside a missing law of their own subsystem.
 fn prior_beside_a_law(search: &Search, laws: &[Unknown], law: &Unknown) -> f64 {
     let Some(fit) = &law.fit else { return 0.0 };
     let of_law = |rest: &[usize]| laws.iter().find(|u| u.effects == rest && u.law.place == law.law.place).and_then(|u| u.fit.as_ref());
@@ -171,7 +172,8 @@ fn prior_beside_a_law(search: &Search, laws: &[Unknown], law: &Unknown) -> f64 {
     departures(&law.effects, law.law.place, fit.misfit(), with_law, without)
 }
 
-/// The same from what is left with effects and law, and with each set that lacks one of the effects, with the law and without, if that is known.
+/// Sum of [`departure`] over the effects of the law's subsystem `place`, from misfits: `with_all` is left with effects and law, `with_law` and `without` by a set that lacks one of
+/// the effects, with the law and without it, where that is known.
 fn departures(
     effects: &[usize],
     place: Subsystem,
@@ -186,41 +188,42 @@ fn departures(
     effects.iter().filter(|e| REGISTRY[**e].effect.subsystem == place).map(one).sum()
 }
 
-/// The same from what is left with neither of two, with the one whose prior it is (or both), and with the other.
+/// Logarithm of the factor on the prior of a law, or of an effect beside a law, from three misfits: with neither of two, with the one whose prior it is (or with both), and with
+/// the other.
 ///
-/// A law's functions can also do what an effect of its subsystem does, and then it is that effect in another form, or the effect beside it a part of the law. As the prior of an effect vanishes
-/// where it does nothing, that of a law vanishes where an effect does all that it does, and that of an effect beside the law where the law does ([`moment`]); the square of the departure
-/// is the share of what is accounted for that the other does not.
+/// A law's functions can also do what an effect of its subsystem does. The law is then that effect in another form, or the effect beside it is a part of the law. As the prior of
+/// an effect vanishes where the effect does nothing, that of a law vanishes where an effect does all that the law does, and that of an effect beside the law where the law alone
+/// does everything ([`moment`]). The square of the departure is the share of what is accounted for that the other one does not account for.
 fn departure(with_neither: f64, with_it: f64, with_other: f64) -> f64 {
     let (it, other) = (with_neither - with_it, with_neither - with_other);
     if it > 0.0 && other > 0.0 { moment((1.0 - other / it).max(LEAST_DEPARTURE)).min(0.0) } else { 0.0 }
 }
 
-/// Least square of a departure that counts: fits do not end nearer to their modes.
+/// Lower limit of the square of a departure, because fits do not end nearer to their modes.
 const LEAST_DEPARTURE: f64 = 1e-3;
 
-/// Logarithm of how much more probable than the leading explanation it is that none of those compared holds, if the squares of that one's tolerances, so many, come to this.
+/// Log odds of the hypothesis that none of the compared explanations holds against the leading one, whose tolerances, `tolerances` in number, have the sum of squares `strain`.
 ///
-/// No more than one missing law is compared. Two of them in two subsystems have the prior odds of their places; what they would leave beside the explanation's effects is not
-/// worked out, and taken to be as much as the explanation leaves, with tolerances as those of cars are: their squares come to their number.
+/// Explanations with more than one missing law are not compared. Two laws that are missing in two subsystems have the prior odds of their places. What they would leave beside the
+/// explanation's effects is not computed; it is taken to be as much as the explanation leaves, with tolerances like those of real cars, whose squares add up to their number.
 fn strained(strain: f64, tolerances: usize) -> f64 {
     let places = Subsystem::ALL.len() as f64;
     0.5 * (strain - tolerances as f64) + (0.5 * places * (places - 1.0)).ln() + 2.0 * PLACE_PRIOR.ln()
 }
 
-/// Probabilities: the mean over the accuracies that explanations may have, each as likely. Returns that of none of them.
+/// Sets the probabilities of all explanations: the mean over the accuracies that explanations may have, all equally likely. Returns the probability that none of them holds.
 fn average(all: &mut [Explanation], tolerances: usize) -> f64 {
     average_of(all, tolerances, |e| e.fit.is_some())
 }
 
-/// The same where this tells what was fitted.
+/// As [`average`], where `is_fitted` says which explanations were fitted.
 fn average_of(all: &mut [Explanation], tolerances: usize, is_fitted: impl Fn(&Explanation) -> bool) -> f64 {
     let mut beyond = 0.0;
     let fitted: Vec<bool> = all.iter().map(is_fitted).collect();
     let mut shares: Vec<Vec<f64>> = vec![Vec::new(); all.len()];
     for c in 0..ACCURACIES.len() {
         let most = all.iter().zip(&fitted).filter(|(_, f)| **f).map(|(e, _)| e.by_accuracy[c]).fold(f64::NEG_INFINITY, f64::max);
-        // What was not fitted is only promised: it weighs no more than the best that was, and half as much if it would.
+        // An explanation that was not fitted is only a promise: its weight is halved, and limited to half of that of the best fitted one.
         let weight = |(e, fitted): (&Explanation, &bool)| (e.by_accuracy[c] - most).min(0.0) - if *fitted { 0.0 } else { LN_2 };
         let logs: Vec<f64> = all.iter().zip(&fitted).map(weight).collect();
         let leader = (0..all.len()).filter(|&k| fitted[k]).max_by(|&a, &b| logs[a].total_cmp(&logs[b]));
@@ -236,8 +239,8 @@ fn average_of(all: &mut [Explanation], tolerances: usize, is_fitted: impl Fn(&Ex
     beyond
 }
 
-/// The most probable explanation first; but not that nothing is wrong where it is likelier that something is: effects that look alike share what one of them would
-/// have alone. What is only promised decides nothing.
+/// Sorts explanations by probability. "Nothing is wrong" is preceded by the best explanation in which something is wrong if that is more probable altogether, because effects that
+/// look alike share the probability that one of them would have alone. Explanations that are only promised do not count for this.
 fn order(all: &mut [Explanation], is_fitted: impl Fn(&Explanation) -> bool) {
     all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
     let nothing = |e: &Explanation| e.effects.is_empty() && e.place.is_none();
@@ -248,8 +251,8 @@ fn order(all: &mut [Explanation], is_fitted: impl Fn(&Explanation) -> bool) {
     }
 }
 
-/// Drops effects beside a missing law one by one, and lets effects stand for tolerances that are strained beside it, as long as that is more probable; if
-/// no effect is left, tries the likeliest single ones.
+/// Drops effects beside a missing law one by one, and adds effects in place of tolerances that are strained beside it, as long as that is more probable. If no effect is left,
+/// tries the leading single ones.
 fn changed_beside(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unknown> {
     let mut all = Vec::new();
     let mut current = first;
@@ -264,7 +267,7 @@ fn changed_beside(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unk
         others.retain(|o| all.iter().all(|u: &Unknown| u.effects != o.0));
         let other = |(effects, start): &(Vec<usize>, Point)| beside(problem, effects, &current.law, start, from.known());
         let others: Vec<Unknown> = others.iter().map(other).collect();
-        // What is believed may be a smaller set than what leads: a step that gains in either is one.
+        // The set that is most probable at the powers of the search may be smaller than the one that leads under the full likelihood; a step that gains in either is taken.
         let by = |of: fn(&Unknown) -> f64| others.iter().max_by(|a, b| of(a).total_cmp(&of(b))).filter(|u| of(u) >= of(&current)).cloned();
         let next = by(|u| u.log_posterior).or_else(|| by(|u| u.lead));
         all.extend(others);
@@ -284,7 +287,7 @@ fn changed_beside(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unk
     all
 }
 
-/// Single effects that are tried beside a missing law.
+/// Number of single effects that are tried beside a missing law.
 const TRIED_BESIDE: usize = 2;
 
 #[cfg(test)]
@@ -295,11 +298,11 @@ mod tests {
         Explanation { effects: effects.to_vec(), by_accuracy, ..Explanation::default() }
     }
 
-    /// Tolerances of which none is strained.
+    /// Number of tolerances, so large that none of the explanations strains them.
     const MANY: usize = 100;
 
-    /// Eighteen tolerances. Strained as much as they are expected to be, the odds that two laws are missing that nobody compares are 21 pairs of places with 0.012² each; by 20 nats more
-    /// hardly anything else is left, and what is believed is then what strains them less.
+    /// With eighteen tolerances that are strained as much as expected, the odds that two laws are missing that are not compared are 21 pairs of places with 0.012² each. If they
+    /// are strained by 20 nats more, hardly anything else is left. Only the strain of the leading explanation counts.
     #[test]
     fn explanations_that_strain_tolerances_leave_room_for_what_nobody_compares() {
         let of = |strains: [f64; 2]| {
@@ -317,11 +320,12 @@ mod tests {
         let expected = odds * 20.0_f64.exp();
         assert!((beyond - expected / (1.0 + expected)).abs() < 1e-9 && (first - 1.0 / (1.0 + expected)).abs() < 1e-9, "{beyond} {first}");
         assert!(of([4.0, 4.0]).0 < 1e-5);
-        // What a better explanation does not strain needs no such law.
+        // Strain of an explanation that does not lead has no influence.
         assert!(of([4.0, 18.0 + 80.0]).0 < 1e-5);
     }
 
-    /// What an effect does to a thousandth is no law of its own; one that does twice as much as the effect pays its half, and one that an effect does nothing for pays nothing.
+    /// A law is no law of its own if an effect does all that it does, to within a thousandth. A law that does twice as much as the effect pays the factor of one half, and one for
+    /// which an effect does nothing pays nothing.
     #[test]
     fn a_law_that_does_what_an_effect_does_is_that_effect() {
         let of = |effect: f64| departure(1000.0, 0.0, 1000.0 - effect);
@@ -329,11 +333,12 @@ mod tests {
             assert!((of(effect) - (square.ln() - 0.01 / square).min(0.0)).abs() < 1e-9, "{effect}: {}", of(effect));
         }
         assert!(of(999.9) < -16.0 && of(500.0) > -0.8);
-        // What does nothing, or harm, says nothing.
+        // There is no factor if one of the two gains nothing or does harm.
         assert_eq!([of(0.0), of(-5.0), departure(1000.0, 1000.0, 500.0), departure(1000.0, 1001.0, 500.0)], [0.0; 4]);
     }
 
-    /// Beside a law of the driveline a load that adds a hundredth to what the law does pays for that; a bias of the engine, which is elsewhere, pays nothing, nor does what nothing is known of.
+    /// Beside a law of the driveline, a load that adds a hundredth to what the law does pays for that. A bias of the engine, which is another subsystem, pays nothing, nor does an
+    /// effect without known misfits to compare.
     #[test]
     fn an_effect_that_adds_little_to_a_law_of_its_subsystem_is_a_part_of_the_law() {
         let [bias, load] = ["engine_torque_bias", "road_load"].map(|id| crate::effects::find(id).unwrap());
@@ -347,8 +352,8 @@ mod tests {
         assert_eq!(departures(&set, Subsystem::Driveline, 1000.0, with_law, |_| None), 0.0);
     }
 
-    /// Of two explanations one leads by 10 nats if laws are nearly exact and by less the less they are: what is believed lies between the first and the last, and all of
-    /// it adds up to one, however far the logarithms are from zero.
+    /// One of two explanations leads by 10 nats if laws are nearly exact, and by less the less exact they are. Its probability is the mean over these cases, and all probabilities
+    /// add up to one, however far the logarithms are from zero.
     #[test]
     fn what_is_believed_is_the_mean_over_how_exact_laws_may_be() {
         let ahead = [10.0, 2.0, -1.0];
@@ -358,7 +363,8 @@ mod tests {
         let expected = ahead.into_iter().map(odds).sum::<f64>() / 3.0;
         assert!((all[0].probability - expected).abs() < 1e-12, "{} {expected}", all[0].probability);
         assert!((all[0].probability + all[1].probability - 1.0).abs() < 1e-12);
-        // Nothing is wrong with 0.4, one of two effects that look alike with 0.6: one of these stands, and then comes what is more probable by itself.
+        // The probability that nothing is wrong is 0.4, and two effects that look alike share 0.6: the more probable of the two stands, followed by what is more probable by
+        // itself.
         let [none, one, other] = [0.4_f64, 0.32, 0.28].map(f64::ln);
         let mut alike = [explanation(&[], [none; 3]), explanation(&[2], [other; 3]), explanation(&[1], [one; 3])];
         average_of(&mut alike, MANY, |_| true);
@@ -368,7 +374,7 @@ mod tests {
         average_of(&mut alike, MANY, |_| true);
         order(&mut alike, |_| true);
         assert!(alike[0].effects.is_empty());
-        // The other is only promised: what was fitted is weighed without it.
+        // The other effect is only promised, and does not count together with the fitted one.
         let mut alike = [explanation(&[], [none; 3]), explanation(&[2], [other; 3]), explanation(&[1], [one; 3])];
         average_of(&mut alike, MANY, |e| e.effects != [2]);
         order(&mut alike, |e| e.effects != [2]);
@@ -378,7 +384,8 @@ mod tests {
         assert!(all[0].probability < 1.0 / 3.0 + 1e-12, "{}", all[0].probability);
     }
 
-    /// A pair leads the search, and one of the two alone is believed more: missing laws are weighed beside the pair, beside that one, and beside none.
+    /// A pair leads the search, and one of the two alone is more probable at the powers of the search: missing laws are weighed beside the pair, beside that one, and beside no
+    /// effect.
     #[test]
     fn laws_are_weighed_beside_the_set_that_is_believed() {
         let example = crate::gap::model::prepare::Example::read();
@@ -389,7 +396,7 @@ mod tests {
             let fitted = Hypothesis::fitted(&problem, set.to_vec(), &problem.nominal(), 1, None);
             Hypothesis { lead, log_posterior, ..fitted }
         };
-        // So far ahead that no law is fitted, only promised.
+        // The sets are so far ahead that no law is fitted, only promised.
         let sets = vec![of(&pair, 3e9, 1.0), of(&pair[..1], 2e9, 2.0), of(&[], 1e9, 0.0)];
         let found = posterior(&problem, &Search::made_up(sets), Strained::default());
         let beside = |set: &[usize]| found.explanations.iter().filter(|e| e.place.is_some() && e.effects == set).count();

@@ -1,9 +1,9 @@
-//! Where a fit of a torque ripple may start: it loses its phase within a few hundredths of its order, so no gradient leads to it.
+//! Start points for the fit of a torque ripple: a ripple loses its phase if its order is off by a few hundredths, so that no gradient leads to the right order.
 //!
-//! A ripple of order k adds δT = T (a cos kφ + b sin kφ) to the clutch torque, φ the slip angle. It moves the flywheel's innovations through the same filter
-//! that corrects the replay. For every order the two amplitudes follow from a linear least-squares fit to these innovations; the best orders, and those that
-//! turn once more or less on the way, are starts. Over the whole of a drive the slip angle grows too far to try every order that would tell it apart: there orders are
-//! first tried as if each engagement had a phase of its own, then, near the best, with one phase for all.
+//! A ripple of order k adds δT = T (a cos kφ + b sin kφ) to the clutch torque, where φ is the slip angle. It moves the flywheel's innovations through the same filter that corrects
+//! the replay. For every order the two amplitudes follow from a linear least-squares fit to these innovations. Starts are the best orders, and those whose phase is one turn more
+//! or less at the end of the longest slip. In a whole drive the slip angle grows too large to try every order that it would tell apart: orders are first tried as if each
+//! engagement had a phase of its own, and then, near the best, with one phase for all.
 
 use super::coordinate::Coordinate;
 use super::density::{Point, Problem};
@@ -16,39 +16,39 @@ use crate::gap::model::tolerance::Signal;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Orders that are scanned, per radian of slip.
+/// Range of orders that are scanned, in radians of phase per radian of slip.
 const ORDERS: std::ops::Range<f64> = 0.15..12.0;
-/// Orders that are tried, those that become starts, and the iterations of a try.
+/// Number of orders that are tried, number of those that become starts, and iterations of a try.
 const TRIED: usize = 5;
 const STARTS: usize = 2;
 const POLISH: usize = 2;
-/// Observations after an engagement for which it still counts: a filter has forgotten it then.
+/// Number of observations that still count as part of an engagement after its end; after more, the filter has forgotten it.
 const REMEMBERED: usize = 20;
-/// Slip angle, rad, that a stretch spans at most.
+/// Largest slip angle, rad, that a stretch spans.
 const LONGEST_ANGLE: f64 = 600.0;
-/// Finest step of the first scan, per radian of slip; that of the second is at most so many times as fine: that bounds the work for hours of drives, whose phase is lost on the way.
+/// Finest step of the first scan, and the largest ratio of the steps of first and second scan. Both bound the work for drives of hours, whose phase is lost on the way.
 const FINEST: f64 = 0.002;
 const FINER: f64 = 100.0;
-/// Steps of the first scan within which only the best order counts: side lobes are no orders of their own.
+/// Number of steps of the first scan within which only the best order counts, because side lobes are not orders of their own.
 const LOBES: f64 = 20.0;
-/// Neighbouring orders that one task scans.
+/// Number of neighbouring orders that one task scans.
 const NEIGHBOURS: usize = 64;
-/// Share of the flywheel's squared innovations that a ripple has to take to be tried: chance alone takes a few thousandths.
+/// Share of the flywheel's squared innovations that a ripple must explain to be tried; chance alone explains a few thousandths.
 const LEAST_SHARE: f64 = 0.01;
 
-/// Torque, slip angle and weighted innovation of one engagement.
+/// Clutch torque, slip angle and whitened innovation of the flywheel speed in one engagement, by observation.
 #[derive(Default)]
 struct Stretch {
     torque: Vec<f64>,
     angle: Vec<f64>,
     innovation: Vec<f64>,
-    /// Change of the flywheel's speed per N·m over an interval, and how the filter forgets it.
+    /// Change of the flywheel's speed per N·m over an interval, and the share of an earlier change that the filter's correction leaves.
     gain: Vec<f64>,
     forget: Vec<f64>,
     weight: Vec<f64>,
 }
 
-/// Points at which a ripple is set as the scan finds it, if it takes at least so much of the cost.
+/// Points at which a ripple is set as the scan finds it, each with the index of the ripple's effect. A ripple must reduce the cost by at least `least`.
 pub fn starts(problem: &Problem, point: &Point, least: f64) -> Vec<(usize, Point)> {
     let Some((effect, entry)) = REGISTRY.iter().enumerate().find(|(_, e)| matches!(e.effect.act, Act::Pulsation(_))) else {
         return Vec::new();
@@ -63,12 +63,12 @@ pub fn starts(problem: &Problem, point: &Point, least: f64) -> Vec<(usize, Point
         start.effects[k + 2] = *order;
         start
     };
-    // Side lobes explain nearly as much, but only the order itself gets better when it is let free.
+    // Side lobes explain nearly as much, but only the true order improves when it is fitted.
     let own = || Frame { shared: entry.parameters.clone().map(Coordinate::Effect).collect(), own: Vec::new() };
     let mut fits: Vec<Fit> = found.iter().take(TRIED).map(|f| along(problem, own(), None, &set(f), POLISH, None)).collect();
     fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     fits.truncate(STARTS);
-    // An order that is one turn out at the end of the longest slip is a minimum of its own.
+    // An order whose phase is one turn off at the end of the longest slip is a minimum of its own.
     let neighbours: Vec<Point> = fits.first().map_or_else(Vec::new, |best| {
         let order = entry.parameters.start + 2;
         let moved = |to: f64| {
@@ -85,19 +85,19 @@ pub fn starts(problem: &Problem, point: &Point, least: f64) -> Vec<(usize, Point
     fits.into_iter().map(|f| (effect, f.point)).collect()
 }
 
-/// Orders that come to one turn less and more than this one over the longest slip, a slip angle in rad.
+/// Orders whose phase is one turn less and one turn more than that of this one at the end of the longest slip, a slip angle in rad.
 fn a_turn_out(order: f64, longest: f64) -> [f64; 2] {
     [-1.0, 1.0].map(|turns| order + turns * 2.0 * PI / longest)
 }
 
-/// What the squared innovations lose by a ripple, its order, and its amplitudes (cosine, sine).
+/// Reduction of the squared innovations by a ripple, its order, and its amplitudes (cosine, sine).
 type Ripple = (f64, f64, [f64; 2]);
 
-/// Orders that explain something, and at least so much of the cost, the best first; `longest` is the greatest slip angle of all.
+/// Orders that explain a noticeable share and reduce the cost by at least `least`, best first; `longest` is the largest slip angle of all, rad.
 fn orders(stretches: &[Stretch], longest: f64, least: f64) -> Vec<Ripple> {
     let step = |angle: f64| (0.5 * PI / angle).min(0.05);
     let fine = step(longest);
-    // One phase for all, or one for each stretch.
+    // Whether all stretches have one phase, or each has its own.
     let together = fine >= FINEST;
     let span = |s: &Stretch| (s.angle[s.angle.len() - 1] - s.angle[0]).abs();
     let coarse = if together { fine } else { step(stretches.iter().map(span).fold(0.0, f64::max)).max(FINEST) };
@@ -179,7 +179,7 @@ fn stretches(problem: &Problem, point: &Point, k: usize) -> Vec<Stretch> {
     all
 }
 
-/// What a pulsation explains for `count` orders from `first` on, with one phase for all stretches `together`, or with one for each and no amplitudes in common.
+/// What a ripple explains for `count` orders from `first` on: with one phase for all stretches if `together`, else with one phase for each and without common amplitudes.
 fn scan(stretches: &[Stretch], first: f64, step: f64, count: usize, together: bool) -> Vec<Ripple> {
     let chunk = |from: usize| {
         let turned = |order: f64| -> Vec<Vec<(f64, f64)>> {
@@ -207,7 +207,7 @@ fn scan(stretches: &[Stretch], first: f64, step: f64, count: usize, together: bo
     starts.into_par_iter().flat_map_iter(chunk).collect()
 }
 
-/// Sum of squares that a pulsation explains whose sines and cosines are given, and its amplitudes (cosine, sine).
+/// Sum of squares that a ripple with the given sines and cosines explains, and its amplitudes (cosine, sine).
 fn explained(stretches: &[Stretch], phasors: &[Vec<(f64, f64)>]) -> (f64, [f64; 2]) {
     let (mut cc, mut ss, mut cs, mut cr, mut sr) = (1e-9, 1e-9, 0.0, 0.0, 0.0);
     for (t, turned) in stretches.iter().zip(phasors) {
@@ -243,8 +243,8 @@ mod tests {
         assert!((less + 2.0 * PI).abs() < 1e-9 && (more - 2.0 * PI).abs() < 1e-9, "{less} {more}");
     }
 
-    /// Engagements of one drive, each a second of slip at 100 Hz, under a ripple of this order and phase of the slip angle that has grown since the drive began: with an open clutch, and
-    /// backwards while the car pushes its engine.
+    /// Engagements of one drive, each a second of slip at 100 Hz, under a ripple of this order and phase. The slip angle grows from the beginning of the drive, also with an open
+    /// clutch, and runs backwards in overrun.
     fn drive(order: f64, phase: f64) -> Vec<Stretch> {
         let mut angle = 0.0_f64;
         let engagement = |k: usize| {
@@ -262,14 +262,14 @@ mod tests {
                 speed = forget * speed - gain * torque * 0.2 * (order * (angle + 0.005 * slip) + phase).cos();
                 angle += 0.01 * slip;
             }
-            // Idling with an open clutch, longer each time.
+            // The engine idles with an open clutch, longer each time.
             angle += 400.0 + 37.0 * k as f64;
             s
         };
         (0..9).map(engagement).collect()
     }
 
-    /// Numbers between -1 and 1 that repeat.
+    /// Reproducible numbers between −1 and 1.
     struct Road(u64);
     impl Road {
         fn next(&mut self) -> f64 {
@@ -278,7 +278,7 @@ mod tests {
         }
     }
 
-    /// After thousands of radians a ripple is told from one that is a phase of a tenth of a turn off at the end.
+    /// After thousands of radians, the order is found to within about an eighth of a turn at the end.
     #[test]
     fn the_order_of_a_ripple_is_found_in_a_drive() {
         for (order, phase) in [(0.5_f64, 0.4_f64), (2.137, 2.0), (0.931, -1.0)] {

@@ -1,8 +1,8 @@
-//! Screening: what every effect could explain beside what is free already, alone and in company, from one replay per start.
+//! Screening: what every effect could explain beside everything that is already free, alone and together with others, from a few replays per start.
 //!
-//! At an anchor (a fitted point, or the nominal car) each effect is set to each of its starts and the recordings are replayed once. The changes of the
-//! innovations, and the derivatives of everything already free, are columns of one linear model; nuisances and own unknowns are eliminated from it once,
-//! and what is left is a small Gram matrix from which the gain of every set of starts follows.
+//! At an anchor (a fitted point, or the nominal car), each effect is set to each of its starts and to a share of it, and the recordings are replayed once for each. The changes of
+//! the innovations, and the derivatives of everything already free, are columns of one linear model. Nuisances and own unknowns are eliminated from it once, and what is left is a
+//! small Gram matrix from which the gain of every set of starts follows.
 
 use super::coordinate::coordinates;
 use super::density::{Basis, Point, Problem, Residuals, cost, huber, prior, size};
@@ -16,23 +16,23 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// A place at which a linear model is made.
+/// A point around which a linear model is made.
 pub struct Anchor {
-    /// Where.
+    /// The point.
     pub point: Point,
     /// Effects that are free there.
     pub effects: Vec<usize>,
     basis: Option<Basis>,
     residuals: Vec<Residuals>,
     frame: Frame,
-    /// Derivatives there.
+    /// Derivatives at the point.
     pub columns: Arc<Vec<Columns>>,
     equations: Normal,
     cost: f64,
 }
 
 impl Anchor {
-    /// Differentiates at `point` along nuisances and the parameters of `effects`, unless a fit has the derivatives there.
+    /// Differentiates at `point` along nuisances and the parameters of `effects`, unless the fit `known` holds the derivatives at this point.
     pub fn new(problem: &Problem, point: &Point, effects: &[usize], basis: Option<&Basis>, known: Option<&Fit>) -> Option<Self> {
         let residuals = problem.all_residuals(point, basis);
         let (shared, own) = coordinates(problem, effects, point.missing.len());
@@ -45,18 +45,18 @@ impl Anchor {
     }
 }
 
-/// A start of an effect as it was replayed at an anchor.
+/// A start of an effect, or a share of one, as it was replayed at an anchor.
 #[derive(Clone, Debug)]
 pub struct Candidate {
     /// Place in the registry.
     pub effect: usize,
-    /// Where it was replayed.
+    /// Point of the replay.
     pub point: Point,
-    /// Cost there.
+    /// Cost at this point.
     pub cost: f64,
-    /// Which of the effect's starts.
+    /// Index among the starts of the effect.
     start: usize,
-    /// The tolerance that moves the same number, and how many of its standard deviations do the same; for limits alone.
+    /// Index of the tolerance that moves the same number, and how many of its standard deviations do the same; only for limits.
     twin: Option<(usize, f64)>,
     /// Share of the start at which it was replayed.
     pub(super) share: f64,
@@ -70,31 +70,32 @@ impl Candidate {
     }
 }
 
-/// What the linear model says of the candidates of an anchor.
+/// The linear model of the candidates of an anchor.
 pub struct Screening {
     /// Candidates.
     pub candidates: Vec<Candidate>,
-    /// What the recordings say of them.
+    /// Information of the recordings about the candidates.
     pub information: Information,
     /// Prior precision of the shared coordinates.
     prior: DMatrix<f64>,
-    /// Curvature between them, all else eliminated.
+    /// Curvature along the candidates with their prior, all else eliminated.
     gram: DMatrix<f64>,
-    /// Gradient along them.
+    /// Gradient along the candidates, all else eliminated.
     slope: DVector<f64>,
     cost: f64,
-    /// Of each candidate.
+    /// Worth of each candidate alone.
     believed: Vec<Believed>,
 }
 
 /// Largest factor on a start that the linear model may ask for.
 pub(super) const LARGEST_FACTOR: f64 = 6.0;
 
-/// Share of a start at which every effect is replayed too: what is as small, or trades with a tolerance, is linear from there and not from the whole start.
+/// Share of a start at which every effect is replayed as well: for an effect that is as small, or that is traded against a tolerance, the linear model holds from this share and
+/// not from the whole start.
 const SMALL_SHARE: f64 = 0.1;
 
-/// Shares of a start at which limits are asked for: a limit is that of the share that is nearest to it, for what resembles a tolerance at its limit may not do so at
-/// the size of a usual fault, and a play that shows when it is large may not show when it is small.
+/// Shares of a start at which limits of detection are computed. A limit is taken from the share that is nearest to it, because an effect that resembles a tolerance at its limit
+/// may not do so at the size of a usual fault, and a play that shows when it is large may not show when it is small.
 const LIMIT_SHARES: [f64; 3] = [1.0, MIDDLE_SHARE, 0.01];
 const MIDDLE_SHARE: f64 = 0.1;
 
@@ -103,12 +104,13 @@ pub fn screen(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)]) ->
     screen_at(problem, anchor, further, For::Promises)
 }
 
-/// The same from small shares of a start to all of it, for [`Screening::limits`].
+/// As [`screen`], with shares of each start from a hundredth to the whole, for [`Screening::limits`].
 pub fn screen_for_limits(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)]) -> Screening {
     screen_at(problem, anchor, further, For::Limits(&|_, _| LIMIT_SHARES.to_vec()))
 }
 
-/// What recordings say of tolerances, in their standard deviations, and of the starts of effects, in units of these, own unknowns eliminated and without any prior.
+/// Information of the recordings about tolerances, in their standard deviations, followed by that about the starts of effects, in units of these; own unknowns are eliminated, and
+/// the priors of tolerances and effects are left out.
 pub fn information_of_starts(problem: &Problem, anchor: &Anchor) -> DMatrix<f64> {
     let screening = screen_at(problem, anchor, &[], For::Limits(&|_, _| vec![MIDDLE_SHARE]));
     let Information { curvature, cross, gram } = screening.information;
@@ -121,7 +123,7 @@ pub fn information_of_starts(problem: &Problem, anchor: &Anchor) -> DMatrix<f64>
     all
 }
 
-/// The detection limit of each effect that is not free at the anchor. Each start is replayed at the middle share, and where its limit is nearer to another one, at that one.
+/// The detection limit of each effect that is not free at the anchor. Each start is replayed at the middle share, and also at another one if its limit is nearer to that.
 pub fn limits(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)]) -> Vec<Limit> {
     let of_starts = |s: Screening| s.limits_of_starts(&s.information);
     let mut all = of_starts(screen_at(problem, anchor, further, For::Limits(&|_, _| vec![MIDDLE_SHARE])));
@@ -136,9 +138,9 @@ pub fn limits(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)]) ->
 /// What a screening is made for.
 #[derive(Clone, Copy)]
 enum For<'a> {
-    /// What each start promises, as the search takes it.
+    /// What each start promises, for the search.
     Promises,
-    /// Limits, from these shares of each start of an effect.
+    /// Limits, from these shares of each start; the arguments are the effect and the start.
     Limits(&'a dyn Fn(usize, usize) -> Vec<f64>),
 }
 
@@ -161,7 +163,7 @@ fn screen_at(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)], wha
         cross += p.cross;
         candidates.iter_mut().zip(p.misfit).for_each(|(c, m)| c.cost += m);
     }
-    // A prior is what is assembled of no recordings.
+    // Without recordings, the prior is assembled alone.
     let shared_alone = Frame { shared: anchor.frame.shared.clone(), own: Vec::new() };
     let unlearned = assemble(&anchor.point, &shared_alone, &[], 0.0).expect("priors are positive");
     let information =
@@ -181,13 +183,13 @@ fn screen_at(problem: &Problem, anchor: &Anchor, further: &[(usize, Point)], wha
     Screening { candidates, information, prior, gram, slope, cost: anchor.cost - settled, believed }
 }
 
-/// Starts of an effect, each at the shares of it that are asked for.
+/// Starts of an effect, each at the shares that are required.
 fn starts(problem: &Problem, anchor: &Anchor, effect: usize, entry: &'static Entry, what_for: For) -> Vec<Candidate> {
     let car = problem.car(&anchor.point, None);
     let same: Vec<Option<(usize, f64)>> = problem.shared.iter().map(|n| n.same_as(&car)).collect();
     let mut all = Vec::new();
     for (which, start) in entry.effect.starts.iter().enumerate() {
-        // What a tolerance does exactly is told from it by its prior alone, not by how far two finite steps are from one line.
+        // An effect that does exactly what a tolerance does is distinguished from it by its prior alone, and not by how far two finite steps are from one line.
         let does_the_same = match (what_for, start) {
             (For::Limits(_), [(k, value)]) => {
                 let place = same.iter().position(|s| s.is_some_and(|(p, _)| p == *k));
@@ -219,7 +221,7 @@ struct Part {
     gram: DMatrix<f64>,
     slope: DVector<f64>,
     cross: DMatrix<f64>,
-    /// Of each candidate where it was replayed.
+    /// Misfit of each candidate at the point of its replay.
     misfit: Vec<f64>,
 }
 
@@ -256,7 +258,7 @@ pub struct Promise {
     pub members: Vec<usize>,
     /// Factors on their starts.
     pub factors: Vec<f64>,
-    /// Cost promised.
+    /// Promised cost.
     pub cost: f64,
 }
 
@@ -266,17 +268,17 @@ impl Screening {
         self.cost
     }
 
-    /// Gain of the one candidate of a promise in the cost as it is believed.
+    /// Gain of the only candidate of a promise, in the cost with the likelihood raised to its power.
     pub fn gain(&self, single: &Promise) -> f64 {
         self.believed[single.members[0]].gain
     }
 
-    /// Nats of evidence that the linear model makes of each candidate alone, an effect's odds not included, and the candidate's effect.
+    /// The effect of each candidate, and the gain in log evidence, nats, that the linear model predicts for the candidate alone, without the prior odds of the effect.
     pub fn evidence(&self) -> impl Iterator<Item = (usize, f64)> {
         self.candidates.iter().zip(&self.believed).map(|(c, b)| (c.effect, b.evidence))
     }
 
-    /// Promise of these candidates together; none if one of them would have to go the other way.
+    /// Promise of these candidates together; none if one of them would have to go in the opposite direction.
     pub fn promise(&self, members: &[usize]) -> Option<Promise> {
         let m = members.len();
         let h = DMatrix::from_fn(m, m, |i, j| self.gram[(members[i], members[j])]);
@@ -288,7 +290,7 @@ impl Screening {
         let most = |i: usize| LARGEST_FACTOR / self.candidates[members[i]].share;
         let step = DVector::from_fn(m, |i, _| step[i].min(most(i)));
         let gain = -2.0 * g.dot(&step) - (&h * &step).dot(&step);
-        // What was replayed is sure, what is promised is not.
+        // A replayed cost is certain, a promised one is not.
         if let [k] = members
             && self.candidates[*k].cost < self.cost - gain
         {
@@ -297,12 +299,12 @@ impl Screening {
         Some(Promise { members: members.to_vec(), factors: step.iter().copied().collect(), cost: self.cost - gain })
     }
 
-    /// The detection limits of each effect that was screened, in these recordings or in others at the same anchor.
+    /// The detection limit of each effect that was screened, from the information of these recordings or of others at the same anchor.
     pub fn limits(&self, information: &Information) -> Vec<Limit> {
         first_to_show(&self.limits_of_starts(information))
     }
 
-    /// The same of each start at each share of it.
+    /// Detection limits of each start at each share of it.
     fn limits_of_starts(&self, information: &Information) -> Vec<OfStart> {
         let one = |(c, information): (&Candidate, f64)| {
             let amplitudes = REGISTRY[c.effect].effect.amplitudes.iter();
@@ -316,7 +318,7 @@ impl Screening {
         self.candidates.iter().zip(information.beside(&self.prior)).filter_map(one).collect()
     }
 
-    /// The best start of each effect, best first.
+    /// The best start of each effect, or all starts of a ripple, best first.
     pub fn singles(&self) -> Vec<Promise> {
         let mut best: Vec<Promise> = Vec::new();
         for k in 0..self.candidates.len() {
@@ -354,7 +356,7 @@ impl Screening {
         best
     }
 
-    /// Where a fit of a promise starts.
+    /// Start point for a fit of a promise.
     pub fn start(&self, anchor: &Anchor, promise: &Promise) -> Point {
         let mut point = anchor.point.clone();
         for (&k, factor) in promise.members.iter().zip(&promise.factors) {
@@ -364,7 +366,7 @@ impl Screening {
                 let null = PARAMETERS[p].null;
                 let set = c.point.effects[p];
                 let amplitude = entry.effect.amplitudes.contains(&p);
-                // Half of what is promised beyond the start: the linear model is surest near where it was replayed.
+                // Only half of the part that is promised beyond the start is taken, because the linear model is most reliable near the point of the replay.
                 let factor = if *factor > 1.0 && c.share == 1.0 { 1.0 + 0.5 * (factor - 1.0) } else { *factor };
                 let moved = if amplitude { null + factor * (set - null) } else { set };
                 point.effects[p] = moved.clamp(PARAMETERS[p].min, PARAMETERS[p].max).clamp(null - 8.0 * size(p), null + 8.0 * size(p));
@@ -374,7 +376,7 @@ impl Screening {
     }
 }
 
-/// The limit of an effect along one of its starts, as it follows from one share of that.
+/// The detection limit of an effect along one of its starts, as it follows from one share of the start.
 struct OfStart {
     start: usize,
     share: f64,
@@ -383,11 +385,11 @@ struct OfStart {
     limit: Limit,
 }
 
-/// Limit in starts that stands for an infinite one.
+/// Limit in units of a start that stands for an infinite one.
 const MOST_STARTS: f64 = 1e9;
 
 impl OfStart {
-    /// How far the limit is from a share of the start.
+    /// Distance of the limit from a share of the start: the absolute logarithm of their ratio.
     fn away(&self, share: f64) -> f64 {
         (self.in_starts.min(MOST_STARTS) / share).ln().abs()
     }
@@ -398,7 +400,8 @@ impl OfStart {
     }
 }
 
-/// Of each start the limit at the middle share, or at the one that is nearest to that limit, whichever is nearer to its own share; of each effect the start that shows first.
+/// Detection limits by effect. Of each start there are the limit at the middle share and the one at the share nearest to that limit; the one that is nearer to its own share
+/// counts. Of each effect the start with the smallest limit counts.
 fn first_to_show(all: &[OfStart]) -> Vec<Limit> {
     let away = |l: &OfStart| l.away(l.share);
     let is_asked = |l: &&OfStart| {
@@ -424,18 +427,18 @@ fn first_to_show(all: &[OfStart]) -> Vec<Limit> {
     all
 }
 
-/// The smallest size of an effect that recordings show.
+/// The limit of detection: the smallest size of an effect that recordings show.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limit {
     /// Place in the registry.
     pub effect: usize,
-    /// Parameter that the size is of.
+    /// Parameter to which the size refers.
     pub parameter: usize,
     /// Departure of the parameter from its null value that is found with a probability of [`super::limit::POWER`].
     pub size: f64,
-    /// Departure at the start that shows best; its sign says to which side.
+    /// Departure at the start that shows best; its sign is that of the effect.
     pub start: f64,
-    /// What the recordings say along it.
+    /// Information of the recordings along this start.
     pub visibility: Visibility,
 }
 
@@ -461,7 +464,8 @@ mod tests {
     use super::*;
     use crate::effects::{self, param::vehicle_mass::factor};
 
-    /// 0.034 starts, found with a tenth of one, are nearest to that tenth: with all three shares at hand the limit is the one that is found with that share alone. 0.02 of them are not.
+    /// A limit of 0.034 starts that follows from a tenth of the start is nearest to that share. If all three shares were replayed, it is therefore the limit that follows from this
+    /// share alone. A limit of 0.02 starts is nearer to a hundredth.
     #[test]
     fn a_limit_is_the_same_whichever_shares_were_replayed() {
         let of = |share: f64, in_starts: f64| OfStart {
@@ -480,11 +484,11 @@ mod tests {
         assert_eq!([size(vec![of(0.1, 0.034)]), size(vec![of(1.0, 0.5), of(0.1, 0.034), of(0.01, 0.0166)])], [0.034; 2]);
         let found = [size(vec![of(0.1, 0.02), of(0.01, 0.012)]), size(vec![of(1.0, 1.0), of(0.1, 0.02), of(0.01, 0.012)])];
         assert_eq!(found, [0.012; 2]);
-        // What has no such share has the limit that it has.
+        // Without the middle share, the limit at the available share counts.
         assert_eq!(size(vec![of(1.0, 0.03)]), 0.03);
     }
 
-    /// A start that moves one of an effect's amplitudes is a departure of that one alone, whatever its value is where there is no effect.
+    /// A start departs in those amplitudes of its effect that it moves and in no others, whatever their null values are.
     #[test]
     fn a_departure_is_counted_from_where_there_is_no_effect() {
         for (effect, entry) in REGISTRY.iter().enumerate() {

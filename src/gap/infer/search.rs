@@ -1,8 +1,8 @@
 //! The search: which sets of effects are worth a fit, up to three at a time.
 //!
-//! From the car within its tolerances, and then from the best sets so far, every effect is screened; what promises most is fitted. Sets compete by their
-//! posterior: evidence, which pays for what an effect could have done as well, and the odds of that many effects. The search goes on as long as a
-//! larger set is more probable than the one that it extends. Where it is repeated with a better filter, what the first search found near its best is fitted as well.
+//! From the car within its tolerances, and then from the best sets so far, every effect is screened, and the most promising ones are fitted. Sets compete by their posterior: the
+//! evidence, in which an effect pays for everything else that it could have done, and the prior odds of the number of effects. The search goes on as long as a larger set is more
+//! probable than the one that it extends. If it is repeated with a better filter, sets that the first search found near its best are fitted as well.
 
 use super::belief::{ByAccuracy, STEERING};
 use super::density::{Basis, Point, Problem, WHOLE, cost};
@@ -17,24 +17,24 @@ use rayon::prelude::*;
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// A set of effects, fitted.
+/// A fitted set of effects.
 #[derive(Clone, Debug)]
 pub struct Hypothesis {
     /// Effects, by their place in the registry, ascending.
     pub effects: Vec<usize>,
-    /// Fit, the effects' forms eliminated.
+    /// Fit, with the effects' forms eliminated.
     pub fit: Fit,
-    /// Fit with the functions of their forms.
+    /// Fit with the functions of the effects' forms.
     pub formed: Fit,
-    /// These functions.
+    /// Functions of the effects' forms.
     pub basis: Basis,
-    /// Logarithm of the posterior probability, nats, up to a constant of the recordings, with the whole likelihood: where the search goes.
+    /// Logarithm of the posterior probability under the full likelihood, nats, up to a constant that depends on the recordings alone. It decides where the search goes.
     pub lead: f64,
-    /// The same with the likelihood to the powers by which the search is steered: what is believed.
+    /// The same with the likelihood raised to the powers that steer the search: what is believed.
     pub log_posterior: f64,
-    /// The same for each accuracy that the explanation may have.
+    /// Logarithm of the posterior probability for each accuracy that the explanation may have.
     pub by_accuracy: ByAccuracy<f64>,
-    /// [`Fit::strain`] for each of them.
+    /// [`Fit::strain`] for each accuracy.
     pub strains: ByAccuracy<f64>,
 }
 
@@ -56,7 +56,7 @@ impl Hypothesis {
         Self { effects, fit, formed, basis, lead, log_posterior, by_accuracy, strains }
     }
 
-    /// The same with its derivatives and functions, fitted anew if they were let go.
+    /// The same hypothesis with its derivatives and functions, fitted anew if they were released.
     pub fn whole(&self, problem: &Problem) -> Self {
         if self.formed.columns.is_empty() {
             Self::fitted(problem, self.effects.clone(), &self.formed.point, LOOK, None)
@@ -70,7 +70,7 @@ impl Hypothesis {
         [&mut self.fit, &mut self.formed].into_iter().for_each(Fit::let_go);
     }
 
-    /// Fits a set with the forms of its effects. `known` are derivatives of a place nearby.
+    /// Fits a set with the forms of its effects. `known` are derivatives at a nearby point.
     pub fn fitted(problem: &Problem, effects: Vec<usize>, start: &Point, iterations: usize, known: Option<Known>) -> Self {
         let basis = forms(problem, start, &effects);
         let start = Point { missing: Vec::new(), ..start.clone() };
@@ -86,23 +86,24 @@ impl Hypothesis {
     }
 }
 
-/// What was found.
+/// Result of a search.
 #[derive(Clone, Debug)]
 pub struct Search {
     /// All sets that were fitted, the most probable first.
     pub hypotheses: Vec<Hypothesis>,
-    /// Nats of evidence that the linear model makes of each effect alone, its odds not included; none of one that no scan found.
+    /// Gain in log evidence, nats, that the linear model predicts for each effect alone, without its prior odds; none for an effect without a candidate, such as a ripple that no
+    /// scan found.
     pub promised: Vec<Option<f64>>,
-    /// Sets beside which all effects were screened, each with its cost then.
+    /// Sets beside which all effects were screened, each with its cost at that time.
     screened: Vec<(Vec<usize>, f64)>,
 }
 
 impl Search {
-    /// The car within its tolerances.
+    /// The car within its tolerances: the set without effects.
     pub fn base(&self) -> &Hypothesis {
         self.of(&[]).expect("the search begins with it")
     }
-    /// A set, if it was fitted.
+    /// The hypothesis of a set, if it was fitted.
     pub fn of(&self, effects: &[usize]) -> Option<&Hypothesis> {
         self.hypotheses.iter().find(|h| h.effects == effects)
     }
@@ -110,11 +111,11 @@ impl Search {
     pub fn best(&self) -> &Hypothesis {
         &self.hypotheses[0]
     }
-    /// Nats behind a log evidence within which an explanation is worth more work.
+    /// Distance in nats behind the log evidence `best` within which an explanation is worth more work.
     pub fn behind(&self, best: f64) -> f64 {
         BEHIND_NATS + BEHIND_SHARE * (best - self.base().fit.log_evidence).max(0.0)
     }
-    /// Whether the same set came further from elsewhere: a start that lags behind is not worth another fit. Ripples of different orders are different starts.
+    /// Whether the same set was already fitted as well or better from another start, so that this one is not worth another fit. Ripples of different orders are different starts.
     fn has_better(&self, h: &Hypothesis) -> bool {
         !pulsates(&h.effects) && self.of(&h.effects).is_some_and(|o| o.fit.log_evidence >= h.fit.log_evidence)
     }
@@ -130,13 +131,13 @@ impl Search {
     fn let_go(&mut self) {
         let_go(&mut self.hypotheses, MOST_BYTES);
     }
-    /// Lets go of all derivatives and functions: what is fitted anew from here works them out again.
+    /// Releases all derivatives and functions; fits that need them compute them again.
     pub fn let_go_of_all(&mut self) {
         self.hypotheses.iter_mut().for_each(Hypothesis::let_go);
     }
 }
 
-/// Lets go of the derivatives and functions of the last sets when all of them together take more than so many bytes.
+/// Releases the derivatives and functions of the last sets, beyond the first ones that together take no more than `most` bytes.
 fn let_go<'a>(all: impl IntoIterator<Item = &'a mut Hypothesis>, most: usize) {
     let (mut held, mut seen) = (0, HashSet::new());
     for h in all {
@@ -151,30 +152,31 @@ fn let_go<'a>(all: impl IntoIterator<Item = &'a mut Hypothesis>, most: usize) {
 /// Memory that derivatives and functions of fits may take, bytes.
 pub(super) const MOST_BYTES: usize = 120_000_000;
 
-/// Looks after which memory is let go again.
+/// Minimum number of looks after which memory is released.
 const LOOKS_AT_ONCE: usize = 4;
 
-/// Most effects at a time.
+/// Maximum number of effects in a set.
 pub const MOST_EFFECTS: usize = 3;
-/// Iterations of a fit that stays.
+/// Maximum number of iterations of a full fit.
 pub(super) const STAY: usize = 12;
-/// Candidates that are looked at from the fitted car, from the nominal one if a gap dragged that along, and those of them that are fitted to the end.
+/// Number of candidates that get a look from the fitted car, number of those that get one from the nominal car if a gap dragged the fit along, and number of looks that are fitted
+/// to the end.
 const LOOKED_AT: usize = 4;
 const LOOKED_AT_AGAIN: usize = 2;
 const FITTED: usize = 5;
-/// Sets that are extended.
+/// Number of sets of one and of two effects that are extended.
 const BEAM: [usize; MOST_EFFECTS - 1] = [2, 1];
-/// Nats behind the best after a look up to which a fit is finished, beside this share of what the best explains.
+/// Distance in nats behind the best look within which a fit is finished, to which this share of what the best look explains is added.
 pub(super) const BEHIND_NATS: f64 = 20.0;
 const BEHIND_SHARE: f64 = 0.3;
-/// Gain in the cost that is believed which an effect has to promise to be looked at: its price is more.
+/// Gain that an effect must promise to get a look, in the cost scaled by [`Problem::power`]: its price is higher.
 pub(super) const LEAST_PROMISE: f64 = 10.0;
-/// Mean square of the nuisances above which a fit was dragged along by a gap, and the nominal car is a second anchor.
+/// Mean square of the nuisances above which a fit was dragged along by a gap, so that the nominal car serves as a second anchor.
 pub const DRAGGED: f64 = 3.0;
 
 #[cfg(test)]
 impl Hypothesis {
-    /// A set with this fit, which nothing weighed.
+    /// A set with this fit that was not weighed.
     pub fn made_up(effects: &[usize], fit: Fit) -> Self {
         let (formed, none) = (fit.clone(), Default::default());
         let (lead, log_posterior) = (0.0, 0.0);
@@ -190,8 +192,8 @@ impl Search {
     }
 }
 
-/// Searches, without an [`exchange`](super::exchange::exchange); `earlier` is what a search under another filter found. `progress` is told how far it is. Once so much
-/// work is done that [no more may begin](crate::gap::progress::Work::may_go_on), no set is extended.
+/// Searches, without an [`exchange`](super::exchange::exchange). `earlier` is the result of a search under another filter, and `progress` is called with the stage and how far the
+/// search is. Once so much work is done that [no more may begin](crate::gap::progress::Work::may_go_on), no set is extended.
 pub fn search(problem: &Problem, earlier: Option<&Search>, progress: &(dyn Fn(&str, f64) + Sync)) -> Search {
     progress("tolerances", 0.0);
     let nominal = problem.nominal();
@@ -215,7 +217,7 @@ pub fn search(problem: &Problem, earlier: Option<&Search>, progress: &(dyn Fn(&s
         frontier = of_size.into_iter().map(|h| h.effects.clone()).collect();
     }
     if let Some(earlier) = earlier {
-        // Without work left nothing was screened here.
+        // Nothing was screened here if no work was left.
         if found.promised.iter().all(Option::is_none) {
             found.promised.clone_from(&earlier.promised);
         }
@@ -224,7 +226,8 @@ pub fn search(problem: &Problem, earlier: Option<&Search>, progress: &(dyn Fn(&s
     found
 }
 
-/// Fits what an earlier search, under another filter, found near its best and this one did not come by, from there; if that leads now, it is extended as well.
+/// Fits sets that an earlier search, under another filter, found near its best and that this one did not fit, from the points that the earlier search found. If one of them leads
+/// now, it is extended as well.
 fn take_up(problem: &Problem, found: &mut Search, earlier: &Search) {
     let least = earlier.best().lead - earlier.behind(earlier.best().fit.log_evidence);
     let near = earlier.hypotheses.iter().take(FITTED).filter(|h| h.lead > least && found.of(&h.effects).is_none());
@@ -238,7 +241,7 @@ fn take_up(problem: &Problem, found: &mut Search, earlier: &Search) {
     }
 }
 
-/// Screens beside a set that was fitted, and fits what promises most; not again from where that was done.
+/// Screens all effects beside a set that was fitted, and fits the most promising ones. Nothing is done if the set was screened before and its fit has hardly improved since.
 pub(super) fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
     let Some(from) = found.of(set).map(|h| h.whole(problem)) else { return };
     if found.screened.iter().any(|(done, cost)| done == set && from.fit.cost > cost - least_promise(problem)) {
@@ -252,7 +255,8 @@ pub(super) fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
         looked.sort_by(|a, b| b.0.fit.log_evidence.total_cmp(&a.0.fit.log_evidence));
         let_go(looked.iter_mut().map(|l| &mut l.0), MOST_BYTES);
     }
-    // More effects can only explain more, but for a ripple out of phase. A look that does not bear that out was led astray by derivatives of elsewhere: the most promising get their own.
+    // A larger set can only explain more, except for a ripple out of phase. A look that ends with a worse fit was led astray by derivatives at another point: the most promising of
+    // these sets are fitted with derivatives of their own.
     looked.sort_by(|a, b| a.1.total_cmp(&b.1));
     let most = from.fit.cost + least_gain(problem);
     let is_astray = |h: &Hypothesis| h.fit.cost > most && !pulsates(&h.effects) && !found.has_better(h);
@@ -263,14 +267,14 @@ pub(super) fn extend(problem: &Problem, found: &mut Search, set: &[usize]) {
     finish(problem, found, looked.into_iter().map(|(h, _)| h).collect());
 }
 
-/// Where a look begins.
+/// Start of a look.
 struct Start {
     /// Effects, ascending.
     effects: Vec<usize>,
     point: Point,
-    /// Cost that it is expected to come to; −∞ where that is not known.
+    /// Predicted cost; −∞ where it is not known.
     promise: f64,
-    /// Anchor whose derivatives it lives on.
+    /// Index of the anchor whose derivatives the look uses.
     anchor: usize,
 }
 
@@ -281,7 +285,7 @@ impl Start {
         Self { effects, point, promise, anchor }
     }
 
-    /// Orders of its ripples: those of different orders are different starts.
+    /// Sum of the orders of its ripples, because ripples of different orders are different starts.
     fn orders(&self) -> f64 {
         let order = |e: &usize| self.point.effects[REGISTRY[*e].parameters.start + 2];
         self.effects.iter().filter(|e| pulsates(&[**e])).map(order).sum()
@@ -289,13 +293,13 @@ impl Start {
 
     fn look(&self, problem: &Problem, columns: &[Arc<Vec<Columns>>]) -> Hypothesis {
         let known = columns.get(self.anchor).map(|c| Known::Nuisances(c));
-        // From the nominal car it is further.
+        // The mode is further from the nominal car.
         let iterations = if self.anchor == 0 { LOOK } else { 2 * LOOK };
         Hypothesis::fitted(problem, self.effects.clone(), &self.point, iterations, known)
     }
 }
 
-/// What is worth a look beside a set that was fitted, and the derivatives of each anchor.
+/// Starts that are worth a look beside a set that was fitted, and the derivatives of each anchor.
 fn starts(problem: &Problem, found: &mut Search, from: &Hypothesis) -> (Vec<Start>, Vec<Arc<Vec<Columns>>>) {
     let (set, formed) = (from.effects.as_slice(), &from.formed);
     let mut places: Vec<(Point, Option<&Fit>)> = vec![(formed.point.clone(), Some(formed))];
@@ -303,7 +307,7 @@ fn starts(problem: &Problem, found: &mut Search, from: &Hypothesis) -> (Vec<Star
         let (effects, missing) = (formed.point.effects, formed.point.missing.clone());
         places.push((Point { effects, missing, ..problem.nominal() }, None));
     }
-    // What moves the slip angle moves the order at which a ripple suits it: it is looked for beside each set anew.
+    // Everything that changes the slip angle also changes the order at which a ripple fits, so that the scan is repeated beside each set.
     let ripples = if pulsates(set) { Vec::new() } else { pulsation::starts(problem, &from.fit.point, least_promise(problem)) };
     let ripple = |(e, p): (usize, Point)| {
         let mut point = formed.point.clone();
@@ -316,7 +320,7 @@ fn starts(problem: &Problem, found: &mut Search, from: &Hypothesis) -> (Vec<Star
     for (point, known) in &places {
         let Some(anchor) = Anchor::new(problem, point, set, Some(&from.basis), *known) else { continue };
         let screening = screen(problem, &anchor, if columns.is_empty() { &further } else { &[] });
-        // From the nominal car a linear model promises less of everything, of no effect as well.
+        // From the nominal car, the linear model predicts a higher cost for every candidate, but also without any; the threshold takes that into account.
         let least = screening.settled().max(from.fit.cost) - least_promise(problem);
         let singles = screening.singles();
         if set.is_empty() && columns.is_empty() {
@@ -324,7 +328,8 @@ fn starts(problem: &Problem, found: &mut Search, from: &Hypothesis) -> (Vec<Star
                 found.promised[e] = Some(found.promised[e].map_or(nats, |best: f64| best.max(nats)));
             }
         }
-        // What relieves a tolerance counts in full, however little the recordings are believed. Where a gap dragged all of them along, whatever follows it does so.
+        // The relief of a tolerance counts in full, however low the power of the likelihood is. If a gap dragged all tolerances along, this does not count, because every effect
+        // that follows the gap relieves them.
         let gain = |p: &Promise| if from.fit.pull() > DRAGGED { 0.0 } else { screening.gain(p) };
         let pairs = if set.len() + 2 <= MOST_EFFECTS { screening.pairs() } else { Vec::new() };
         let most = if columns.is_empty() { LOOKED_AT } else { LOOKED_AT_AGAIN };
@@ -341,16 +346,16 @@ fn starts(problem: &Problem, found: &mut Search, from: &Hypothesis) -> (Vec<Star
         let there = cost(&point, &problem.all_residuals(&point, Some(&from.basis)));
         Start::new(&effects, None, point, there, 0)
     }));
-    // A ripple starts as its scan found it: what a linear model makes of a phase that is nearly right says little.
+    // A ripple also starts as the scan found it, because a linear model says little about a phase that is only nearly right.
     starts.extend(further.into_iter().map(|(e, point)| Start::new(set, [e], point, f64::NEG_INFINITY, 0)));
-    // Of two starts of one set from one anchor the more promising, but for ripples of different orders.
+    // Of several starts of one set from one anchor, the most promising is kept, except that ripples of different orders are kept apart.
     let by_set = |a: &Start, b: &Start| a.effects.cmp(&b.effects).then(a.anchor.cmp(&b.anchor)).then(a.orders().total_cmp(&b.orders()));
     starts.sort_by(|a, b| by_set(a, b).then(a.promise.total_cmp(&b.promise)));
     starts.dedup_by(|later, kept| later.effects == kept.effects && later.anchor == kept.anchor && later.orders() == kept.orders());
     (starts, columns)
 }
 
-/// [`LEAST_PROMISE`] in units of the whole cost.
+/// [`LEAST_PROMISE`] in the unscaled cost.
 pub(super) fn least_promise(problem: &Problem) -> f64 {
     LEAST_PROMISE / problem.power()
 }
@@ -359,7 +364,8 @@ fn pulsates(effects: &[usize]) -> bool {
     effects.iter().any(|&e| matches!(REGISTRY[e].effect.act, Act::Pulsation(_)))
 }
 
-/// The same car with an effect in the place of each tolerance that does the same and was pulled; the sets with it beside `set`.
+/// For each tolerance that was pulled far from its declared value and for which an effect can stand in exactly: `set` with that effect, and the same car with the effect in place
+/// of the tolerance.
 pub fn taken_over(problem: &Problem, from: &Point, set: &[usize]) -> Vec<(Vec<usize>, Point)> {
     const PULLED: f64 = 2.5;
     let pulled = (0..problem.shared.len()).filter(|&k| from.shared[k].abs() > PULLED);
@@ -381,7 +387,7 @@ pub fn taken_over(problem: &Problem, from: &Point, set: &[usize]) -> Vec<(Vec<us
         .collect()
 }
 
-/// Fits to the end what came near the best after a look.
+/// Fits those looks to the end that came near the best one, and adds all of them to what was found.
 pub(super) fn finish(problem: &Problem, found: &mut Search, mut looked: Vec<Hypothesis>) {
     looked.sort_by(|a, b| b.fit.log_evidence.total_cmp(&a.fit.log_evidence));
     let Some(best) = looked.first().map(|l| l.fit.log_evidence) else { return };
@@ -398,7 +404,8 @@ pub(super) fn finish(problem: &Problem, found: &mut Search, mut looked: Vec<Hypo
 mod tests {
     use super::*;
 
-    /// The bundled campaign's contact point moves with temperature. A search that never came by that takes it up from an earlier one and looks for a companion; what was far behind there it leaves.
+    /// In the bundled campaign, the contact point moves with temperature. A search that did not find this takes it up from an earlier one and looks for a companion; a set that was
+    /// far behind in the earlier search is left out.
     #[test]
     fn what_an_earlier_search_found_is_taken_up() {
         let example = crate::gap::model::prepare::Example::read();
@@ -440,7 +447,8 @@ mod tests {
         assert_eq!(found.hypotheses.len(), 2);
     }
 
-    /// Of a set that came to −100 nats, a start that is at −90 is worth a fit and one that is at −110 is not; nor is a set left that nobody fitted, or a ripple, whose order may be another.
+    /// If a set was fitted to −100 nats, a start at −90 is worth another fit and one at −110 is not. A set that was never fitted is worth a fit, and so is one with a ripple, whose
+    /// order may differ.
     #[test]
     fn a_start_that_lags_behind_a_fit_of_its_set_is_not_worth_another() {
         let [judder, mass, lag] = ["judder", "vehicle_mass", "actuator_lag"].map(|id| crate::effects::find(id).unwrap());
@@ -459,7 +467,7 @@ mod tests {
         assert_eq!([orders(&[judder, mass]), orders(&[mass])], [0.75, 0.0]);
     }
 
-    /// Sets of 400 bytes each, two of which have the same derivatives: what is further down than 1000 bytes is let go.
+    /// The sets hold 400 bytes each, and some of them share their derivatives: those of the sets beyond 1000 bytes are released.
     #[test]
     fn memory_is_bounded_and_counts_what_is_shared_once() {
         use crate::gap::model::column::Column;

@@ -1,9 +1,9 @@
-//! Noise of the sensors by maximum likelihood, at an explanation of the car; and whether the logger misses commands.
+//! Noise of the sensors by maximum likelihood, given an explanation of the car; and whether the logger misses commands.
 //!
-//! White noise is known from the recordings alone. Noise with a memory is not: it looks like motion. It is looked for where innovations that should be
-//! white are not, and taken if the innovations' likelihood under the filter that knows of it asks for it. A sensor is a good sensor: its coloured noise is
-//! at most twice its white noise, or a gap could hide behind it. So could it behind a lasting error of a position or a clutch torque, which no disturbance
-//! of the car takes up: their noise has a memory of a sample at most, as that of a channel does which was interpolated.
+//! White noise is known from the recordings alone. Noise with a memory is not, because it looks like motion. It is considered where innovations that should be white are
+//! correlated, and adopted if the likelihood of the innovations under a filter with such noise supports it. Sensors are taken to be good: coloured noise is at most twice the white
+//! noise that the recordings show, or a gap could hide behind it. A gap could also hide behind a lasting error of a position or a clutch torque, which no disturbance of the car
+//! absorbs. Noise of these two therefore has the shortest memory that is tried, 0.01 s, like that of an interpolated channel.
 
 use super::density::{Point, Problem, Residuals, misfit};
 use super::search::Hypothesis;
@@ -14,17 +14,18 @@ use crate::gap::model::prepare;
 use crate::gap::model::track::{Channel, Track};
 use rayon::prelude::*;
 
-/// Correlation of neighbouring innovations from which a memory is looked for.
+/// Correlation of neighbouring innovations above which noise with a memory is considered.
 const CORRELATED: f64 = 0.08;
-/// Sizes, in white noises, and memories in s that are tried.
+/// Sizes, in multiples of the white noise, and memories in s that are tried.
 const SIZES: [f64; 3] = [0.5, 1.0, 2.0];
 const MEMORIES_S: [f64; 4] = [0.01, 0.03, 0.1, 0.3];
-/// Nats that a memory has to gain, two parameters of a sensor, and a control unit that is as slow as a slow logger or faster than a quick one, which is rare.
+/// Gain in nats that is required of noise with a memory, which adds two parameters of a sensor, and of a control unit that is as slow as a slow logger or faster than a fast one,
+/// which is rare.
 const WORTH_NATS: f64 = 8.0;
 
-/// Interval of another control unit that may be behind these recordings than the usual one, s, if they could tell: one that is as slow as a slow logger and misses nothing, or
-/// one that computes between the samples of a quick logger. Twice as often stands for all faster ones, whose commands that puts off by less than a quarter of an interval.
-/// Stamps that jitter are no control unit's.
+/// Interval, s, of a control unit other than the usual one that may be behind these recordings, if they could tell: one that computes between the samples of a fast logger, or one
+/// that is as slow as a slow logger, of which nothing is missed (infinity). Twice as often as the logger stands for all faster units, whose commands it shifts by less than a
+/// quarter of an interval. None if some of the recordings miss commands and others do not, or if time stamps jitter, since a control unit's do not.
 pub fn other_control_interval(tracks: &[Track]) -> Option<f64> {
     let missing = tracks.iter().filter(|t| t.misses_commands()).count();
     let shortest = tracks.iter().map(Track::speed_interval).fold(f64::INFINITY, f64::min);
@@ -32,28 +33,28 @@ pub fn other_control_interval(tracks: &[Track]) -> Option<f64> {
     other.filter(|_| !tracks.iter().any(Track::jitters))
 }
 
-/// Whether the recordings may be likelier with another control unit's inputs: they are so with the effects that suit the usual one's best.
+/// Whether the inputs of another control unit are worth a search: the recordings must be more likely with them already beside the effects that suit the usual unit's inputs best.
 pub fn worth_another(other: &Problem, usual: &Problem, best: &Hypothesis) -> bool {
-    // Timing is known as well as the logger allows, which is another matter there.
+    // Nuisances of the timing are converted: their standard deviations depend on the logger, and differ between the two readings.
     let mut start = best.fit.point.clone();
     start.shared.iter_mut().zip(usual.shared.iter().zip(&other.shared)).for_each(|(z, (of, to))| *z *= of.sigma / to.sigma);
     let fitted = Hypothesis::fitted(other, best.effects.clone(), &start, TOLD_APART, None);
     rather_other((other, &fitted), (usual, best))
 }
 
-/// Whether the recordings are likelier with another control unit's inputs, each reading with a set of effects.
+/// Whether the recordings are more likely with the inputs of another control unit, each reading with a set of effects of its own.
 pub fn rather_other(other: (&Problem, &Hypothesis), usual: (&Problem, &Hypothesis)) -> bool {
     log_likelihood(other.0, other.1) > log_likelihood(usual.0, usual.1) + WORTH_NATS
         && (!other.0.tracks.iter().any(Track::misses_commands) || explains_more(other, usual))
 }
 
-/// Logarithm of the likelihood of what is read of the recordings, all that a set of effects leaves open integrated out, up to a constant.
+/// Log marginal likelihood of the recordings as they are read, beside a set of effects, with all unknowns integrated out; up to a constant.
 pub fn log_likelihood(problem: &Problem, set: &Hypothesis) -> f64 {
     set.fit.log_evidence - 0.5 * problem.filters.iter().map(|f| f.log_det).sum::<f64>()
 }
 
-/// The same where the other reading leaves more open, which makes it likelier wherever something is wrong: under filters that leave as much open in both it has to be likelier as well, and
-/// to strain tolerances less, for held commands are late if they do run on between their samples.
+/// Further conditions where the other reading leaves more open, which makes it more likely wherever something is wrong. It must be more likely as well under filters that leave as
+/// much open in both readings, and it must strain tolerances less: if commands that change between samples are replayed as held, they are late, which strains the tolerances.
 fn explains_more((other, best): (&Problem, &Hypothesis), (usual, best_there): (&Problem, &Hypothesis)) -> bool {
     let as_open = Problem { filters: other.filters.clone(), powers: other.powers, ..usual.clone() };
     let held = Hypothesis::fitted(&as_open, best_there.effects.clone(), &best_there.fit.point, TOLD_APART, None).fit;
@@ -61,10 +62,10 @@ fn explains_more((other, best): (&Problem, &Hypothesis), (usual, best_there): (&
     best.fit.log_evidence > held.log_evidence + WORTH_NATS && relief > WORTH_NATS
 }
 
-/// Iterations that tell two readings apart.
+/// Iterations of the fits by which two readings are compared.
 pub const TOLD_APART: usize = 4;
 
-/// Disturbances with the noise that the innovations at `point` ask for; none if they are as they should be.
+/// Disturbances with the noise that the innovations at `point` support; none if the innovations are as they should be.
 pub fn refined(problem: &Problem, point: &Point, residuals: &[Residuals], with: &Disturbances) -> Option<Disturbances> {
     let mut best = *with;
     let mut found = None;
@@ -75,7 +76,7 @@ pub fn refined(problem: &Problem, point: &Point, residuals: &[Residuals], with: 
         let white = with.noise[c].white;
         let memories = if c < 2 { &MEMORIES_S[..] } else { &MEMORIES_S[..1] };
         let tried = SIZES.iter().flat_map(|size| memories.iter().map(move |m| Noise { white, coloured: size * white, memory_s: *m }));
-        // Part of what looked white was the memory's.
+        // Part of what looked white belongs to the coloured noise.
         let tried = tried.flat_map(|n| [1.0, 0.8].map(|share| Noise { white: share * white, ..n }));
         let mut most = minus_log_likelihood(problem, point, &best) - 2.0 * WORTH_NATS;
         for noise in tried {
@@ -91,7 +92,7 @@ pub fn refined(problem: &Problem, point: &Point, residuals: &[Residuals], with: 
     found
 }
 
-/// Correlation of neighbouring innovations of a channel, outliers cut.
+/// Correlation of neighbouring innovations of a channel, with outliers clipped.
 fn correlation(problem: &Problem, residuals: &[Residuals], c: usize) -> f64 {
     let (mut products, mut squares) = (0.0, 0.0);
     for (filter, r) in problem.filters.iter().zip(residuals) {
@@ -112,18 +113,18 @@ fn of_channel<'a>(filter: &Filter, residuals: &'a Residuals, c: usize) -> impl I
     residuals[first..].iter().step_by(step).take(count).copied()
 }
 
-/// Twice, up to a constant.
+/// Minus twice the log likelihood of the recordings at `point` under filters for the disturbances `with`, up to a constant.
 pub fn minus_log_likelihood(problem: &Problem, point: &Point, with: &Disturbances) -> f64 {
     let filters: Vec<_> = problem.tracks.par_iter().map(|t| prepare::filter_of(t, &problem.vehicle, with)).collect();
     let changed = Problem { filters, ..problem.clone() };
     misfit(&changed.all_residuals(point, None)) + changed.filters.iter().map(|f| f.log_det).sum::<f64>()
 }
 
-/// Intervals of the logger, or time in s, from which a sensor's delay changes when the clutch is seen to lock.
+/// Delay of a speed sensor from which on the delay changes when the clutch is seen to lock: the larger of this many intervals of the logger and this time in s.
 const LATE_INTERVALS: f64 = 1.5;
 const LATE_S: f64 = 0.03;
 
-/// Whether one of the speeds is sensed that late, s, under a logger of this interval, s.
+/// Whether one of the speeds is sensed so late, s, that the lock-up is seen late, with a logger of this interval, s.
 pub fn sees_the_lock_late(late: [f64; 2], interval: f64) -> bool {
     late.iter().any(|l| *l > LATE_S.max(LATE_INTERVALS * interval))
 }
@@ -177,7 +178,7 @@ mod tests {
         assert_eq!(other_control_interval(&[every(0.01, 0.0), every(0.02, 0.0)]), None, "one of each");
     }
 
-    /// Eight nats are what it takes; a filter of greater covariance is one that explains less.
+    /// The other reading must be more likely by eight nats; a filter with a larger innovation covariance counts against it.
     #[test]
     fn a_control_unit_is_another_if_that_is_likelier_by_more_than_a_parameter_costs() {
         use crate::gap::infer::fit::Fit;
@@ -216,7 +217,7 @@ mod tests {
         for c in [Channel::XTo, Channel::TFc].map(|channel| channel as usize) {
             let (is, was) = (interpolated[c], white[c].white);
             assert!(is.coloured > 0.0 && is.memory_s == 0.01, "{is:?}");
-            // Half the variance of what was sampled.
+            // The interpolated channel has half the variance of the sampled one.
             let whole = is.white.hypot(is.coloured) / was;
             assert!((whole - 0.5f64.sqrt()).abs() < 0.25, "{whole} of {sampled:?}");
         }

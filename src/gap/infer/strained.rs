@@ -1,4 +1,4 @@
-//! A set of effects that strains its tolerances is not what is wrong: what is, before more work goes into it? A missing law, or something irregular.
+//! A set of effects that strains its tolerances is not what is wrong. Before more work goes into it, missing laws and irregular disturbances are tried.
 
 use super::density::Problem;
 use super::fit::Fit;
@@ -7,7 +7,7 @@ use super::search::{Hypothesis, Search};
 use super::unknown::{Unknown, places};
 use crate::gap::model::filter::Disturbances;
 
-/// Missing laws in every place beside a set, as it was fitted then.
+/// Missing laws in every place beside a set, with the cost of the set at that time.
 #[derive(Debug)]
 struct Beside {
     effects: Vec<usize>,
@@ -20,45 +20,45 @@ impl Beside {
         Self { effects: set.effects.clone(), cost: set.fit.cost, laws: places(problem, set, least) }
     }
 
-    /// Whether the set is still fitted as it was.
+    /// Whether the laws are those of this set, and its fit is still the same.
     fn is_beside(&self, set: &Hypothesis) -> bool {
         self.effects == set.effects && self.cost == set.fit.cost
     }
 }
 
-/// What is known of missing laws before sets that strain their tolerances are worked on.
+/// Missing laws that are known before more work goes into sets that strain their tolerances.
 #[derive(Debug, Default)]
 pub struct Strained {
     laws: Vec<Beside>,
 }
 
 impl Strained {
-    /// Missing laws beside the most probable set and beside none, if that set strains its tolerances.
+    /// Missing laws beside the leading set and beside none, if that set strains its tolerances.
     pub fn new(problem: &Problem, search: &Search) -> Self {
         let best = search.best();
         Self { laws: if best.fit.strains() { beside_sets(problem, search, best, Vec::new()) } else { Vec::new() } }
     }
 
-    /// Missing laws beside this set and beside none; those of sets that have not been fitted better since are not worked out again.
+    /// Missing laws beside this set and beside none. Laws beside sets whose fit has not changed since are not computed again.
     pub fn laws_beside(self, problem: &Problem, search: &Search, best: &Hypothesis) -> Vec<Unknown> {
         beside_sets(problem, search, best, self.laws).into_iter().flat_map(|b| b.laws).collect()
     }
 
-    /// The law that leads, if one was fitted.
+    /// The leading one of the laws that were fitted.
     fn leader(&self) -> Option<(&Unknown, &Fit)> {
         let fitted = self.laws.iter().flat_map(|b| &b.laws).filter_map(|u| u.fit.as_ref().map(|fit| (u, fit)));
         fitted.max_by(|a, b| a.0.lead.total_cmp(&b.0.lead))
     }
 
-    /// Whether a law leads the sets by more than is worth a look.
+    /// Whether a law is so far ahead of all sets that another look at these is not worthwhile.
     pub fn is_far_ahead(&self, search: &Search) -> bool {
         let best = search.best();
         let far = best.lead + search.behind(best.fit.log_evidence);
         self.leader().is_some_and(|(law, _)| law.lead > far)
     }
 
-    /// What comes and goes too fast for a law, if the set that leads strains its tolerances and that makes the recordings likelier than any law does: then what is in the
-    /// filter is wrong, and neither sets nor laws are worth more work before it is right.
+    /// The irregular disturbance, if the leading set strains its tolerances and the disturbance makes the recordings more likely than any law does: then the filter is wrong, and
+    /// neither sets nor laws are worth more work before it is right.
     pub fn irregular(&self, problem: &Problem, search: &Search, with: &Disturbances) -> Option<Irregular> {
         let best = search.best();
         if !best.fit.strains() {
@@ -72,7 +72,7 @@ impl Strained {
     }
 }
 
-/// Missing laws beside that set and beside none; `known` ones are not worked out again.
+/// Missing laws beside the set `best` and beside none; those already `known` are not computed again.
 fn beside_sets(problem: &Problem, search: &Search, best: &Hypothesis, mut known: Vec<Beside>) -> Vec<Beside> {
     let mut sets = vec![(best, best.lead)];
     if !best.effects.is_empty() {
@@ -89,7 +89,7 @@ fn beside_sets(problem: &Problem, search: &Search, best: &Hypothesis, mut known:
 mod tests {
     use super::*;
 
-    /// Laws beside a set that is as it was are not worked out again; beside one that has been fitted better since they are.
+    /// Laws beside a set whose fit has not changed are not computed again; beside one that has been fitted better since, they are.
     #[test]
     fn laws_beside_a_set_that_did_not_change_are_kept() {
         let example = crate::gap::model::prepare::Example::read();
@@ -111,7 +111,8 @@ mod tests {
         assert!(leads(known, &base) < 1e6);
     }
 
-    /// A set strains its tolerances, and something irregular makes the recordings likelier by some nats: it comes first unless a law gains more. A set that strains nothing is worked on.
+    /// A set strains its tolerances, and an irregular disturbance makes the recordings more likely by some nats: the disturbance comes first unless a law gains more. If the set
+    /// does not strain its tolerances, no disturbance is tried.
     #[test]
     fn what_is_irregular_comes_before_a_law_that_gains_less() {
         let example = crate::gap::model::prepare::Example::read();

@@ -1,8 +1,9 @@
-//! What no effect of the library accounts for, as hypotheses beside the others: a missing law in one subsystem, alone or beside a set of effects.
+//! Missing laws, for what no effect of the library accounts for, as hypotheses beside the others: a law is missing in one subsystem, alone or beside a set of effects.
 //!
-//! It is a sum of the functions of `model::missing`: of states, and of time alone for what comes and goes by itself. Its evidence follows from one linear Gaussian model at a mode: with G the curvature along the
-//! amplitudes (all else eliminated, in units of their prior) and g the gradient, they gain ½ gᵀ(1 + G)⁻¹g − ½ ln det(1 + G) nats. A missing law has the
-//! size of a fault worth the name or some times that; sizes are summed over, and the places that gain most are fitted, with a form of their own.
+//! A missing law is a sum of the functions of `model::missing`: functions of states, and functions of time alone for errors that come and go by themselves. Its evidence follows
+//! from one linear Gaussian model at a mode: with G the curvature along the amplitudes (all else eliminated, in units of their prior) and g the gradient, the amplitudes gain ½
+//! gᵀ(1 + G)⁻¹g − ½ ln det(1 + G) nats. A missing law has the size of a noteworthy fault or a multiple of it; sizes are summed over, and the places that gain most are fitted, with
+//! a form of their own.
 
 use super::belief::{ByAccuracy, STEERING, overall};
 use super::coordinate::Coordinate;
@@ -28,16 +29,16 @@ use std::sync::Arc;
 /// Prior probability that some law is missing in a given subsystem.
 pub const PLACE_PRIOR: f64 = 0.012;
 
-/// A law that is missing.
+/// A missing law.
 #[derive(Clone, Debug)]
 pub struct Law {
-    /// Where.
+    /// Its subsystem.
     pub place: Subsystem,
     /// Its functions.
     basis: Basis,
-    /// Logarithm of its prior odds: of one in this place, and of as many sizes as say as much as this one.
+    /// Logarithm of the prior odds of a law in this place, plus the logarithm of the mean evidence of all sizes relative to that of the best one.
     log_odds: f64,
-    /// Size of its functions of states, in sizes of a fault worth the name.
+    /// Size of its functions of states, in units of a noteworthy fault.
     size: f64,
 }
 
@@ -48,19 +49,19 @@ pub struct Unknown {
     pub effects: Vec<usize>,
     /// The law.
     pub law: Law,
-    /// Logarithm of the posterior probability, nats, with the whole likelihood, as of [`Hypothesis::lead`].
+    /// Logarithm of the posterior probability under the full likelihood, nats, as [`Hypothesis::lead`].
     pub lead: f64,
-    /// The same with the likelihood to the powers by which the search is steered.
+    /// The same with the likelihood raised to the powers that steer the search.
     pub log_posterior: f64,
     /// The same for each accuracy that the explanation may have.
     pub by_accuracy: ByAccuracy<f64>,
-    /// [`Fit::strain`] for each of them, if it was fitted.
+    /// [`Fit::strain`] for each accuracy, if the law was fitted.
     pub strains: ByAccuracy<f64>,
-    /// Fit, if it was fitted.
+    /// Fit, if there is one.
     pub fit: Option<Fit>,
 }
 
-/// Places beside a set are fitted if their linear evidence is this near that of the best.
+/// Distance in nats behind the best place, by linear evidence, within which a place is fitted; number of leading places that should be fitted; and maximum number of fits.
 const FITTED_NATS: f64 = 15.0;
 const FITTED: usize = 2;
 const MOST_FITTED: usize = 4;
@@ -69,19 +70,20 @@ fn is_near(best: f64, lead: f64) -> bool {
     best - lead < FITTED_NATS
 }
 
-/// Sizes of what follows nothing but time, relative to that of what follows states, each as likely.
+/// Sizes of the functions of time alone relative to those of states, all equally likely.
 const OF_TIME: [f64; 3] = [0.0, 0.25, 1.0];
 
-/// Least distance of the times of a law that follows nothing but time, s: what comes and goes faster has died away in the speeds.
+/// Minimum spacing, s, of the functions of time alone: what comes and goes faster has died away in the speeds.
 const APART_S: f64 = 0.5;
-/// Most times in all recordings; where they would be further apart than so many seconds they say nothing.
+/// Maximum number of functions of time alone in all recordings, and the spacing, s, beyond which such functions would say nothing and are left out.
 const MOST_TIMES: f64 = 300.0;
 const FAR_APART_S: f64 = 2.0;
 
-/// How large a missing law may be, in sizes of a fault worth the name: each as likely as another.
+/// Sizes of a missing law in units of a noteworthy fault, all equally likely.
 const SIZES: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
 
-/// Missing laws beside a set of effects, every place, most probable first. They are fitted if the best of them promises more than `least`.
+/// Missing laws in every place beside a set of effects, the most probable first. Those near the best are fitted if the [`Unknown::lead`] that the best one promises is above
+/// `least`.
 pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
     let of = &of.whole(problem);
     let (Some(sharp), Some(coarse)) = (Mode::new(problem, of, WHOLE), Mode::new(problem, of, problem.steering())) else {
@@ -93,14 +95,15 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
     for place in Subsystem::ALL.into_iter().filter(|p| !hides(&problem.tracks, *p)) {
         found.push(promised(place));
         found.sort_by(|a, b| b.unknown.lead.total_cmp(&a.unknown.lead));
-        // The functions of all places would take more memory than anything else; those of long drives do so already if they are of two.
+        // The functions of all places would take more memory than anything else, so that only those of the leading places are kept: two places, or one if two already take too
+        // much, as in long drives.
         let held = if found.iter().map(Promised::bytes).sum::<usize>() > MOST_BYTES { 1 } else { FITTED };
         found.iter_mut().skip(held).for_each(Promised::let_go);
     }
-    // Tolerances that the gap bent are no good start for a law that explains it.
+    // Tolerances that were bent by the gap are not a good start for a law that explains it.
     let bent = of.fit.pull() > DRAGGED;
     let straight = Point { effects: of.fit.point.effects, ..problem.nominal() };
-    // A fit may fall short of its promise: the most promising is fitted until the first two are.
+    // A fit may fall short of its promise. Therefore, the most promising place is fitted next until the two leading places have been fitted.
     for _ in 0..MOST_FITTED {
         found.sort_by(|a, b| b.unknown.lead.total_cmp(&a.unknown.lead));
         let best = found[0].unknown.lead;
@@ -111,7 +114,7 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
         }
         let Promised { unknown: u, size, known } = promise;
         let begun = Begun::new(problem, &of.effects, &u.law, &of.fit.point, Some(Known::Law(known)));
-        // They take more memory than anything else, and are not needed any more.
+        // These derivatives take more memory than anything else, and are no longer needed.
         *known = Vec::new();
         *u = begun.finished(problem, &of.effects, &u.law);
         if bent {
@@ -130,12 +133,12 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
     found
 }
 
-/// What a law promises at a place.
+/// A missing law in one place with what the linear model promises for it.
 struct Promised {
     unknown: Unknown,
-    /// Size of its functions of states that suits best.
+    /// Best size of its functions of states, in units of a noteworthy fault.
     size: f64,
-    /// Derivatives there, those along the law's functions of states last among what recordings share; none once they were let go.
+    /// Derivatives at the mode; those along the law's functions of states are the last of the shared ones. Empty once they were released.
     known: Vec<Columns>,
 }
 
@@ -147,13 +150,13 @@ impl Promised {
         columns + self.unknown.law.basis.iter().flat_map(|f| f.iter()).map(Missing::bytes).sum::<usize>()
     }
 
-    /// Lets go of the functions and derivatives.
+    /// Releases the functions and derivatives.
     fn let_go(&mut self) {
         (self.unknown.law.basis, self.known) = (Basis::new(), Vec::new());
     }
 }
 
-/// What a law promises at a place by the linear models with the whole likelihood and with its power.
+/// What the linear models promise for a missing law in a place: `sharp` under the full likelihood, `coarse` under the powers that steer the search.
 fn promised(problem: &Problem, of: &Hypothesis, courses: &[Course], [sharp, coarse]: [&Mode; 2], place: Subsystem) -> Promised {
     struct OfSize {
         states: f64,
@@ -181,7 +184,7 @@ fn promised(problem: &Problem, of: &Hypothesis, courses: &[Course], [sharp, coar
     scale(&mut timed, best.time);
     basis.extend(timed);
     let (lead, log_posterior) = (of.lead + best.gain + log_odds, of.log_posterior + best.coarse + log_odds);
-    // With another accuracy all phases have nearly the same share of their power.
+    // From one accuracy to another, the powers of all phases change by nearly the same factor.
     let by = DVector::from_fn(changes[0].len(), |f, _| if f < states { best.states } else { best.time });
     let gain = |powers: ByPhase<f64>| coarse.gain(&by, overall(powers) / problem.power());
     let by_accuracy = std::array::from_fn(|c| of.by_accuracy[c] + gain(problem.powers[c]) + log_odds);
@@ -195,12 +198,12 @@ fn promised(problem: &Problem, of: &Hypothesis, courses: &[Course], [sharp, coar
     Promised { unknown, size: best.states, known: known.collect() }
 }
 
-/// A missing law at a place beside a set with the forms of its effects, fitted from a point. `known` are derivatives there.
+/// Fits a missing law beside a set of effects, including the forms of both, from a point. `known` are derivatives at this point.
 pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, known: Option<Known>) -> Unknown {
     Begun::new(problem, effects, law, start, known).finished(problem, effects, law)
 }
 
-/// A fit of a missing law that lacks the law's own form.
+/// A fit of a missing law without the law's own form.
 struct Begun {
     /// Functions of the law and of the effects' forms.
     basis: Basis,
@@ -215,7 +218,7 @@ impl Begun {
         let mut start = start.clone();
         start.missing.truncate(count);
         let begun = fit(problem, Free { effects, basis: Some(&basis) }, &start, STAY, known);
-        // Effects that the law leaves nothing to do have next to no form either.
+        // Effects for which the law leaves nothing to explain have next to no form either.
         let there = forms(problem, &begun.point, effects);
         if are_as_large(&there, &of_effects) {
             return Self { basis, fit: begun };
@@ -236,7 +239,7 @@ impl Begun {
     }
 }
 
-/// What a fit of a law and its form says. Functions of the basis from the law's on are those of forms.
+/// Weighs a fit of a law and its form. Functions of the basis beyond those of the law are functions of forms.
 fn weighed(problem: &Problem, effects: &[usize], law: &Law, all: &Basis, fitted: &Fit) -> Unknown {
     let prior = log_prior(effects.len()) + law.log_odds;
     let at = |powers| {
@@ -250,14 +253,15 @@ fn weighed(problem: &Problem, effects: &[usize], law: &Law, all: &Basis, fitted:
     let strains = believed.each_ref().map(|(_, fit)| fit.strain);
     let (log_posterior, fitted) = believed[STEERING].clone();
     let mean_covariance = mean_covariance(believed.map(|(_, fit)| fit));
-    // Functions are eliminated, and their derivatives are let go: there may be hundreds.
+    // Functions are eliminated, and their derivatives are released, because there may be hundreds of them.
     let columns = Arc::new(fitted.columns.iter().map(|c| without_functions(c, &fitted.shared)).collect());
     let fit = Fit { columns, parts: Arc::default(), mean_covariance, exact, ..fitted.marginal() };
     Unknown { effects: effects.to_vec(), law: law.clone(), lead, log_posterior, by_accuracy, strains, fit: Some(fit) }
 }
 
-/// Nats by which the evidence of a law changes because a law that is missing is not small, as those of effects do ([`moments`]). Its size is what it changes in the innovations over what
-/// it would be expected to change, were each of its functions as large as a fault worth the name: amplitudes alone do not tell, for functions may cancel each other.
+/// Change of the log evidence of a law, nats, by a moment prior like that of effects ([`moments`]), under which a missing law is not small. The size of a law is what it changes in
+/// the innovations, relative to what it would be expected to change if each of its functions were as large as a noteworthy fault. Amplitudes alone do not measure it, because
+/// functions may cancel each other.
 fn moment_of_law(fit: &Fit, law: &Law) -> f64 {
     let Some(covariance) = fit.covariance() else { return f64::NEG_INFINITY };
     let is_of_law = |c: &Coordinate| matches!(c, Coordinate::Missing(k) if *k < law.basis.len());
@@ -267,22 +271,22 @@ fn moment_of_law(fit: &Fit, law: &Law) -> f64 {
     let mean_squares = &amplitudes * amplitudes.transpose() + part(&covariance);
     let products = fit.parts.iter().flatten().fold(DMatrix::zeros(of.len(), of.len()), |sum, (p, _)| sum + part(p));
     let expected = products.trace();
-    // What changes nothing is not told from anything.
+    // A law that changes nothing cannot be distinguished from anything.
     if expected == 0.0 {
         return 0.0;
     }
     let square = products.component_mul(&mean_squares).sum() / expected;
-    // Its prior has that size already.
+    // The normal prior already contains the law's own size.
     moment(square * law.size.powi(2)) - 2.0 * law.size.ln()
 }
 
-/// Derivatives along these shared coordinates and then the own ones, but for those along functions.
+/// Derivatives along the coordinates `shared`, followed by the own ones, without those along functions.
 fn without_functions(columns: &Columns, shared: &[Coordinate]) -> Columns {
     let is_function = |k: usize| matches!(shared.get(k), Some(Coordinate::Missing(_)));
     columns.iter().enumerate().filter(|(k, _)| !is_function(*k)).map(|(_, c)| c.clone()).collect()
 }
 
-/// Functions of the law at `place`, as a point's car would see them.
+/// Functions of the law in `place` along the replays of the car at a point.
 fn functions(problem: &Problem, point: &Point, place: Subsystem) -> Basis {
     let of_track = |k: usize| {
         let car = problem.car(point, Some(k));
@@ -293,24 +297,24 @@ fn functions(problem: &Problem, point: &Point, place: Subsystem) -> Basis {
     (0..count).map(|_| by_track.iter_mut().map(|t| t.next().expect("as many of every track")).collect()).collect()
 }
 
-/// Makes functions that many times as large.
+/// Multiplies functions by a factor.
 fn scale(basis: &mut Basis, by: f64) {
     basis.iter_mut().for_each(|f| Arc::make_mut(f).iter_mut().for_each(|one| one.scale(by)));
 }
 
-/// Functions from this one on as what they change in the innovations, for which nothing has to be replayed.
+/// Replaces the functions from index `from` on by the changes that they make in the innovations, so that nothing has to be replayed.
 fn linear(changes: &[Columns], from: usize) -> Basis {
     let one = |c: &Columns, f: usize| Missing { innovations: c[f].clone(), ..Missing::default() };
     (from..changes.first().map_or(0, Vec::len)).map(|f| changes.iter().map(|c| one(c, f)).collect()).collect()
 }
 
-/// What one standard deviation of each function changes on the way of each recording.
+/// Change of the innovations of each recording along its course, by one standard deviation of each function.
 fn columns(courses: &[Course], further: &Basis) -> Vec<Columns> {
     let one = |(r, course): (usize, &Course)| further.par_iter().map(|f| Column::new(&course.response(&f[r]))).collect();
     courses.par_iter().enumerate().map(one).collect()
 }
 
-/// The same changes, and those of functions of time alone at a place: bumps, each in one recording.
+/// Appends the changes by functions of time alone in a place to `changes`: bumps, each in one recording.
 fn with_times(problem: &Problem, point: &Point, courses: &[Course], place: Subsystem, changes: Vec<Columns>) -> Vec<Columns> {
     let total: f64 = problem.tracks.iter().map(Track::duration).sum();
     let width = APART_S.max(total / MOST_TIMES);
@@ -360,7 +364,7 @@ impl<'a> Mode<'a> {
         by_phase(self.problem, &all, &self.fit.residuals)
     }
 
-    /// What the recordings say of functions, from these products.
+    /// Information of the recordings about functions, from these products.
     fn information(&self, parts: &[ByPhase<Products>]) -> Information {
         let curvature = &self.equations.curvature;
         let (s, free) = (curvature.nrows(), self.columns.first().map_or(0, Vec::len));
@@ -385,7 +389,7 @@ impl<'a> Mode<'a> {
 mod tests {
     use super::*;
 
-    /// Two functions that change the same: alike they are a law, against each other they are none.
+    /// Two functions change the same: with equal signs they are a law, with opposite signs they cancel.
     #[test]
     fn a_law_that_changes_next_to_nothing_is_negligible() {
         let of = |amplitudes: [f64; 2], size: f64| {
@@ -397,7 +401,7 @@ mod tests {
             let basis = vec![Arc::from([Missing::default()]), Arc::from([Missing::default()])];
             moment_of_law(&fit, &Law { place: Subsystem::Engine, basis, log_odds: 0.0, size })
         };
-        // (a + b)² over two functions: one of half a fault each is half a fault's square.
+        // The measure is (a + b)² over two functions: with half a fault each, it is 0.5.
         let expected = |square: f64, size: f64| square.ln() - 0.01 / (square * size * size);
         assert!((of([0.5, 0.5], 1.0) - expected(0.5, 1.0)).abs() < 1e-3 && (of([0.5, 0.5], 4.0) - expected(0.5, 4.0)).abs() < 1e-3);
         assert!((of([0.1, 0.0], 1.0) - expected(0.005, 1.0)).abs() < 1e-3);
@@ -412,7 +416,7 @@ mod tests {
         assert_eq!(kept, [1.0, 4.0, 5.0]);
     }
 
-    /// Odds of three million to one are no longer made up for by a fit that beats its promise.
+    /// A fit that beats its promise can no longer make up for odds of three million to one.
     #[test]
     fn a_place_fifteen_nats_behind_is_not_fitted() {
         assert_eq!([14.9, 15.1, 0.0, -3.0].map(|behind| is_near(100.0, 100.0 - behind)), [true, false, true, true]);

@@ -1,10 +1,10 @@
-//! The evidence of a fit over the forms that its effects may have: how large they are, and along which states they lie.
+//! The evidence of a fit, averaged over the forms that its effects may have: over their sizes, and over the states along which they lie.
 //!
-//! Nobody knows either. A form has one of three sizes ([`SIZES`]), and its functions of all states alike are as large as that says, or those of a single state
-//! take it all ([`alone`]), each equally likely. A real law is uneven along its temperature, say, and along nothing else: were its unevenness
-//! shared out to every state, the functions along that one would have to be several standard deviations large.
+//! Neither is known. A form has one of three sizes ([`SIZES`]), and either its functions along all states alike have this size, or those along a single state do as much alone
+//! ([`alone`]), each equally likely. A real law is uneven along its temperature, say, and along nothing else: if its unevenness were shared out to every state, the functions along
+//! that one would have to be several standard deviations large.
 //!
-//! What the recordings say of the functions, all else eliminated, is a gram matrix G and a slope b; functions of sizes S add
+//! The information of the recordings about the functions, all else eliminated, is a Gram matrix G and a slope b. Functions of sizes S add
 //!
 //! ```text
 //! ½ (S b)ᵀ (1 + S G S)⁻¹ (S b) − ½ ln det(1 + S G S)
@@ -20,10 +20,10 @@ use super::form::{Alone, alone};
 use super::linear::{Frame, Products, assemble, to_powers};
 use nalgebra::{DMatrix, DVector};
 
-/// Sizes that the form of an effect may have, relative to that with which it is fitted, each as likely: from nearly none to all of it.
+/// Sizes that the form of an effect may have, relative to the size with which it is fitted, all equally likely: from nearly none to all of it.
 const SIZES: [f64; 3] = [0.04, 0.2, 1.0];
 
-/// Logarithm of the sum of what these are the logarithms of.
+/// Logarithm of the sum of the exponentials of `logs`.
 pub fn log_sum(logs: &[f64]) -> f64 {
     let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if most == f64::NEG_INFINITY { most } else { most + logs.iter().map(|l| (l - most).exp()).sum::<f64>().ln() }
@@ -39,7 +39,7 @@ pub struct Information {
 }
 
 impl Information {
-    /// Logarithm of the evidence that functions of these sizes add, nats, with the likelihood to this further power; −∞ where rounding leaves no posterior.
+    /// Gain in log evidence by functions of these sizes, nats, with the likelihood raised to this further power; −∞ where rounding leaves the curvature not positive definite.
     pub fn gain(&self, by: &DVector<f64>, power: f64) -> f64 {
         let n = by.len();
         let gram = DMatrix::from_fn(n, n, |i, j| power * by[i] * by[j] * self.gram[(i, j)] + f64::from(u8::from(i == j)));
@@ -49,14 +49,14 @@ impl Information {
         0.5 * slope.dot(&law.solve(&slope)) - 0.5 * log_det
     }
 
-    /// What the recordings say of some of a fit's coordinates, which are functions, from the products of its derivatives.
+    /// Information of the recordings about those coordinates of a fit that are functions, from the products of its derivatives.
     fn of_functions(fit: &Fit, functions: &[usize], parts: &[Products]) -> Option<Self> {
         let e = assemble(&fit.point, &Frame { shared: fit.shared.clone(), own: fit.own.clone() }, parts, 0.0)?;
         let rest: Vec<usize> = (0..fit.shared.len()).filter(|k| !functions.contains(k)).collect();
         let part = |rows: &[usize], columns: &[usize]| e.curvature.select_rows(rows).select_columns(columns);
         let gradient = |of: &[usize]| e.gradient.select_rows(of);
         let (root, cross) = (part(&rest, &rest).cholesky()?, part(&rest, functions));
-        // With their prior, whose precision is one.
+        // Both contain the prior of the functions, whose precision is one.
         let gram = part(functions, functions) - cross.tr_mul(&root.solve(&cross));
         let slope = gradient(functions) - cross.tr_mul(&root.solve(&gradient(&rest)));
         let at = DVector::from_fn(functions.len(), |i, _| fit.shared[functions[i]].get(&fit.point, 0));
@@ -64,8 +64,8 @@ impl Information {
         Some(Self { slope: slope - &gram * &at, gram: gram - DMatrix::identity(n, n) })
     }
 
-    /// Logarithm of the mean evidence over the states along which the form of each effect may lie, relative to that of forms of this size along all states
-    /// alike; and the sizes that suit best. Functions are counted from `first` on.
+    /// Logarithm of the mean evidence over the states along which the form of each effect may lie, relative to that of forms of this size along all states alike; and the best
+    /// sizes. `first` is the index of the first function of a form.
     fn along_states(&self, effects: &[Vec<Alone>], first: usize, size: f64) -> (f64, DVector<f64>) {
         let mut best = (0.0, DVector::from_element(self.slope.len(), size));
         best.0 = self.gain(&best.1, 1.0);
@@ -92,8 +92,8 @@ impl Information {
 }
 
 impl Fit {
-    /// Logarithm of the evidence with the likelihood to these powers, the mean over the forms that effects may have, and the fit with the one that suits best. Functions
-    /// of the basis from `first` on are those of forms.
+    /// Logarithm of the evidence with the likelihood raised to these powers, averaged over the forms that effects may have, and the fit with the best form. Functions of the basis
+    /// from `first` on are functions of forms.
     pub fn weighed(&self, problem: &Problem, basis: &Basis, first: usize, powers: ByPhase<f64>) -> (f64, Self) {
         let is_form = |c: &Coordinate| matches!(c, Coordinate::Missing(k) if *k >= first);
         let forms: Vec<usize> = (0..self.shared.len()).filter(|k| is_form(&self.shared[*k])).collect();
@@ -123,7 +123,8 @@ impl Fit {
         (most + (sum / sizes.len() as f64).ln(), Self { form_size: (square / sum).sqrt(), ..best.clone() })
     }
 
-    /// The same with functions of these sizes, by the linear model at the mode; the size of what is no function is one.
+    /// Log evidence and fit with functions of these sizes, by the linear model at the mode; the size of a coordinate that is no function is one. The point of the fit only moves if
+    /// `moves`.
     fn with_functions(&self, problem: &Problem, parts: &[Products], misfit: f64, moves: bool, sizes: &DVector<f64>) -> Option<(f64, Self)> {
         let frame = Frame { shared: self.shared.clone(), own: self.own.clone() };
         let n = frame.shared.len() + frame.own.len();
@@ -137,12 +138,12 @@ impl Fit {
             }
         }
         let e = assemble(&point, &frame, &parts, 0.0)?;
-        // The mode moves towards the priors, within the bounds.
+        // With a power below one or other sizes of functions, the mode moves towards the priors, within the bounds.
         let step = bounded_step(problem, &e, &frame, &point)?;
         let cost = misfit + prior(&point) - promise(&e, &step);
         let to = moved(problem, &frame, &e, &point, &step);
         let strain = to.shared.iter().map(|z| z * z).sum();
-        // What a power takes from the recordings is no reason to hand out another car.
+        // If the mode moves because a power discounts the recordings, the fit still keeps its point.
         let point = if moves && problem.can_follow(&to) { to } else { self.point.clone() };
         Some((laplace(cost, &e), Self { point, strain, curvature: e.curvature, ..self.clone() }))
     }
@@ -152,7 +153,7 @@ impl Fit {
 mod tests {
     use super::*;
 
-    /// One function that explains three standard deviations of a sharp measurement: its evidence is the normal density of what was measured, with it against without.
+    /// One function explains a sharp measurement of three standard deviations: its gain is the log ratio of the normal densities of the measurement with and without it.
     #[test]
     fn the_gain_of_a_function_is_the_ratio_of_two_normal_densities() {
         let (precision, measured) = (25.0_f64, 0.6_f64);
@@ -164,7 +165,7 @@ mod tests {
         }
     }
 
-    /// Functions that cost 10 nats are better than those of which rounding leaves no posterior; there states say nothing more.
+    /// Functions that cost 10 nats are better than functions whose curvature is not positive definite by rounding; for the latter, states say nothing more.
     #[test]
     fn what_cannot_be_weighed_never_wins() {
         let of = |gram: f64| Information { gram: DMatrix::from_element(1, 1, gram), slope: DVector::zeros(1) };
@@ -174,8 +175,8 @@ mod tests {
         assert_eq!(of(-2.0).along_states(&states, 0, 1.0), (0.0, size));
     }
 
-    /// Eight states with two functions each, one of which is uneven by what all of them are expected to be together: five and a half standard deviations if that is shared out, two if it lies
-    /// along that state.
+    /// Eight states have two functions each, and a law is uneven along one of them by as much as all of them are expected to be together: five and a half standard deviations if
+    /// that is shared out, two if it lies along that state.
     #[test]
     fn a_form_along_one_state_is_told_from_one_along_all_of_them() {
         let (states, precision) = (8, 1e4);
@@ -185,7 +186,7 @@ mod tests {
         let one = |state: usize| Alone { functions: vec![5 + 2 * state, 6 + 2 * state], factor: (states as f64).sqrt() };
         let effects = vec![(0..states).map(one).collect::<Vec<_>>()];
         let (more, sizes) = information.along_states(&effects, 5, 1.0);
-        // Squares of 16 for two functions: with variances of 1 for sixteen of them, or of 8 for two and next to none for the rest.
+        // Two functions have squares of 16: either all sixteen have a variance of 1, or two have one of 8 and the rest next to none.
         let least = SIZES[0] * SIZES[0];
         let expected = 0.5 * (32.0 - 32.0 / 8.0) - 8.0_f64.ln() - 7.0 * (least + 1.0 / precision).ln() - (states as f64 + 1.0).ln();
         assert!((more - expected).abs() < 0.1, "{more} {expected}");
@@ -193,10 +194,10 @@ mod tests {
             let expected = if k / 2 == 3 { 8.0_f64.sqrt() } else { SIZES[0] };
             assert!((sizes[k] - expected).abs() < 1e-12);
         }
-        // With a whole likelihood it may be thousands of nats.
+        // Under the full likelihood, the gain may be tens of thousands of nats.
         let far = Information { slope: &information.slope * 50.0, gram: information.gram.clone() };
         assert!((29_000.0..45_000.0).contains(&far.along_states(&effects, 5, 1.0).0));
-        // Uneven along every state, it is so along all of them alike; nine choices, one of which fits.
+        // A law that is uneven along every state has a form along all of them alike; of nine choices, one fits.
         let uneven = Information { slope: DVector::from_element(2 * states, -precision), ..information };
         let (more, sizes) = uneven.along_states(&effects, 5, 1.0);
         assert!((more + 9.0_f64.ln()).abs() < 1e-6 && sizes.iter().all(|s| *s == 1.0), "{more}");

@@ -1,12 +1,12 @@
-//! Clocks of a recording: which rows make an observation, where an input has samples of its own, and what it is between them.
+//! Clocks of a recording: which rows form an observation, at which rows an input has samples, and its value between them.
 
 use crate::campaign::Recording;
 use std::ops::Range;
 
-/// Interval at which control units usually compute, s: what a faster logger holds is exact, what a slower one misses lies between its samples.
+/// Interval at which control units usually compute, s. Inputs held between the samples of a faster logger are exact; a slower logger misses commands between its samples.
 pub const CONTROL_INTERVAL_S: f64 = 0.01;
 
-/// Interval of the observations, s: faster samples are averaged over it, and so are the predictions of each of them.
+/// Interval of the observations, s: faster samples are averaged over it, and so are their predictions.
 pub const OBSERVATION_S: f64 = 0.01;
 
 /// Inputs over one tick.
@@ -22,10 +22,10 @@ pub struct Tick {
     pub theta_h: f64,
 }
 
-/// Control intervals up to which an interval is one, and above which it is two or more.
+/// Number of control intervals up to which a sampling interval counts as one step of the control unit; a longer one contains two or more.
 pub const LONGEST_TICK: f64 = 1.5;
 
-/// Whether a logger of this interval in s is slower than a control unit of that one, and misses its commands.
+/// Whether a logger with this sampling interval is slower than a control unit with the interval `control`, and therefore misses commands; both in s.
 pub fn misses(interval: f64, control: f64) -> bool {
     interval > LONGEST_TICK * control
 }
@@ -35,20 +35,20 @@ pub fn control_interval(r: &Recording) -> f64 {
     r.control_interval_s.unwrap_or(CONTROL_INTERVAL_S)
 }
 
-/// Typical interval of these stamps, s.
+/// Mean interval of these stamps, s.
 pub fn mean_interval(time: &[f64]) -> f64 {
     let span = time.last().zip(time.first()).map_or(0.0, |(b, a)| b - a);
     span / (time.len().max(2) - 1) as f64
 }
 
-/// Whether channels have clocks of their own: there are far more rows than the faster speed has samples.
+/// Whether channels have separate clocks: there are more than 1.5 times as many rows as samples of the faster speed.
 pub fn has_several_clocks(r: &Recording) -> bool {
     let samples = |v: &[f64]| v.iter().filter(|x| x.is_finite()).count();
     2 * r.time.len() > 3 * samples(&r.omega_f).max(samples(&r.omega_c))
 }
 
-/// First row of each observation, and one past the last row. Rows of one clock are counted; those of several clocks belong to the observation that began less than
-/// half a step of the speeds short of its length ago.
+/// First row of each observation, followed by the number of rows. With one clock, every observation has the same number of rows. With several, a new observation begins at the
+/// first row that lies an observation's length, less half a step of the speeds (at most half of [`OBSERVATION_S`]), after the beginning of the last one.
 pub fn first_rows(time: &[f64], step: f64, clocks: bool) -> Vec<usize> {
     let rows = time.len();
     let mut firsts: Vec<usize> = if clocks {
@@ -69,19 +69,19 @@ pub fn first_rows(time: &[f64], step: f64, clocks: bool) -> Vec<usize> {
     firsts
 }
 
-/// An input at the rows of a recording.
+/// Sampling of an input at the rows of a recording.
 #[derive(Clone, Debug)]
 pub struct Input {
-    /// Rows at which it has samples; every row without.
+    /// Rows at which it has samples; `None` if it has one in every row.
     own: Option<Vec<usize>>,
-    /// Sample that holds in each row.
+    /// Index of the sample that is held in each row.
     held: Vec<usize>,
     /// Typical interval of its samples, s.
     interval: f64,
 }
 
 impl Input {
-    /// An input with samples at these rows of the stamps, or at all of them, `step` s apart.
+    /// An input with samples at the rows `own` of these stamps or, without `own`, at every row, `step` s apart.
     pub fn new(own: Option<&[usize]>, time: &[f64], step: f64) -> Self {
         let Some(own) = own.filter(|own| !own.is_empty()) else { return Self { own: None, held: Vec::new(), interval: step } };
         let held = (0..time.len()).map(|row| own.partition_point(|o| *o <= row).saturating_sub(1)).collect();
@@ -97,12 +97,12 @@ impl Input {
         }
     }
 
-    /// How many of them lie in these rows.
+    /// Number of samples within these rows.
     pub fn own_in(&self, rows: Range<usize>) -> usize {
         self.own.as_ref().map_or(rows.len(), |own| own.partition_point(|o| *o < rows.end) - own.partition_point(|o| *o < rows.start))
     }
 
-    /// Sample that holds in `row`.
+    /// Index of the sample that is held in `row`.
     fn sample(&self, row: usize) -> usize {
         if self.own.is_some() { self.held[row] } else { row }
     }
@@ -112,8 +112,9 @@ impl Input {
         self.own.as_ref().map_or(sample, |own| own[sample])
     }
 
-    /// Mean value over a tick after `row` and before the next one, from the values of the samples: that of the last sample; on the way to the next one where it steps at some
-    /// time in the last `spread` of their interval, a share of it; or that on the straight way to the next one, at the tick's beginning, if the control unit steps several times between the two.
+    /// Value of the input over a tick between `row` and the next row, from the values of its samples. If the control unit steps several times between two samples, the value is
+    /// interpolated linearly at the beginning of the tick. Otherwise the last sample is held. If `spread` > 0, the step to the next sample happens at an unknown time within this
+    /// share of the interval, at its end, and the value is the mean over these times and over the tick.
     pub fn at(&self, values: &[f64], time: &[f64], row: usize, tick: Range<f64>, control: f64, spread: f64) -> f64 {
         let sample = self.sample(row);
         let (Some(a), Some(b)) = (values.get(sample), values.get(sample + 1)) else { return values.get(sample).copied().unwrap_or(0.0) };
@@ -121,7 +122,7 @@ impl Input {
         let share = if misses(self.interval, control) {
             (tick.start - from) / (to - from)
         } else if spread > 0.0 {
-            // The mean of a ramp that ends at the next sample.
+            // Mean over the tick of a ramp that ends at the next sample.
             let spread = spread * (to - from);
             let sum = |t: f64| (t - to + spread).max(0.0).powi(2) / (2.0 * spread);
             (sum(tick.end) - sum(tick.start)) / (tick.end - tick.start)
@@ -132,7 +133,8 @@ impl Input {
     }
 }
 
-/// Ticks between rows, and the first tick of each row.
+/// Ticks of a recording, and the index of the first tick of each row, followed by the number of ticks. Rows are divided into control intervals if an input is slower than the
+/// control unit.
 pub fn ticks(r: &Recording, step: f64, [report, command]: [&Input; 2]) -> (Vec<Tick>, Vec<usize>) {
     let control = control_interval(r);
     let slow = [report, command].iter().any(|i| misses(i.interval, control));

@@ -1,10 +1,10 @@
-//! A column of the linear model: what something changes in the innovations of one recording, one value for each of them.
+//! A column of the linear model: the change that one unknown or candidate causes in the innovations of one recording, one value per innovation.
 
 use std::collections::HashSet;
 use std::sync::Arc;
 
-/// A column; an empty one changes nothing. Copies and multiples share their values, which are kept in single precision: differences of replays have fewer digits, and there may be
-/// hundreds of columns as long as a drive.
+/// A column. An empty column changes nothing. Copies and multiples share the values, which are stored in single precision: differences of replays have fewer significant digits
+/// than that, and there may be hundreds of columns as long as a drive.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Column {
     values: Arc<[f32]>,
@@ -12,23 +12,23 @@ pub struct Column {
 }
 
 impl Column {
-    /// These values.
+    /// Creates a column from these values; if all are zero, the column is empty.
     pub fn new(values: &[f64]) -> Self {
         let values = if values.iter().all(|x| *x == 0.0) { Arc::default() } else { values.iter().map(|x| *x as f32).collect() };
         Self { values, by: 1.0 }
     }
 
-    /// So many times this.
+    /// Returns this column times `by`; both share the values.
     pub fn times(&self, by: f64) -> Self {
         Self { values: self.values.clone(), by: self.by * by }
     }
 
-    /// Whether nothing is changed.
+    /// Whether the column changes nothing.
     pub fn is_zero(&self) -> bool {
         self.values.is_empty() || self.by == 0.0
     }
 
-    /// The values; none where nothing is changed.
+    /// The values, of which an empty column has none.
     pub fn values(&self) -> impl Iterator<Item = f64> + '_ {
         self.values.iter().map(|x| self.by * f64::from(*x))
     }
@@ -38,19 +38,19 @@ impl Column {
         self.values().map(|x| x * x).sum()
     }
 
-    /// Adds so many times this to what is as long.
+    /// Adds `times` times this column to `sum`, which has the same length; an empty column adds nothing.
     pub fn add_to(&self, sum: &mut [f64], times: f64) {
         sum.iter_mut().zip(self.values()).for_each(|(s, x)| *s += times * x);
     }
 
-    /// The values at these places, each times its weight.
+    /// Writes the values at `places`, each times its weight, to `to`. The column must not be empty.
     pub fn gather(&self, places: &[usize], weights: &[f64], to: &mut [f64]) {
         for ((to, &i), w) in to.iter_mut().zip(places).zip(weights) {
             *to = self.by * f64::from(self.values[i]) * w;
         }
     }
 
-    /// Memory in bytes of the values, none if they are among those that were `seen`.
+    /// Memory of the values in bytes, or 0 if they are among those already `seen`.
     pub fn bytes(&self, seen: &mut HashSet<*const f32>) -> usize {
         if seen.insert(self.values.as_ptr()) { size_of_val(&*self.values) } else { 0 }
     }

@@ -1,7 +1,7 @@
-//! The course that a car takes in a corrected replay, and how it answers to a torque or an error of a reading that is small: without another replay.
+//! The course of a car in a corrected replay, and its linear response to a small torque or error of a reading, computed without another replay.
 //!
-//! The filter keeps a replay near what was measured. So a torque more or less moves the speeds only as far as the filter lets it, and the parts along the way change little: the clutch
-//! sticks where it stuck, and its torque, the shafts' and the car's resistance change with speeds and twist by their slopes alone,
+//! The filter keeps a replay near the measurements. An additional torque therefore moves the speeds only as far as the filter lets it, and the state of the parts changes little:
+//! the clutch sticks where it stuck, and the clutch torque, the torque of the shafts and the car's resistance change linearly with speeds and twist,
 //!
 //! ```text
 //! J_f δω̇_f = u_f − g (δω_f − δω_d)
@@ -9,8 +9,9 @@
 //! J_v δω̇_v = δφ/c + d (δω_d − δω_v) − b δω_v + u_c ,   δφ̇ = δω_d − δω_v ,
 //! ```
 //!
-//! u the torques of the law in question and those that the filter adds, g = ∂T_fc/∂slip, c and d compliance and damping of the shafts, b the slope of the resistance. Flywheel and disc are one
-//! while the clutch sticks, disc and car where shafts are rigid; a flywheel that follows its sensor stays, and what is wrong with its balance moves the disc.
+//! where u are the torques of the law in question and those that the filter adds, g = ∂T_fc/∂slip, c and d are compliance and damping of the shafts, and b is the slope of the
+//! resistance. Flywheel and disc move as one while the clutch sticks, disc and car where the shafts are rigid. A flywheel that follows its sensor does not move, and torque errors
+//! of its balance act on the disc.
 
 use super::filter::{Filter, STATES};
 use super::missing::way;
@@ -26,7 +27,7 @@ use crate::plant::{actuation::engine_target, sensed};
 use nalgebra::{Matrix3, Vector3};
 use std::collections::VecDeque;
 
-/// Where a car is at an observation.
+/// State of a car at an observation.
 #[derive(Clone, Copy, Debug)]
 struct Instant {
     /// Continuous states.
@@ -39,44 +40,44 @@ struct Instant {
     direction: f64,
     /// Whether flywheel and disc turn as one.
     stuck: bool,
-    /// Torque report behind the engine's lag, but for what the filter added, N·m.
+    /// Torque report after the engine's lag, without what the filter added, N·m.
     report: f64,
-    /// By how much speeds that come to what scales them in their sensors are ahead of those of now, rad/s.
+    /// Speed at the input of each sensor's gain (after latency, filter and dead time) minus the present speed, rad/s.
     ahead: [f64; 2],
 }
 
-/// A course.
+/// Course of a car in a corrected replay.
 #[derive(Clone, Debug)]
 pub struct Course<'a> {
-    /// Steps in which it was taken.
+    /// Steps of that replay.
     pub steps: Steps,
     track: &'a Track,
     filter: &'a Filter,
-    /// The car that takes it.
+    /// Configuration of the car.
     config: Config,
-    /// By observation.
+    /// States, by observation.
     instants: Vec<Instant>,
-    /// Whitened innovations along it.
+    /// Whitened innovations of the replay.
     pub innovations: Vec<f64>,
-    /// How late the speeds are read, s, and by how much later their sensors are, of which corrections know, s.
+    /// Latency of both speeds as logged, s, and that of their sensors (dead time and smoothing), s. Only the latter is taken into account when the filter corrects the speeds.
     late: [f64; 2],
     age: [f64; 2],
-    /// Linear models of a step, by observation.
+    /// Linear model of a step, by observation.
     models: Vec<Model>,
 }
 
-/// Speed in rad/s, and torque in N·m, over which slopes are taken.
+/// Increments over which slopes are taken: of a speed, rad/s, and of a torque, N·m.
 const OVER: f64 = 0.5;
 const TWISTED: f64 = 1.0;
 
-/// Places of both speeds among the states.
+/// Indices of both speeds among the states.
 const SPEEDS: [usize; 2] = [index::OMEGA_F, index::OMEGA_C];
 
-/// Places of what a course differs in from another while it does the same.
+/// State indices in which two courses may differ although the cars do the same thing: the speeds, the slip angle and the crank angle.
 const KINEMATICS: [usize; 5] = [index::OMEGA_F, index::OMEGA_C, index::OMEGA_V, index::ANGLE, index::CRANK];
 
 impl<'a> Course<'a> {
-    /// Of a car, from start temperatures in °C.
+    /// Replays a car from start temperatures in °C (disc, body) and records its course.
     pub fn new(steps: Steps, track: &'a Track, filter: &'a Filter, car: &Car, theta: [f64; 2]) -> Self {
         let config = Config::new(&car.vehicle, &car.effects);
         let mut instants = Vec::with_capacity(track.observations());
@@ -111,13 +112,13 @@ impl<'a> Course<'a> {
         Self { steps, track, filter, config, instants, innovations, late, age, models }
     }
 
-    /// What this car does beyond another on its own course, at the speeds of this one: torques, errors of readings, and what the bench shows. Of a clutch that sticks in either nobody sees
-    /// what it could carry; inertias and elastic shafts do nothing that is told here.
+    /// Difference between what this car and another one do, each on its own course but at the speeds of this one: torques, errors of readings, and bench readings. Where the clutch
+    /// sticks on either course, its torque is not compared, because the capacity of a sticking clutch does not show. Differences of inertias and elastic shafts are not included.
     pub fn beyond(&self, other: &Self) -> Missing {
         self.beyond_one(&other.config, &other.instants)
     }
 
-    /// The same of another car that would be on this course too: what it does by no memory.
+    /// Like [`Self::beyond`] if the other car were on this course too: the part of the difference that does not come from a memory, such as a lag or heat.
     pub fn beyond_at_once(&self, other: &Self) -> Missing {
         self.beyond_one(&other.config, &self.instants)
     }
@@ -131,7 +132,7 @@ impl<'a> Course<'a> {
             std::array::from_fn(|i| a[i] - b[i])
         };
         let differences: Vec<[f64; DOINGS]> = self.instants.iter().zip(instants).map(of).collect();
-        // A torque acts until the next observation, and changes on the way.
+        // A torque acts until the next observation and changes in between, so the mean of both observations is taken.
         let torque = |k: usize, i: usize| 0.5 * (differences[k][i] + differences[(k + 1).min(differences.len() - 1)][i]);
         let shown = |k: usize, i: usize| differences[k][i];
         let by_row = |i: usize, value: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
@@ -148,7 +149,7 @@ impl<'a> Course<'a> {
         }
     }
 
-    /// What a law that is small changes in the whitened innovations: two per observation, then the bench channels.
+    /// First-order change of the whitened innovations caused by a small additional law: two speed innovations per observation, followed by those of the bench channels.
     pub fn response(&self, law: &Missing) -> Vec<f64> {
         let (track, filter) = (self.track, self.filter);
         let d = &self.config.constants.driveline;
@@ -213,7 +214,7 @@ impl<'a> Course<'a> {
         all
     }
 
-    /// What errors of reading do to the start that is read.
+    /// Change of the initial state due to errors of the readings from which it is taken.
     fn at_start(&self, law: &Missing) -> State {
         let [f, c] = law.errors_of_reading(0);
         let [f, c] = [f, c / self.config.constants.clutch_speed_gain];
@@ -221,14 +222,15 @@ impl<'a> Course<'a> {
         let [f, c] = match (self.instants[0].stuck, self.track.unknown_clutch.is_some()) {
             (true, true) => [common_speed([d.J_f, d.J_c], [f, c]); 2],
             (true, false) => [0.5 * (f + c); 2],
-            // A flywheel that follows its sensor does so with all its errors.
+            // A flywheel that follows its sensor starts at the reading, errors included.
             (false, unknown) => [if unknown { 0.0 } else { f }, c],
         };
         State { speeds: Vector3::new(-f, -c, -c), ..State::default() }
     }
 }
 
-/// Changes of the speeds of flywheel, disc and car, rad/s, of the twist of the shafts, rad, of accelerations of flywheel and disc, rad/s², and of the torque that holds a stuck clutch together, N·m.
+/// Changes of the speeds of flywheel, disc and car, rad/s, of the twist of the shafts, rad, of the accelerations of flywheel and disc, rad/s², and of the torque that a stuck
+/// clutch transmits, N·m.
 #[derive(Clone, Copy, Debug, Default)]
 struct State {
     speeds: Vector3<f64>,
@@ -242,7 +244,7 @@ struct State {
 struct Model {
     /// Inertias of flywheel, disc and car behind the shafts, kg·m².
     inertia: Vector3<f64>,
-    /// Answer of the speeds to momenta over a step, 1/(kg·m²): the inverse of K = J + h D + h²/(4 c) B Bᵀ among what turns freely.
+    /// Response of the speeds to angular momenta over a step, 1/(kg·m²): the inverse of K = J + h D + h²/(4 c) B Bᵀ, restricted to the independent speeds.
     answer: Matrix3<f64>,
     /// Slope of the clutch torque, N·m·s/rad.
     clutch: f64,
@@ -250,12 +252,12 @@ struct Model {
     compliance: Option<f64>,
     stuck: bool,
     pinned: bool,
-    /// Into how many parts a step is divided, so that shafts swing as they do in a replay.
+    /// Number of substeps per step, chosen so that the shafts oscillate as in a replay.
     parts: usize,
 }
 
 impl Model {
-    /// Of steps of about `h` seconds.
+    /// Linear model at `now` for steps of about `h` seconds.
     fn new(config: &Config, now: &Instant, pinned: bool, h: f64) -> Self {
         let (d, omega_v) = (&config.constants.driveline, now.y[index::OMEGA_V]);
         let (stuck, elastic) = (now.stuck, config.compliant());
@@ -263,7 +265,7 @@ impl Model {
         let h = h / parts;
         let slip = now.y[index::OMEGA_F] - now.y[index::OMEGA_C];
         let further = now.direction * OVER;
-        // What a torque that falls with slip lets grow the filter takes up.
+        // Where the torque falls with slip, deviations would grow, which the filter prevents: the slope is then taken as 0.
         let slope = || ((now.slipping(config, slip + further) - now.slipping(config, slip)) / further).max(0.0);
         let clutch = if stuck || pinned { 0.0 } else { slope() };
         let car = (vehicle_resistance(config, omega_v + OVER, 0.0) - vehicle_resistance(config, omega_v - OVER, 0.0)) / (2.0 * OVER);
@@ -277,7 +279,7 @@ impl Model {
         if let Some(c) = compliance {
             k += along * along.transpose() * (h * config.constants.shaft_damping + 0.25 * h * h / c);
         }
-        // What turns as one, and what does not turn freely.
+        // Maps the independent speeds to all speeds: parts that turn as one share a speed, and a flywheel that follows its sensor has none.
         let mut free = Matrix3::identity();
         if pinned {
             free[(0, 0)] = 0.0;
@@ -292,7 +294,7 @@ impl Model {
         Self { inertia, answer: free * (inverse - unused) * free.transpose(), clutch, compliance, stuck, pinned, parts: parts as usize }
     }
 
-    /// Makes one what turns as one from now on.
+    /// Gives parts that turn as one from now on a common speed, and a flywheel that follows its sensor no change of speed.
     fn couple(&self, state: &mut State) {
         let speeds = &mut state.speeds;
         if self.stuck && speeds[0] != speeds[1] {
@@ -307,15 +309,15 @@ impl Model {
         }
     }
 
-    /// Torque that the clutch carries more, N·m.
+    /// Change of the clutch torque, N·m.
     fn carried(&self, state: &State) -> f64 {
         if self.stuck { state.held } else { self.clutch * (state.speeds[0] - state.speeds[1]) }
     }
 
-    /// A step of `h` seconds under torques on flywheel and car.
+    /// Advances the state by `h` seconds under torques on flywheel and car, N·m.
     fn step(&self, state: &mut State, [on_f, on_c]: [f64; 2], h: f64) {
         let begin = state.speeds;
-        // A clutch passes on what a flywheel that follows its sensor does not take up.
+        // A flywheel that follows its sensor takes up no torque; the clutch passes it on to the disc.
         let torques = Vector3::new(on_f, if self.pinned { on_f } else { 0.0 }, on_c);
         let part = h / self.parts as f64;
         for _ in 0..self.parts {
@@ -330,7 +332,7 @@ impl Model {
         state.held = on_f - self.inertia[0] * state.pace[0];
     }
 
-    /// Holds a car that stands, whose shafts carry the clutch torque alone.
+    /// Holds a standing car behind elastic shafts, which then carry the clutch torque alone.
     fn hold_car(&self, state: &mut State) {
         if let Some(c) = self.compliance {
             state.speeds[2] = 0.0;
@@ -339,14 +341,14 @@ impl Model {
     }
 }
 
-/// What a speed has changed by since what a late sensor shows now.
+/// Change of a speed since the instant that a late sensor shows now.
 #[derive(Clone, Debug)]
 struct Delayed {
     /// Changes of the last steps, rad/s, and their lengths, s, oldest first.
     steps: VecDeque<(f64, f64)>,
-    /// How many steps the sensor is late.
+    /// Latency of the sensor in steps.
     late: usize,
-    /// Their sum, rad/s.
+    /// Sum of the changes, rad/s.
     since: f64,
 }
 
@@ -355,7 +357,7 @@ impl Delayed {
         Self { steps: VecDeque::with_capacity(late + 1), late, since: 0.0 }
     }
 
-    /// A step passes.
+    /// Appends a step of `h` seconds with this change of the speed, rad/s.
     fn pass(&mut self, change: f64, h: f64) {
         self.steps.push_back((change, h));
         self.since += change;
@@ -364,7 +366,7 @@ impl Delayed {
         }
     }
 
-    /// A torque was found that has accelerated at this rate for so many seconds.
+    /// Adds the effect of a newly found torque that has accelerated the part by `rate`, rad/s², for the last `seconds`.
     fn correct(&mut self, rate: f64, mut seconds: f64) {
         for (change, h) in self.steps.iter_mut().rev() {
             let more = rate * h.min(seconds.max(0.0));
@@ -375,7 +377,8 @@ impl Delayed {
     }
 }
 
-/// Torques of engine, car and clutch, N·m, errors of both speeds as read, rad/s, position of the bearing, mm, temperature of the disc, °C.
+/// Number of quantities in which two cars are compared: torques of engine, car and clutch, N·m, errors of both speeds as read, rad/s, position of the bearing, mm, temperature of
+/// the disc, °C.
 const DOINGS: usize = 7;
 
 impl Instant {
@@ -384,11 +387,11 @@ impl Instant {
         slipping(config, &Found::NOTHING, self.bearing, self.memory, self.direction, slip, &self.y).total()
     }
 
-    /// What a car does here; its clutch transmits what it would if it slipped, or `sticks`.
+    /// What a car with this configuration does in this state. The clutch torque is that of a slipping clutch, or 0 if the clutch `sticks`.
     fn doing(&self, config: &Config, sticks: bool) -> [f64; DOINGS] {
         let speeds = SPEEDS.map(|k| self.y[k]);
         let engine = engine_torque(config, &self.y, engine_target(config, self.report));
-        // What holds a standing car holds it against more, too.
+        // A resistance that holds a standing car would also hold it against more torque, so resistance does not count at standstill.
         let omega_v = self.y[index::OMEGA_V];
         let car = -vehicle_resistance(config, omega_v, 0.0) * way(omega_v).abs();
         let clutch = if sticks { 0.0 } else { self.slipping(config, speeds[0] - speeds[1]) };
@@ -405,13 +408,13 @@ mod tests {
     use crate::gap::model::missing;
     use crate::gap::model::prepare::Example;
 
-    /// Share of `change` that `told` leaves, root mean square.
+    /// Root mean square of what `told` leaves of `change`, relative to `change`.
     fn left(change: &[f64], told: &[f64]) -> f64 {
         let square = |values: Vec<f64>| values.iter().map(|x| x * x).sum::<f64>();
         (square(change.iter().zip(told).map(|(a, b)| a - b).collect()) / square(change.to_vec())).sqrt()
     }
 
-    /// Of every function of every law that shows in launch, creep and modulation: what a replay makes of a tenth of it.
+    /// Compares the response to every function of every law that shows in launch, creep and modulation with a replay of a tenth of it.
     #[test]
     fn a_small_law_changes_what_a_replay_says() {
         let example = Example::read();
@@ -438,7 +441,8 @@ mod tests {
         }
     }
 
-    /// Each effect as large as is usual, but for those of inertias and shafts: what it does, told by two courses, is what it changes. What has no memory is told by one.
+    /// For every effect at its usual size, except those of inertias and shafts, the difference between two courses accounts for the change of the innovations. For effects without
+    /// memory, a single course suffices.
     #[test]
     fn what_an_effect_does_is_what_it_changes() {
         let example = Example::read();

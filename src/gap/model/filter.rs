@@ -1,20 +1,20 @@
-//! The Kalman filter that corrects a replay: gains and whitening, worked out once per recording.
+//! The Kalman filter that corrects a replay: gains and whitening, computed once per recording.
 //!
-//! States are errors of the replay: both speeds, the torque report's error w, a torque d on the car's side (brake, road), a torque c that the clutch
-//! transmits beyond its map, and the coloured noise of both speed sensors. Open or slipping,
+//! The states are errors of the replay: both speeds, the torque report's error w, a torque d on the car's side (brake, road), a torque c that the clutch transmits beyond its map,
+//! and the coloured noise of both speed sensors. While the clutch is open or slipping,
 //!
 //! ```text
 //! J_f δω̇_f = w − c,   J_c δω̇_c = c + d,   ẇ = −w/τ_w + …,  ḋ = −d/τ_d + …,  ċ = −c/τ_c + …
 //! ```
 //!
-//! locked, (J_f + J_c) δω̇ = w + d for both. All disturbances are first-order Gauss–Markov processes. Which of the two holds is read from the
-//! measured speeds, so that gains and innovation covariance do not depend on what is fitted: the innovations of a candidate are its errors under one
-//! fixed linear whitening, and the likelihood's determinant is the same for all of them.
+//! While it is locked, both speeds follow (J_f + J_c) δω̇ = w + d. All disturbances are first-order Gauss–Markov processes. Which of the two models holds is read from the measured
+//! speeds, so that gains and innovation covariance do not depend on what is fitted: the innovations of a candidate are its errors under one fixed linear whitening, and the
+//! likelihood's determinant is the same for all candidates.
 //!
-//! Where the clutch torque is unknown ([`super::unknown_clutch`]) the flywheel follows its sensor while the clutch slips, and the sum of both balances moves the disc,
-//! J_c δω̇_c = w + d: nothing is left of the clutch torque.
+//! Where the clutch torque is unknown ([`super::unknown_clutch`]), the flywheel follows its sensor while the clutch slips, and the disc follows the sum of both balances, from
+//! which the clutch torque has cancelled: J_c δω̇_c = w + d.
 //!
-//! Speeds are taken in one after the other (flywheel, then disc), which decorrelates the two innovations of an instant.
+//! The two speeds are processed sequentially (flywheel, then disc), which decorrelates their innovations at the same instant.
 
 use super::lock_up::{self, LOCKED, LOCKED_MEAN, slip_noise};
 use super::noise::Noise;
@@ -29,7 +29,7 @@ use nalgebra::{SMatrix, SVector};
 /// Number of states.
 pub const STATES: usize = 7;
 
-/// Places of the states.
+/// Indices of the states.
 pub mod state {
     /// Flywheel speed, rad/s.
     pub const OMEGA_F: usize = 0;
@@ -50,10 +50,10 @@ use state::{CLUTCH, ENGINE, LOAD, NOISE_C, NOISE_F, OMEGA_C, OMEGA_F};
 
 type Covariance = SMatrix<f64, STATES, STATES>;
 
-/// What disturbs a car beyond the model of its motion, and how noisy its sensors are.
+/// Process noise of a car beyond its equations of motion, and noise of its sensors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Disturbances {
-    /// Noise by channel.
+    /// Sensor noise by [`Channel`].
     pub noise: [Noise; 5],
     /// White noise of one sample of the torque report, N·m.
     pub report_noise: f64,
@@ -61,41 +61,41 @@ pub struct Disturbances {
     pub report: Wander,
     /// Torque on the car's side, N·m.
     pub load: Wander,
-    /// Torque of the clutch, as a share of what it transmits.
+    /// Clutch torque beyond its map, as a share of the torque that the clutch transmits.
     pub clutch: Wander,
-    /// Position of the bearing beyond what the actuator's model says, mm.
+    /// Bearing position beyond the actuator's model, mm.
     pub bearing: Wander,
-    /// Further noise of each speed, rad/s.
+    /// Further coloured noise of each speed, rad/s.
     pub sensors: [Wander; 2],
-    /// How late each speed is known to be sensed, s: what is measured now was so then.
+    /// Known latency of each speed sensor, s: a sample shows the speed at that time before its stamp.
     pub late: [f64; 2],
-    /// How much later the flywheel's speed is sensed than the disc's all the same, as far as latencies are declared, s; see [`lock_up::skew`].
+    /// Remaining latency of the flywheel's speed relative to the disc's, s, within what the tolerances of the latencies allow; see [`lock_up::skew`].
     pub skew: f64,
-    /// Standard deviation by which stamps are off the instants of their samples, s; see [`super::noise::stamps`].
+    /// Standard deviation of the time stamps about the instants of their samples, s; see [`super::noise::stamps`].
     pub stamps: f64,
 }
 
-/// Torque on the car's side while the driver brakes, N·m and s: unknown, so as large as tyres allow.
+/// Torque on the car's side while the driver brakes, N·m and s. It is unknown, so its standard deviation is as large as tyres allow.
 const BRAKES: Wander = Wander { sigma: 300.0, time_s: 0.2 };
 
-/// Gains of one observation.
+/// Kalman gains of one observation.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Gain {
     /// Interval to the next observation, s.
     pub interval: f64,
-    /// Gains of the flywheel speed's innovation and of the disc speed's, per state.
+    /// Gains for the innovations of flywheel speed and disc speed, per state.
     pub of: [[f64; STATES]; 2],
     /// Inverse standard deviations of the two innovations; 0 where there is no sample.
     pub weight: [f64; 2],
-    /// Share of the flywheel speed's error that the disc speed has too, where both samples have one stamp.
+    /// Regression coefficient of the disc speed's error on the flywheel speed's, where both samples share one inexact time stamp; 0 otherwise.
     pub common: f64,
     /// Factors by which the disturbances decay to the next observation.
     pub decay: [f64; STATES],
 }
 
 impl Gain {
-    /// Innovations of flywheel and disc speed, rad/s, of which the later one knows the earlier; none where there is no sample. Errors are those of the speeds as shown, and `estimate` takes up
-    /// what is found beyond the speeds.
+    /// Innovations of flywheel and disc speed, rad/s; `None` where there is no sample. The disc speed is processed after the flywheel speed has corrected the states. `errors` are
+    /// the measured speeds less the predicted sensor readings; corrections of all states other than the speeds are added to `estimate`.
     pub fn innovations(&self, errors: [f64; 2], estimate: &mut [f64; STATES]) -> [Option<f64>; 2] {
         let mut corrected = [0.0; 2];
         std::array::from_fn(|c| {
@@ -111,19 +111,19 @@ impl Gain {
     }
 }
 
-/// Gain of one observation of a bench channel, whose error may last.
+/// Gain of one observation of a bench channel, whose error may be correlated in time.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BenchGain {
     /// Inverse standard deviation of the innovation; 0 where there is no sample.
     pub weight: f64,
-    /// Gain of the lasting error.
+    /// Gain for the correlated error.
     pub of: f64,
-    /// Factor by which that decays to the next observation.
+    /// Factor by which the correlated error decays to the next observation.
     pub decay: f64,
 }
 
 impl BenchGain {
-    /// Whitened innovation of an error, of which `lasting` is known to last; that goes on to the next observation.
+    /// Whitened innovation of `error`, given the estimate `lasting` of its correlated part. Updates that estimate and predicts it for the next observation.
     pub fn innovation(&self, error: f64, lasting: &mut f64) -> f64 {
         let innovation = if self.weight == 0.0 { 0.0 } else { error - *lasting };
         *lasting = self.decay * (*lasting + self.of * innovation);
@@ -134,46 +134,48 @@ impl BenchGain {
 /// Filter of one recording.
 #[derive(Clone, Debug, Default)]
 pub struct Filter {
-    /// By observation.
+    /// Gains of the speeds, by observation.
     pub gains: Vec<Gain>,
     /// Gains of the bench channels (bearing, torque, temperature) by observation; empty for a channel that is not there.
     pub bench: [Vec<BenchGain>; 3],
     /// Logarithm of the determinant of the innovations' covariance.
     pub log_det: f64,
-    /// Phase of the clutch by observation: locked as measured, open as the vehicle file has it.
+    /// Phase of the clutch by observation. Whether it is locked is read from the measured speeds; otherwise it is open up to the kiss point of the vehicle file and slipping
+    /// beyond, or always slipping if its torque is unknown.
     pub phase: Vec<Phase>,
-    /// Whether the flywheel follows its sensor, for the clutch torque is unknown, by observation: what is wrong with either balance then moves the disc.
+    /// Whether the flywheel follows its sensor because the clutch torque is unknown, by observation. Torque errors of either balance then move the disc.
     pub pinned: Vec<bool>,
     /// Whether the car stands and is held by its brakes, by observation.
     pub stands: Vec<bool>,
-    /// Inertias that the gains were worked out for: flywheel, car, kg·m².
+    /// Inertias for which the gains were computed: flywheel, car, kg·m².
     pub inertia: [f64; 2],
-    /// Samples, speeds and bench.
+    /// Number of innovations, of speeds and bench channels together.
     pub samples: usize,
 }
 
 impl Filter {
-    /// Accelerations of flywheel and disc by the torques that gains of observation `k` find, for an innovation of 1 rad/s, 1/s.
+    /// Accelerations of flywheel and disc due to the torques that the gains `of` attribute to an innovation of 1 rad/s at observation `k`, 1/s.
     pub fn rate(&self, k: usize, of: &[f64; STATES]) -> [f64; 2] {
         let torque = if self.pinned[k] { [0.0, of[ENGINE] + of[LOAD]] } else { [of[ENGINE] - of[CLUTCH], of[LOAD] + of[CLUTCH]] };
         [torque[0] / self.inertia[0], torque[1] / self.inertia[1]]
     }
 
-    /// Torque on the car's side that these gains find, for an innovation of 1 rad/s, N·m·s/rad, while the clutch is `stuck` or not.
+    /// Torque on the car's side that the gains `of` attribute to an innovation of 1 rad/s, N·m·s/rad. While the clutch is `stuck`, or the flywheel follows its sensor, it includes
+    /// the engine's.
     pub fn found(&self, k: usize, of: &[f64; STATES], stuck: bool) -> f64 {
         if stuck || self.pinned[k] { of[LOAD] + of[ENGINE] } else { of[LOAD] }
     }
 }
 
-/// Error of the disc temperature that lasts for about a second, K: the housing air is noted in steps.
+/// Error of the disc temperature that lasts for about a second, K, because the temperature of the housing air is recorded in steps.
 const LASTING_TEMPERATURE_K: f64 = 0.1;
 
-/// Runs the covariance along a recording. `torque` is the clutch torque in N·m at the logger's samples ([`replay::torques`](super::replay::torques)): the share of [`Disturbances::clutch`] refers to it, and what it
-/// may have done between slow samples follows from how it bends.
+/// Propagates the covariance along a recording and returns the filter. `torque` is the clutch torque in N·m at the logger's samples ([`replay::torques`](super::replay::torques)):
+/// [`Disturbances::clutch`] is a share of it, and its curvature determines the variance of its unseen changes between slow samples.
 pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f64]) -> Filter {
     let n = track.observations();
     let speeds: [Vec<(f64, usize)>; 2] = [Channel::OmegaF, Channel::OmegaC].map(|c| (0..n).map(|k| track.mean(c, k)).collect());
-    // The clutch locks when the speeds meet, not when late sensors show it.
+    // The clutch locks when the speeds meet. Sensors with a known latency show it later, so their speeds are shifted back.
     let pace = track.pace();
     let then: [Vec<(f64, usize)>; 2] = std::array::from_fn(|c| {
         let ahead = (with.late[c] / pace).round() as usize;
@@ -187,7 +189,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     let total = j_f + j_c;
     let variance = |c: usize, samples: usize| with.noise[c].white.powi(2) / samples as f64;
     let mut p = Covariance::zeros();
-    // What a speed is before its first sample is known as well as that sample is small.
+    // A speed that begins below its sensor's threshold is taken as 0 at the start. Its standard deviation there is half of its first sample.
     let at_start = [Channel::OmegaF, Channel::OmegaC].map(|c| track.speed_at(c, 0).map(|s| s.1));
     let hidden = |c: usize| {
         let seen = speeds[c].iter().map(|s| s.0).find(|v| v.is_finite()).unwrap_or(0.0);
@@ -201,13 +203,13 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     };
     (p[(OMEGA_F, OMEGA_F)], p[(OMEGA_C, OMEGA_C)]) = (start(0), start(1));
     let colour: [Wander; 2] = std::array::from_fn(|c| joined(with.noise[c], with.sensors[c]));
-    // What the noise of a flywheel that follows its sensor is worth at the disc.
+    // Variance that the sensor noise of a flywheel that follows its sensor causes at the disc, (rad/s)².
     let followed = (j_f / j_c).powi(2) * (variance(0, track.samples_per_observation(Channel::OmegaF)) + colour[0].sigma.powi(2));
     let mut gains = Vec::with_capacity(n);
     let mut torque_variance = Vec::with_capacity(n);
     let mut log_det = 0.0;
     let mut samples = 0;
-    // A brake that is pulled or let go between two samples, or shows late, acts in the intervals beside those that are marked.
+    // A brake that is applied or released between two samples, or recorded late, also acts in the intervals next to those that are marked.
     let marked = |k: usize| track.rows_of(k.min(n - 1)).any(|row| track.brake[row]);
     let braking = |k: usize| marked(k.saturating_sub(1)) || marked(k) || marked(k + 1);
     let stationary = |k: usize| -> [(usize, Wander); 5] {
@@ -225,7 +227,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     for k in 0..n {
         let mut gain = Gain { interval: interval(track, k), ..Gain::default() };
         let pinned = unknown.is_some() && !locked[k];
-        // Error of the stamp, as the flywheel speed shows it, and the variance of all errors of that.
+        // Error of the flywheel speed due to the time stamp (one standard deviation), and the variance of its whole measurement error.
         let mut flywheel = None;
         if unknown.is_some() && (k == 0 && pinned || k > 0 && locked[k] != locked[k - 1]) {
             p = switched(&p, pinned, j_f, j_c);
@@ -242,7 +244,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
             let mut h = SVector::<f64, STATES>::zeros();
             (h[speed], h[noise]) = (1.0, 1.0);
             if let Some((of_flywheel, all)) = flywheel.filter(|_| stamp != 0.0 && track.has_one_clock()) {
-                // Less what the flywheel speed tells of it, the disc speed's error is one of its own.
+                // After the part predicted by the flywheel speed is subtracted, the rest of the disc speed's error is independent.
                 gain.common = of_flywheel * stamp / all;
                 r -= gain.common * of_flywheel * stamp;
                 (h[OMEGA_F], h[NOISE_F]) = (-gain.common, -gain.common);
@@ -257,7 +259,8 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
             log_det += s.ln();
             samples += 1;
         }
-        // What the disturbances do to the clutch torque: slipping it is their own, locked it is what keeps the speeds together.
+        // Sensitivity of the clutch torque to the disturbances. While the clutch slips it is the clutch disturbance itself; while it is locked it is the constraint torque that
+        // keeps both speeds equal.
         let mut h = SVector::<f64, STATES>::zeros();
         if locked[k] {
             (h[ENGINE], h[LOAD]) = (j_c / total, -j_f / total)
@@ -265,7 +268,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
             h[CLUTCH] = 1.0
         };
         torque_variance.push(h.dot(&(p * h)));
-        // To the next observation.
+        // Prediction to the next observation.
         let dt = gain.interval;
         let report_impulse = with.report_noise.powi(2) * dt * (dt / track.reports_in(k) as f64) + unseen_report.integral[k];
         let mut f = Covariance::identity();
@@ -293,7 +296,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
             for (a, b) in [(OMEGA_F, OMEGA_F), (OMEGA_F, OMEGA_C), (OMEGA_C, OMEGA_F), (OMEGA_C, OMEGA_C)] {
                 q[(a, b)] = report_impulse / (total * total);
             }
-            // While the command asks for an open clutch only the samples say that it still holds: as well as they would have shown slip.
+            // While the command asks for an open clutch, only the samples show that it is still locked, and only as accurately as they would show slip.
             if !closed(k) {
                 q += of_slip((LOCKED_MEAN * slip_noise(with)).powi(2), j_f, j_c);
             }
@@ -317,7 +320,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
         gain.decay = decay;
         gains.push(gain);
         p = f * p * f.transpose() + q;
-        // A brake that is let go lets go at once.
+        // The torque of a brake that is released vanishes at once, and the ordinary load disturbance takes its place.
         if k + 1 < n && braking(k) && !braking(k + 1) {
             p.row_mut(LOAD).fill(0.0);
             p.column_mut(LOAD).fill(0.0);
@@ -325,7 +328,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
             gains[k].decay[LOAD] = 0.0;
         }
     }
-    // What the engine did unseen goes through a locked clutch.
+    // A locked clutch transmits its share of the engine's unseen torque changes.
     let unseen_of_torque = |k: usize| if locked[k] { (j_c / total).powi(2) * unseen_report.before[k] } else { unseen_torque.before[k] };
     let of_torque = torque_variance.iter().enumerate().map(|(k, v)| v + unseen_of_torque(k)).collect();
     let beyond = [unseen_command.before, of_torque, vec![0.0; n]];
@@ -340,15 +343,15 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     Filter { gains, bench, log_det, stands, pinned, phase, inertia: [j_f, j_c], samples }
 }
 
-/// Covariance of both speeds if their difference has this variance, (rad/s)², and no momentum is added.
+/// Covariance of both speeds if their difference has this variance, (rad/s)², and their total angular momentum is certain.
 fn of_slip(variance: f64, j_f: f64, j_c: f64) -> Covariance {
     let mut v = SVector::<f64, STATES>::zeros();
     (v[OMEGA_F], v[OMEGA_C]) = (j_c / (j_f + j_c), -j_f / (j_f + j_c));
     v * v.transpose() * variance
 }
 
-/// Covariance where a clutch of unknown torque begins to slip (`pinned`), or is locked again. While it slips the flywheel follows what was measured, and the disc's state is
-/// the error of the whole momentum over the car's inertia; locked, that momentum is shared.
+/// Covariance after a clutch of unknown torque begins to slip (`pinned`) or locks again. While it slips, the flywheel follows its sensor, and the disc's state is the error of the
+/// total angular momentum over the car's inertia; once it is locked, both sides share that momentum.
 fn switched(p: &Covariance, pinned: bool, j_f: f64, j_c: f64) -> Covariance {
     let mut to = Covariance::identity();
     if pinned {
@@ -359,10 +362,10 @@ fn switched(p: &Covariance, pinned: bool, j_f: f64, j_c: f64) -> Covariance {
     to * p * to.transpose()
 }
 
-/// Time at rest under the brakes after which shafts have come to rest too, s.
+/// Time at rest under the brakes after which the shafts have come to rest as well, s.
 pub const RESTED_S: f64 = 0.5;
 
-/// Observations at which the car has stood under its brakes for [`RESTED_S`]; a wheel speed below its sensor's threshold stands.
+/// Whether the car has stood under its brakes for more than [`RESTED_S`], by observation. A wheel speed below its sensor's threshold counts as standing.
 fn stands(track: &Track, omega_c: &[(f64, usize)], noise: f64, braking: impl Fn(usize) -> bool) -> Vec<bool> {
     let mut since = 0.0;
     let held = |(k, rests): (usize, bool)| {
@@ -372,7 +375,8 @@ fn stands(track: &Track, omega_c: &[(f64, usize)], noise: f64, braking: impl Fn(
     rests(omega_c.iter().map(|s| s.0), |speed| speed <= LOCKED * noise).enumerate().map(held).collect()
 }
 
-/// A coloured noise and a further one: both are first-order, and the slower one's time stands for both where both are there.
+/// Sum of a sensor's coloured noise and a further first-order process, approximated by one first-order process. Where there is a further process, its correlation time holds for
+/// both.
 fn joined(noise: Noise, further: Wander) -> Wander {
     if further.sigma > 0.0 {
         return Wander { sigma: noise.coloured.hypot(further.sigma), time_s: further.time_s };
@@ -380,7 +384,7 @@ fn joined(noise: Noise, further: Wander) -> Wander {
     Wander { sigma: noise.coloured, time_s: noise.memory_s }
 }
 
-/// Gains of the bench channels; `beyond` are the variances by observation of what each shows, beyond its noise.
+/// Gains of the bench channels. `beyond` holds, by channel and observation, the variance of the prediction, to which the sensor noise is added.
 fn bench(
     track: &Track,
     with: &Disturbances,
@@ -404,7 +408,7 @@ fn bench(
                 let dt = interval(track, k);
                 let mut gain = BenchGain { decay: (-dt / wander.time_s).exp(), ..BenchGain::default() };
                 let (mean, count) = means[k];
-                // The clutch torque jumps at a lock-up: a torque of such a sample hangs on a fraction of a sample.
+                // The clutch torque jumps at a lock-up, so its prediction there depends on a fraction of a sample. Samples next to a lock-up are skipped.
                 let near = k.saturating_sub(2)..(k + 3).min(locked.len());
                 let jumps = channel == Channel::TFc && near.clone().any(|j| locked[j] != locked[k]);
                 if mean.is_finite() && !jumps {
@@ -441,7 +445,8 @@ mod tests {
         assert!((q.trace() - variance(1.0, 0.0) - variance(0.0, 1.0)).abs() < 1e-12);
     }
 
-    /// Two speeds that rise by 80 and 30 rad/s², read under one stamp that is off by 2 ms: what the disc speed tells beyond the flywheel speed has no error in common with that.
+    /// Two speeds rise by 80 and 30 rad/s² and are read under one stamp with an error of 2 ms. The disc speed's innovation must not contain the error that it shares with the
+    /// flywheel speed.
     #[test]
     fn an_error_of_the_stamp_is_common_to_both_speeds() {
         let (stamps, white, pace) = (2e-3, [0.1, 0.07], [80.0, 30.0]);
@@ -462,11 +467,11 @@ mod tests {
         let gain = filter(&track, &Vehicle::paper(), &with, &[]).gains[30];
         let (own, shared) = (white[0].powi(2) + (stamps * pace[0]).powi(2), stamps.powi(2) * pace[0] * pace[1]);
         assert!((gain.common - shared / own).abs() < 1e-9, "{} is not {}", gain.common, shared / own);
-        // Errors of a stamp alone: the disc speed's is as large as the flywheel speed's lets expect.
+        // An error of the stamp alone: the disc speed's innovation is its error less the part that the flywheel speed's error predicts.
         let without = Gain { of: [[0.0; STATES]; 2], ..gain };
         let [first, second] = without.innovations([0.8, 0.3], &mut [0.0; STATES]).map(Option::unwrap);
         assert!((first - 0.8).abs() < 1e-12 && (second - (0.3 - 0.8 * gain.common)).abs() < 1e-12, "{first} {second}");
-        // Messages with stamps of their own have errors of their own.
+        // Messages with separate stamps have independent errors.
         let apart = Track::new(&crate::campaign::Recording {
             sample_rate_hz: 100.0,
             time: (0..120).map(|k| 0.005 * f64::from(k)).collect(),
@@ -483,7 +488,8 @@ mod tests {
         assert!(even.weight[1] > gain.weight[1] && even.weight[0] > gain.weight[0], "a stamp that is right leaves less open");
     }
 
-    /// At 50 Hz the command of the engine that acted last was not logged: the torque of a locked clutch is as far from that of a straight line as the engine's may be, by its share.
+    /// At 50 Hz, the last engine torque before a sample was not logged. The prediction of a locked clutch's torque has the engine torque's variance about the straight line between
+    /// samples, times the square of the share that the clutch transmits.
     #[test]
     fn a_locked_clutch_carries_what_the_engine_did_unseen() {
         let speed: Vec<f64> = (0..60).map(|k| 100.0 + 0.1 * f64::from(k)).collect();
@@ -504,7 +510,8 @@ mod tests {
         let found = of(&[5.0; 60]);
         assert!(found.phase.iter().all(|p| *p == Phase::Locked));
         let variance = |k: usize| found.bench[1][k].weight.powi(-2);
-        // The sample at the bend lies 5 N·m off the middle of its neighbours; half of that square counts for each interval beside it, and half of that amid one.
+        // The sample at the bend lies 5 N·m off the mean of its neighbours. Half of that square counts for each of the two intervals beside it, and half of that again in the
+        // middle of an interval.
         let [j_f, j_c] = found.inertia;
         let ratio = (variance(30) - variance(28)) / (6.25 * (j_c / (j_f + j_c)).powi(2));
         assert!((ratio - 1.0).abs() < 0.05, "{ratio}");

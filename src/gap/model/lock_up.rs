@@ -1,4 +1,4 @@
-//! When a clutch is locked, as the measured speeds show it: fixed by the recording, and not by what is fitted.
+//! When the clutch is locked, according to the measured speeds: determined by the recording and independent of what is fitted.
 
 use super::filter::Disturbances;
 use super::tolerance::LATE_SIGMAS;
@@ -6,29 +6,31 @@ use super::track::{Channel, Track};
 use super::unseen::{PACE_OBSERVATIONS, slope};
 use crate::vehicle::Vehicle;
 
-/// Observations around a measured lock-up in which a lock-up a little earlier or later is not held against a replay, and how much it may be off, s.
+/// Number of observations on either side of a measured lock-up or opening for which an error of its timing is tolerated, and the size of that error, s.
 const OBSERVATIONS: usize = 4;
 const TIMING_S: f64 = 0.012;
 
-/// Slip in units of its noise that counts as locked: of one sample, and of the mean of three.
+/// Largest slip that counts as locked, in standard deviations of the noise of one sample: for one sample, and for the mean of three.
 pub const LOCKED: f64 = 6.0;
 /// See [`LOCKED`].
 pub const LOCKED_MEAN: f64 = 3.0;
-/// Least time in which two speeds that go together are those of a locked clutch, s.
+/// Shortest time for which two speeds have to agree to count as those of a locked clutch, s.
 const TOGETHER_S: f64 = 0.3;
 
-/// Whether the command at observation `k` asks for a closed clutch: two speeds that only cross while it is open are not locked.
+/// Whether the command at observation `k` is beyond the kiss point, so that the clutch may lock. Speeds that merely cross while the clutch is open are not locked.
 pub fn closed(track: &Track, vehicle: &Vehicle, k: usize) -> bool {
     track.ticks[track.tick_of_row[track.rows_of(k).start]].x_to > vehicle.actuator.x_cnt_0
 }
 
-/// Slope of the mean of both speeds around an observation, rad/s², from the first and the last sample there that are known; zero where two are not.
+/// Slope of the mean of both speeds around an observation, rad/s², from the first and the last known sample within [`PACE_OBSERVATIONS`] on either side; zero if a speed has fewer
+/// than two there.
 fn pace(speeds: &[Vec<(f64, usize)>; 2], time: impl Fn(usize) -> f64, k: usize) -> f64 {
     slope(&speeds[0], &time, k).zip(slope(&speeds[1], &time, k)).map_or(0.0, |(f, c)| 0.5 * (f + c))
 }
 
-/// How much later the flywheel's speed is sensed than the disc's, s, at most `most`: by least squares over stretches of the recordings in which two speeds that
-/// change go together, free of brakes. Two sensors that are not equally late show slip of a locked clutch, the more the faster it changes.
+/// Latency of the flywheel's speed relative to the disc's, s, at most ± `most`. It is estimated by least squares over stretches of the recordings in which both speeds change
+/// together and the brake is off, with a normal prior of standard deviation `most`/[`LATE_SIGMAS`]. Two sensors of unequal latency make a locked clutch appear to slip in
+/// proportion to its acceleration.
 pub fn skew(tracks: &[Track], with: &Disturbances, most: f64) -> f64 {
     if most <= 0.0 {
         return 0.0;
@@ -41,7 +43,7 @@ pub fn skew(tracks: &[Track], with: &Disturbances, most: f64) -> f64 {
         let time = |k: usize| track.time[track.rows_of(k).start];
         let slip = |k: usize| speeds[0][k].0 - speeds[1][k].0;
         let paces: Vec<f64> = (0..n).map(|k| pace(&speeds, time, k)).collect();
-        // What is not known does not end a stretch.
+        // A missing sample does not end a stretch.
         let together =
             |k: usize| !(slip(k).abs() > LOCKED * sigma + most * paces[k].abs()) && !track.rows_of(k).any(|row| track.brake[row]);
         let mut begin = 0;
@@ -61,9 +63,9 @@ pub fn skew(tracks: &[Track], with: &Disturbances, most: f64) -> f64 {
     (products / squares).clamp(-most, most)
 }
 
-/// Observations in which the measured speeds do not differ. They begin while the clutch is closed, for speeds that only cross are not locked, and last until a
-/// sample, or the mean of three, shows slip beyond that of two sensors that are not equally late: how long a clutch takes to open is not known. What is not known
-/// stays as it was.
+/// Whether the clutch is locked according to the measured speeds, by observation. A lock can begin only while the clutch is closed, because speeds that merely cross are not
+/// locked. It lasts until a sample, or the mean of three, shows more slip than unequal latencies of the sensors explain, because the time that a clutch takes to open is unknown.
+/// Where the slip is unknown, the state stays as it was.
 pub fn locked(
     speeds: &[Vec<(f64, usize)>; 2],
     with: &Disturbances,
@@ -88,13 +90,13 @@ pub fn locked(
         .collect()
 }
 
-/// Noise of the slip of one sample, rad/s.
+/// Standard deviation of the noise of the slip of one sample, rad/s.
 pub fn slip_noise(with: &Disturbances) -> f64 {
     let spread = |c: usize| with.noise[c].white.hypot(with.noise[c].coloured);
     spread(0).hypot(spread(1))
 }
 
-/// Standard deviation in rad/s of slip around measured lock-ups, from the pace at which slip goes.
+/// Standard deviation of the slip around measured lock-ups and openings due to the error of their timing, rad/s, by observation: rate of change of the slip times `TIMING_S`.
 pub fn blur(track: &Track, speeds: &[Vec<(f64, usize)>; 2], locked: &[bool]) -> Vec<f64> {
     let slip = |k: usize| speeds[0][k].0 - speeds[1][k].0;
     let n = locked.len();

@@ -1,17 +1,16 @@
-//! Laws that no effect of the library holds: for each subsystem one smooth error, a function of what that subsystem's law can depend on.
+//! Missing laws, which no effect of the library describes: for each subsystem one smooth error, as a function of the variables on which that subsystem's law can depend.
 //!
-//! Each error is a sum of functions with normal amplitudes (a Gaussian process of low rank). Their length scales are physical: a friction coefficient
-//! changes over some ten rad/s of slip or some ten kelvin, a spring over a part of its travel, an actuator over its own time constants. Amplitudes have the size
-//! that a fault worth the name has.
+//! Each error is a sum of functions with normal amplitudes (a Gaussian process of low rank). Their length scales are physical: a friction coefficient changes over some ten rad/s
+//! of slip or some ten kelvin, a spring over a part of its travel, an actuator over its own time constants. The amplitudes have the size of a noteworthy fault.
 //!
 //! | subsystem | error | as a function of | size |
 //! |---|---|---|---|
-//! | engine | torque | speed, torque asked for, its change | 4 N·m |
-//! | actuator | position, times ∂T/∂x | position commanded now and before, its direction, time under pressure | 0.05 mm |
+//! | engine | torque | speed, requested torque, its change | 4 N·m |
+//! | actuator | position, times ∂T/∂x | commanded position now and before, its direction, time under pressure | 0.05 mm |
 //! | clutch force | torque, relative | position, its direction, time since contact, temperature | 8 % |
 //! | friction | torque, relative | slip, temperature, power, work done, time slipped | 8 % |
 //! | thermal | temperature, times ∂T/∂θ | heat of the last second, seconds, minutes | 12 K |
-//! | driveline | torque | nothing, speed, its direction, acceleration, time since the start | 3 N·m |
+//! | driveline | torque | nothing (a constant), speed, its direction, acceleration, time since the start | 3 N·m |
 //! | sensors | speeds as sensed | speed, acceleration | 1 rad/s |
 
 use super::filter::Filter;
@@ -62,11 +61,11 @@ fn signals(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Signal
         warmth: vec![0.0; n],
         travel: [car.vehicle.actuator.x_cnt_0, car.vehicle.actuator.x_cls_0],
     };
-    // Predicted, not measured: a measured speed would bring its own noise into the prediction of itself.
+    // Predicted, not measured speeds: a measured speed would bring its own noise into the prediction of itself.
     replay::corrected(track, filter, car, theta, None, |row, now, plant| {
         s.speed[0][row] = now.omega_f;
         s.speed[1][row] = now.omega_c;
-        // Of the clutch, not of its sensors, one of which may be late or off by a factor.
+        // Slip of the plant, not of its sensors, one of which may be late or off by a factor.
         s.slip[row] = plant.slip();
         s.position[row] = now.x_to_actual;
         s.theta[row] = now.theta_c;
@@ -90,7 +89,7 @@ fn signals(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Signal
         let v = &s.speed[side];
         s.pace[side] = (0..n)
             .map(|k| {
-                // Looking back alone, for the same reason.
+                // Backward difference, for the same reason: later predictions have been corrected by the measurement at this row.
                 let a = k.saturating_sub(2 * reach);
                 (v[k] - v[a]) / (s.time[k] - s.time[a]).max(1e-3)
             })
@@ -99,7 +98,7 @@ fn signals(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Signal
     s
 }
 
-/// What follows `v` with a time constant in s.
+/// `v` after a first-order lag with the time constant `tau`, s.
 fn lagged(v: &[f64], dt: f64, tau: f64) -> Vec<f64> {
     let share = 1.0 - (-dt / tau).exp();
     let mut y = v[0];
@@ -123,7 +122,7 @@ fn averaged(v: &[f64], dt: f64) -> Vec<f64> {
     (0..v.len()).map(mean).collect()
 }
 
-/// What follows `v` through play of this width.
+/// `v` after play (backlash) of this width.
 fn played(v: &[f64], width: f64) -> Vec<f64> {
     let mut y = v[0];
     v.iter()
@@ -134,12 +133,12 @@ fn played(v: &[f64], width: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Smooth bump of unit height around `centre`.
+/// Gaussian bump of unit height around `centre`.
 fn bump(x: f64, centre: f64, length: f64) -> f64 {
     (-0.5 * ((x - centre) / length).powi(2)).exp()
 }
 
-/// Places of some [`states`].
+/// Indices of the [`states`].
 pub mod state {
     /// Slip, rad/s.
     pub const SLIP: usize = 0;
@@ -153,18 +152,17 @@ pub mod state {
     pub const OMEGA_F: usize = 4;
     /// Speed of the disc, rad/s.
     pub const OMEGA_C: usize = 5;
-    /// Torque that is asked for, N·m.
+    /// Requested torque, as reported, N·m.
     pub const REPORT: usize = 6;
     /// Time, s.
     pub const TIME: usize = 7;
-    /// No state along a replay: what an effect does itself, whose form may depend on its size and its sign.
+    /// Not a state along a replay, but what an effect itself does: the effect's form may depend on its size and sign.
     pub const ITSELF: usize = 8;
-    /// Of all states.
+    /// Indices of all states along a replay.
     pub const ALL: [usize; 8] = [0, 1, 2, 3, 4, 5, 6, 7];
 }
 
-/// States along a corrected replay that a law may depend on, by observation: slip, disc temperature, position and its direction, both speeds, torque
-/// asked for, time ([`state`]).
+/// States along a corrected replay that a law may depend on, by observation: slip, disc temperature, position and its direction, both speeds, requested torque, time ([`state`]).
 pub fn states(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Vec<Vec<f64>> {
     let s = signals(track, filter, car, theta);
     let direction = direction(&s);
@@ -187,7 +185,7 @@ pub fn way(speed: f64) -> f64 {
     (speed / STANDING).tanh()
 }
 
-/// Sizes of a fault worth the name: torque of engine and car in N·m, bearing in mm, share of the clutch torque, disc temperature in K.
+/// Sizes of a noteworthy fault: torque of engine and of car in N·m, bearing position in mm, share of the clutch torque, disc temperature in K.
 const ENGINE: f64 = 4.0;
 const CAR: f64 = 3.0;
 const BEARING: f64 = 0.05;
@@ -195,29 +193,29 @@ const CLUTCH: f64 = 0.08;
 const DISC: f64 = 12.0;
 
 impl Signals {
-    /// A torque of the clutch, by row.
+    /// Law of a clutch torque `f`, N·m, by row; zero where the clutch does not slip.
     fn clutch(&self, f: &dyn Fn(usize) -> f64) -> Missing {
         Missing::of_clutch((0..self.slipping.len()).map(|k| if self.slipping[k] { f(k) } else { 0.0 }).collect())
     }
-    /// A bearing that is elsewhere, in mm: its sensor shows it as well.
+    /// Law of a bearing displaced by `f`, mm: it changes the clutch torque, and the position sensor shows it as well.
     fn moved(&self, f: &dyn Fn(usize) -> f64) -> Missing {
         let mut m = self.clutch(&|k| self.stiffness[k] * f(k));
         m.bench[0] = self.by_row(f);
         m
     }
-    /// A disc that is as much warmer, in K: its sensor shows it as well.
+    /// Law of a disc warmer by `f`, K: it changes the clutch torque, and the temperature sensor shows it as well.
     fn warmed(&self, f: &dyn Fn(usize) -> f64) -> Missing {
         let mut m = self.clutch(&|k| self.warmth[k] * f(k));
         m.bench[1] = self.by_row(f);
         m
     }
-    /// A torque on one side, N·m.
+    /// Law of a torque `f` on one side (0 flywheel, 1 disc), N·m.
     fn on(&self, side: usize, f: &dyn Fn(usize) -> f64) -> Missing {
         let mut m = Missing::default();
         m.torque[side] = self.by_row(f);
         m
     }
-    /// A torque on the car, in faults worth the name, while it moves: what holds a standing car holds it against more, too.
+    /// Law of a torque on the car in units of a noteworthy fault ([`CAR`]), which vanishes where the car stands: what holds a standing car would also hold it against more torque.
     fn on_moving_car(&self, f: &dyn Fn(usize) -> f64) -> Missing {
         let way = self.way();
         self.on(1, &|k| CAR * way[k].abs() * f(k))
@@ -226,7 +224,7 @@ impl Signals {
     fn way(&self) -> Vec<f64> {
         self.speed[1].iter().map(|speed| way(*speed)).collect()
     }
-    /// An error of one speed as sensed, rad/s.
+    /// Law of an error `f` of one speed as sensed, rad/s.
     fn sensed(&self, side: usize, f: &dyn Fn(usize) -> f64) -> Missing {
         let mut m = Missing::default();
         m.sensed[side] = self.by_row(f);
@@ -237,7 +235,8 @@ impl Signals {
     }
 }
 
-/// Functions of time alone, for what no state leads to, of the size of a fault worth the name: bumps a `width` in s apart. Only of subsystems in which something may come and go by itself; none of others.
+/// Functions of time alone, for errors that follow no state: triangular bumps of the size of a noteworthy fault, `width` seconds apart. Clutch force, thermal and sensors have
+/// none, because no error there comes and goes by itself.
 pub fn bumps(
     place: Subsystem,
     width: f64,
@@ -261,7 +260,7 @@ pub fn bumps(
     (0..count).map(one)
 }
 
-/// The functions of a subsystem's missing law, row by row, each scaled to one standard deviation.
+/// The functions of a subsystem's missing law, row by row, each scaled to one standard deviation of its amplitude.
 pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Vec<Missing> {
     let s = signals(track, filter, car, theta);
     let n = track.rows();
@@ -287,7 +286,7 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
             }
             for tau in [0.05, 0.2, 0.8] {
                 let slow = lagged(&s.report, s.dt, tau);
-                // What an engine is slow to give it may be quick to take away.
+                // Rising and falling torque have separate functions: an engine may be slow to build up torque and quick to drop it.
                 all.push(s.on(0, &|k| 0.3 * (slow[k] - s.report[k]).min(0.0)));
                 all.push(s.on(0, &|k| 0.3 * (slow[k] - s.report[k]).max(0.0)));
             }
@@ -343,7 +342,7 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
         }
         Subsystem::Thermal => {
             for tau in [0.3, 1.5, 8.0, 40.0] {
-                // A part that takes the heat of the last τ, over 3 kW.
+                // A part that is heated by the mean power of the last τ, relative to 3 kW, or to less if τ exceeds 1.5 s (at least 300 W).
                 let heat = lagged(&power, s.dt, tau);
                 let most = 3e3 * (1.0_f64).min(1.5 / tau).max(0.1);
                 all.push(s.warmed(&|k| DISC * heat[k] / most));
@@ -372,13 +371,13 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
             }
         }
         Subsystem::Sensors => {
-            // Of slow speeds: what was corrected by a sample just now would act as another gain of the filter.
+            // Functions of averaged speeds: a speed that a sample has just corrected would act like another gain of the filter.
             for side in 0..2 {
                 let speed = averaged(&s.speed[side], s.dt);
                 let pace = averaged(&s.pace[side], s.dt);
                 all.push(s.sensed(side, &|k| 0.01 * speed[k]));
                 all.push(s.sensed(side, &|k| -0.008 * pace[k]));
-                // A pickup's signal grows with speed: what it lacks near standstill ends within some rad/s.
+                // The signal of a pickup grows with speed, so an error near standstill vanishes within some rad/s.
                 for (centre, length) in [(0.0, 5.0), (12.0, 8.0), (60.0, 45.0), (130.0, 45.0), (220.0, 45.0)] {
                     all.push(s.sensed(side, &|k| bump(speed[k], centre, length)));
                 }
@@ -408,7 +407,7 @@ mod tests {
         assert!((bump(3.0, 1.0, 2.0) - (-0.5_f64).exp()).abs() < 1e-12 && bump(1.0, 1.0, 2.0) == 1.0);
     }
 
-    /// Neighbours add up to 1 at any time, and each is none half a second from its own.
+    /// Neighbouring bumps add up to 1 at any time, and each bump vanishes half a second from its centre.
     #[test]
     fn bumps_share_out_the_time() {
         let example = crate::gap::model::prepare::Example::read();
@@ -447,7 +446,7 @@ mod tests {
         }
     }
 
-    /// A torque of the clutch acts on both sides while it slips, and its transducer shows it; a bearing or a disc that is elsewhere shows at its own sensor too.
+    /// A clutch torque acts on both sides while the clutch slips, and its transducer shows it. A displaced bearing or a warmer disc shows at its own sensor as well.
     #[test]
     fn a_law_acts_where_it_is_and_shows_where_it_is_measured() {
         let s = along();

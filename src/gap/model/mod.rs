@@ -1,4 +1,4 @@
-//! The model of the data: recordings, noise, tolerances, and the corrected replay that makes innovations of them.
+//! The model of the data: recordings, noise, tolerances, and the corrected replay that computes innovations from them.
 
 pub mod clock;
 pub mod column;

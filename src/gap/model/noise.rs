@@ -1,8 +1,8 @@
-//! Noise of the sensors, estimated from the recordings alone, before any model of the car is asked.
+//! Noise of the sensors, estimated from the recordings alone, before any model of the car is used.
 //!
-//! A speed is the integral of torques, and so it is smooth on the scale of a few samples: what a cubic through its neighbours leaves of a sample is noise. The
-//! median keeps kinks and lock-ups out. Noise with a memory (first-order Gauss–Markov) looks like motion on that scale: it is estimated by likelihood, once
-//! an explanation is there (`infer::sensors`).
+//! A speed is the integral of torques and therefore smooth on the scale of a few samples, so the residual of a sample from a cubic through its neighbours is noise. The median of
+//! the residuals is insensitive to kinks and lock-ups. Coloured noise (first-order Gauss–Markov) looks like motion on that scale; it is estimated by its likelihood once there is
+//! an explanation (`infer::sensors`).
 
 use super::track::Track;
 use nalgebra::{Matrix3, Vector3};
@@ -12,16 +12,16 @@ use nalgebra::{Matrix3, Vector3};
 pub struct Noise {
     /// Standard deviation of the white part of one sample.
     pub white: f64,
-    /// Standard deviation of the part with a memory.
+    /// Standard deviation of the coloured part.
     pub coloured: f64,
-    /// Correlation time of that part, s.
+    /// Correlation time of the coloured part, s.
     pub memory_s: f64,
 }
 
-/// Least noise that is believed, by channel: a channel finer than this would only be fitted to numerics.
+/// Smallest noise that is accepted, by channel. With less, numerical errors of the replay would be fitted.
 const LEAST_NOISE: [f64; 5] = [0.01, 0.01, 0.001, 0.05, 0.05];
 
-/// Noise of every channel over all recordings of a car.
+/// Noise of every channel, estimated from all recordings of a car together.
 pub fn channels(tracks: &[Track]) -> [Noise; 5] {
     let stamps = stamps(tracks);
     std::array::from_fn(|c| {
@@ -36,10 +36,11 @@ fn parts_of(tracks: &[Track], channel: usize) -> Vec<(&[f64], &[f64])> {
     tracks.iter().map(|t| (t.time.as_slice(), t.measured[channel].as_slice())).collect()
 }
 
-/// Standard deviation in s by which uneven stamps are off the instants of their samples; none of even ones.
+/// Standard deviation, in s, of uneven time stamps about the instants of their samples; 0 if the stamps are even.
 ///
-/// A logger may sample at uneven times, or write uneven times to even samples. A speed v with the pace a = v̇ tells: what its neighbours leave of a sample has the variance
-/// σ² + a² s². What the eighth of the samples with the least pace and the quarter with the greatest leave gives s, by least squares over both speeds; never more than how uneven the stamps are.
+/// A logger may sample at uneven times, or give uneven stamps to evenly taken samples. The residuals of a speed v with the slope a = v̇ from its neighbours tell these apart:
+/// inexact stamps with the standard deviation s give them the variance σ² + a² s². The residuals of the eighth of the samples with the smallest slopes and of the quarter with the
+/// greatest give s, by least squares over both speeds. The result is limited to the unevenness of the stamps.
 pub fn stamps(tracks: &[Track]) -> f64 {
     if !tracks.iter().any(Track::jitters) {
         return 0.0;
@@ -65,23 +66,25 @@ pub fn of_report(tracks: &[Track]) -> f64 {
     white(&parts)
 }
 
-/// Step in which the torque is reported, N·m.
+/// Quantisation step of the torque report, N·m; 0 if there is none.
 pub fn report_quantum(tracks: &[Track]) -> f64 {
     quantum(tracks.iter().map(|t| t.reported.as_slice()))
 }
 
-/// Half widths in samples of the windows over which a report is averaged, and the longest in s: what an engine does within three tenths of a second is no noise.
+/// Half-widths, in samples, of the windows over which a report is smoothed, and the greatest half-width in s: over more than 0.3 s, changes of the engine torque are real and not
+/// noise.
 const WINDOWS: [usize; 5] = [2, 3, 5, 8, 13];
 const LONGEST_S: f64 = 0.15;
 
-/// What a signal with white noise of this size was without it: the parabola through the widest window around each sample that still agrees within one
-/// standard deviation with those through all narrower ones (Lepski's rule, as the intersection of confidence intervals by Goldenshluger and Nemirovski, 1997), so that steps stay steps.
+/// Removes white noise of this standard deviation (at least that of quantisation) from a signal. Each sample takes the value of a least-squares parabola over the widest window
+/// around it that still agrees, within one standard deviation, with those over all narrower windows (Lepski's rule, as the intersection of confidence intervals by Goldenshluger
+/// and Nemirovski, 1997), so that steps are preserved.
 ///
-/// A noisy report that drives a replay would seem to move the car less than it should: an error in a regressor looks like more inertia, or like a lag.
+/// A noisy report on the input of a replay seems to move the car less than it should: errors in a regressor look like more inertia, or like a lag.
 pub fn without_noise(time: &[f64], value: &[f64], noise: f64, quantum: f64) -> Vec<f64> {
     let n = value.len();
     let sigma = noise.max(0.29 * quantum);
-    // Value at the sample of the parabola through a window, by least squares, with its width: a line would round off every bend, and always to the same side.
+    // Value at the sample of the least-squares parabola over a window, and its standard deviation. A straight line would round off every bend, always to the same side.
     let local = |k: usize, half: usize| -> (f64, f64) {
         let reach = time[k + half] - time[k - half];
         let powers = |j: usize| {
@@ -113,7 +116,7 @@ pub fn without_noise(time: &[f64], value: &[f64], noise: f64, quantum: f64) -> V
         .collect()
 }
 
-/// Step in which a channel is recorded: the least difference that many samples show; 0 if they show none in common.
+/// Quantisation step of a channel: the smallest difference between successive samples that many of them have in common; 0 if there is none.
 fn quantum<'a>(columns: impl Iterator<Item = &'a [f64]>) -> f64 {
     let mut steps: Vec<f64> =
         columns.flat_map(|v| v.windows(2)).map(|w| (w[1] - w[0]).abs()).filter(|d| d.is_finite() && *d > 1e-9).collect();
@@ -121,33 +124,34 @@ fn quantum<'a>(columns: impl Iterator<Item = &'a [f64]>) -> f64 {
         return 0.0;
     }
     steps.sort_by(f64::total_cmp);
-    // Printed digits scatter around the true step: the least tenth has to agree.
+    // Rounding of printed digits scatters the differences around the true step, so the quantiles at 0.5 % and 10 % only have to agree within 30 %.
     let (least, tenth) = (steps[steps.len() / 200], steps[steps.len() / 10]);
     if tenth < 1.3 * least { tenth } else { 0.0 }
 }
 
-/// What a cubic through two neighbours on either side leaves of a sample, in units in which white noise has its own size, and the pace of the signal there.
+/// Absolute residual of a sample from the cubic through its two neighbours on either side, scaled so that white noise keeps its standard deviation, and the absolute slope of the
+/// signal there.
 #[derive(Clone, Copy)]
 struct Left {
     size: f64,
     pace: f64,
 }
 
-/// By rising pace.
+/// Residuals in ascending order of the slope.
 struct ByPace(Vec<Left>);
 
 impl ByPace {
-    /// The eighth with the least pace.
+    /// The eighth with the smallest slopes.
     fn steady(&self) -> &[Left] {
         &self.0[..self.0.len() / 8]
     }
 
-    /// The quarter with the greatest.
+    /// The quarter with the greatest slopes.
     fn fast(&self) -> &[Left] {
         &self.0[self.0.len() - self.0.len() / 4..]
     }
 
-    /// Standard deviation of the noise that stamps of this error in s do not account for.
+    /// Standard deviation of the noise that remains once an error of the time stamps with the standard deviation `stamps`, s, is accounted for.
     fn white(&self, stamps: f64) -> f64 {
         let steady = self.steady();
         (spread(steady).powi(2) - stamps.powi(2) * mean_square_pace(steady)).max(0.0).sqrt()
@@ -175,7 +179,7 @@ fn left_of(parts: &[(&[f64], &[f64])]) -> ByPace {
     ByPace(left)
 }
 
-/// Standard deviation of white noise on a smooth signal: what a cubic through its neighbours leaves, by its median.
+/// Standard deviation of white noise on a smooth signal, from the median of the residuals from cubics through each sample's neighbours.
 fn white(parts: &[(&[f64], &[f64])]) -> f64 {
     spread(&left_of(parts).0)
 }
@@ -186,7 +190,8 @@ fn spread(of: &[Left]) -> f64 {
     }
     let mut left: Vec<f64> = of.iter().map(|l| l.size).collect();
     left.sort_by(f64::total_cmp);
-    // 0.6745 is the median of a half-normal variable. Quantised signals stand still often, so the mean of the lower nine tenths joins in.
+    // 0.6745 is the median of a half-normal variable. Quantised signals often stand still, which makes the median too small, so the mean of the lower nine tenths is used where it
+    // gives more.
     let median = left[left.len() / 2] / 0.6745;
     let kept = &left[..left.len() - left.len() / 10];
     median.max(kept.iter().sum::<f64>() / kept.len() as f64 / 0.6667)
@@ -225,7 +230,7 @@ mod tests {
         }
     }
 
-    /// A speed that goes up and down, whose even samples got uneven stamps, or which was sampled at uneven times.
+    /// A speed that goes up and down, with uneven stamps on evenly taken samples, or sampled at uneven times.
     #[test]
     fn stamps_that_are_off_are_told_from_uneven_samples() {
         use crate::campaign::Recording;
@@ -279,7 +284,8 @@ mod tests {
         assert!(rms(&found) < 0.6 * rms(&reported), "{} {}", rms(&found), rms(&reported));
     }
 
-    /// An engine that takes up its load within a quarter of a second bends upwards first: with the bend rounded off, it would seem to give torque that it does not.
+    /// The torque of an engine that is loaded within a quarter of a second curves upwards first. If smoothing rounded off this bend, the engine would seem to give torque that it
+    /// does not give.
     #[test]
     fn a_bend_is_not_rounded_off() {
         let time: Vec<f64> = (0..60).map(|k| 0.01 * k as f64).collect();
@@ -309,7 +315,7 @@ mod tests {
         assert!(rms(&found) < 0.9 * rms(&rounded), "{} {}", rms(&found), rms(&rounded));
     }
 
-    /// Of every channel its own; never finer than is believed, nor than a step of the recording allows.
+    /// Each channel has its own noise, which is never smaller than the least accepted one or that of quantisation.
     #[test]
     fn each_channel_has_the_noise_that_it_shows() {
         use crate::campaign::Recording;

@@ -1,4 +1,4 @@
-//! From a campaign to what is fitted: tracks, noise, tolerances, filters.
+//! Prepares a campaign for fitting: tracks, noise, tolerances, filters.
 
 use super::clock::CONTROL_INTERVAL_S;
 use super::filter::{Disturbances, Filter, filter};
@@ -16,24 +16,24 @@ use crate::gap::progress::Work;
 use crate::vehicle::Vehicle;
 use rayon::prelude::*;
 
-/// Torque on the car's side that no file declares, N·m, and its time, s: wind, an uneven road.
+/// Torque on the car's side that no file declares, due to wind and an uneven road: standard deviation, N·m, and correlation time, s.
 const LOAD: Wander = Wander { sigma: 0.15, time_s: 1.0 };
 
-/// Torque of the clutch beyond its map, as a share of what it transmits, and its time, s: no map is exact.
+/// Clutch torque beyond its map, since no map is exact: standard deviation as a share of the transmitted torque, and correlation time, s.
 pub const CLUTCH: Wander = Wander { sigma: 0.004, time_s: 0.3 };
 
 /// No disturbance.
 const NONE: Wander = Wander { sigma: 0.0, time_s: 1.0 };
 
-/// Disturbances of a healthy car: sensors as the recordings show them, the rest as declared or by default.
+/// Disturbances of a healthy car: sensor noise as estimated from the recordings, the rest as declared or by default.
 pub fn disturbances(tracks: &[Track], tolerances: &Tolerances) -> Disturbances {
     let with = healthy(noise::channels(tracks), noise::of_report(tracks), noise::report_quantum(tracks), tolerances);
     Disturbances { skew: lock_up::skew(tracks, &with, tolerances.skew()), stamps: noise::stamps(tracks), ..with }
 }
 
-/// The same with sensors of this noise, and a torque report of this noise and in these steps, N·m.
+/// Disturbances of a healthy car with this sensor noise, and a torque report with this noise and this quantisation step, N·m.
 pub fn healthy(noise: [Noise; 5], report_noise: f64, quantum: f64, tolerances: &Tolerances) -> Disturbances {
-    // A report in steps is off by the same amount as long as it stands still.
+    // The quantisation error of the report lasts as long as the report does not change, so it is added to the slow error.
     let sigma = tolerances.report.sigma.hypot(0.29 * quantum);
     Disturbances {
         noise,
@@ -69,7 +69,7 @@ pub fn problem(tracks: Vec<Track>, vehicle: &Vehicle, tolerances: &Tolerances, w
     problem
 }
 
-/// The filter of a recording, with the clutch torque that the nominal car shows in a corrected replay.
+/// The filter of a recording. Its clutch disturbance is a share of the clutch torque of the nominal car in a corrected replay.
 pub fn filter_of(track: &Track, vehicle: &Vehicle, with: &Disturbances) -> Filter {
     let without = filter(track, vehicle, &Disturbances { clutch: NONE, ..*with }, &[]);
     if with.clutch.sigma == 0.0 || track.position_free {
@@ -82,7 +82,7 @@ pub fn filter_of(track: &Track, vehicle: &Vehicle, with: &Disturbances) -> Filte
 /// Tracks and tolerances of recordings.
 ///
 /// # Errors
-/// Tolerances that are not sound.
+/// Returns an error if a tolerance is invalid.
 pub fn read(recordings: &[&Recording], vehicle_json: &serde_json::Value) -> Result<(Vec<Track>, Tolerances), tolerance::ToleranceError> {
     let mut tracks: Vec<Track> = recordings.iter().map(|r| Track::new(r)).collect();
     let stamps = noise::stamps(&tracks);
@@ -98,22 +98,22 @@ pub fn read(recordings: &[&Recording], vehicle_json: &serde_json::Value) -> Resu
 /// The bundled campaign, for tests.
 #[cfg(test)]
 pub struct Example {
-    /// What was recorded.
+    /// The campaign.
     pub campaign: crate::campaign::Campaign,
-    /// The car of its file.
+    /// The car of its vehicle file.
     pub vehicle: Vehicle,
 }
 
 #[cfg(test)]
 impl Example {
-    /// From tests/data.
+    /// Reads it from tests/data.
     pub fn read() -> Self {
         let campaign = crate::campaign::read(std::path::Path::new("tests/data/campaigns/example"), &Default::default()).unwrap();
         let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
         Self { campaign, vehicle }
     }
 
-    /// Recordings of its car, ready to be fitted, with their disturbances.
+    /// Prepares recordings of its car for fitting, and returns their disturbances as well.
     pub fn problem(&self, recordings: &[&Recording]) -> (Problem, Disturbances) {
         let (tracks, tolerances) = read(recordings, &self.campaign.vehicle_json).unwrap();
         let with = disturbances(&tracks, &tolerances);

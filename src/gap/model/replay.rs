@@ -12,7 +12,7 @@ use crate::plant::events::common_speed;
 use crate::plant::{Inputs, Outputs, Plant, Start, sensed};
 use std::ops::Range;
 
-/// Longest substep of the plant in a replay, s; the error it adds is far below any sensor's noise. One step of a control unit is one substep, however its stamps jitter.
+/// Longest substep of the plant in a replay, s; the error it adds is far below any sensor's noise. One interval of the control unit is one substep even if its stamps jitter.
 pub const SUBSTEP_S: f64 = LONGEST_TICK * CONTROL_INTERVAL_S;
 
 /// Torques that the filter adds to the inputs, N·m.
@@ -24,30 +24,30 @@ pub struct Added {
     pub disc: f64,
 }
 
-/// A law that the model lacks, as torques and sensor errors along a recording, by row; what is empty is none.
+/// A law that the model lacks, as torques and sensor errors along a recording, by row. An empty vector stands for zero.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Missing {
     /// Torque on flywheel and disc, N·m.
     pub torque: [Vec<f64>; 2],
-    /// Torque of the clutch on the disc, N·m: it acts on the flywheel the other way, and its transducer shows it.
+    /// Clutch torque on the disc, N·m. It acts on the flywheel with the opposite sign, and the torque transducer shows it.
     pub clutch: Vec<f64>,
-    /// Rolling load that it adds to the car's own, N·m: it opposes motion, and holds a car that stands. One below zero pushes a moving car, and no other.
+    /// Rolling load that the law adds to the car's own, N·m. It opposes motion and holds a standing car. A negative one pushes a moving car and does nothing to a standing one.
     pub rolling: f64,
-    /// Direction in which the car moves, from −1 to 1, of a law that has a rolling load.
+    /// Direction in which the car moves, from −1 to 1, by row, for a law with a rolling load.
     pub way: Vec<f64>,
-    /// Error of both speeds as sensed, rad/s.
+    /// Errors of both speeds as sensed, rad/s.
     pub sensed: [Vec<f64>; 2],
-    /// What it adds to the bench channels of bearing, mm, and disc temperature, °C.
+    /// Changes of the bench readings of bearing position, mm, and disc temperature, °C.
     pub bench: [Vec<f64>; 2],
-    /// What it adds to the whitened innovations by itself, without a replay: of a law that is nothing else.
+    /// Direct change of the whitened innovations without a replay, for a law that consists of nothing else.
     pub innovations: Column,
-    /// Of a function of an effect's form: the effect, by its place in the registry, and the state along which it changes what the effect does, by its place in
+    /// For a function of an effect's form: the effect, by its index in the registry, and the state along which the function varies the effect, by its index in
     /// [`states`](super::missing::states).
     pub along: Option<(usize, usize)>,
 }
 
 impl Missing {
-    /// What a replay has to know of.
+    /// The vectors that a replay uses.
     fn replayed(&self) -> [&Vec<f64>; 7] {
         let ([f, c], [sensed_f, sensed_c], [bearing, disc]) = (&self.torque, &self.sensed, &self.bench);
         [f, c, &self.clutch, sensed_f, sensed_c, bearing, disc]
@@ -57,32 +57,32 @@ impl Missing {
         [f, c, &mut self.clutch, sensed_f, sensed_c, bearing, disc]
     }
 
-    /// Memory in bytes of what a replay has to know of.
+    /// Memory in bytes of the vectors that a replay uses.
     pub fn bytes(&self) -> usize {
         self.replayed().into_iter().chain([&self.way]).map(|values| size_of_val(&**values)).sum()
     }
 
-    /// What acts by row: torques of engine, car and clutch, errors of both speeds.
+    /// Torques of engine, car and clutch, and errors of both speeds, by row.
     pub fn acting(&self) -> [&Vec<f64>; 5] {
         let ([f, c], [sensed_f, sensed_c]) = (&self.torque, &self.sensed);
         [f, c, &self.clutch, sensed_f, sensed_c]
     }
 
-    /// The law with a factor on what it does in each row.
+    /// The law times a factor for each row. Its rolling load and direct innovations stay as they are.
     pub fn times(&self, factor: impl Fn(usize) -> f64) -> Self {
         let mut law = self.clone();
         law.replayed_mut().into_iter().for_each(|values| values.iter_mut().enumerate().for_each(|(row, x)| *x *= factor(row)));
         law
     }
 
-    /// Makes the law that many times as large.
+    /// Multiplies the law by `by`.
     pub fn scale(&mut self, by: f64) {
         self.replayed_mut().into_iter().flatten().for_each(|x| *x *= by);
         self.rolling *= by;
         self.innovations = self.innovations.times(by);
     }
 
-    /// Adds a law of this amplitude, as a replay knows of it.
+    /// Adds `amplitude` times another law, without its direct innovations.
     pub fn add(&mut self, law: &Self, amplitude: f64) {
         for (sum, one) in self.replayed_mut().into_iter().zip(law.replayed()) {
             if sum.len() < one.len() {
@@ -96,39 +96,39 @@ impl Missing {
         }
     }
 
-    /// Whether it moves the innovations alone: then no replay has to know of it.
+    /// Whether the law changes the innovations only directly, so that no replay is needed.
     pub fn is_linear(&self) -> bool {
         self.rolling == 0.0 && self.replayed().into_iter().all(Vec::is_empty)
     }
-    /// Torque on a side at a row, N·m, but for a rolling load that holds a car as well.
+    /// Torque on a side at a row, N·m, without a positive rolling load, which can also hold the car and is added to the car's own.
     pub fn torque(&self, side: usize, row: usize) -> f64 {
         let clutch = at(&self.clutch, row);
         let other = if side == 0 { -clutch } else { clutch - self.rolling.min(0.0) * at(&self.way, row) };
         at(&self.torque[side], row) + other
     }
-    /// Errors of both speeds as read at a row, rad/s.
+    /// Errors of both speed readings at a row, rad/s.
     pub fn errors_of_reading(&self, row: usize) -> [f64; 2] {
         [0, 1].map(|side| at(&self.sensed[side], row))
     }
-    /// A torque of the clutch on the disc in N·m, by row.
+    /// A law that consists of a clutch torque on the disc in N·m, by row.
     pub fn of_clutch(torque: Vec<f64>) -> Self {
         Self { clutch: torque, ..Self::default() }
     }
 }
 
-/// Value at a row of what may be empty.
+/// Value at a row; 0 if the vector is empty.
 pub fn at(values: &[f64], row: usize) -> f64 {
     values.get(row).copied().unwrap_or(0.0)
 }
 
-/// Slip in rad/s at which a recording that starts closed counts as starting locked.
+/// Slip in rad/s below which a recording that starts closed counts as starting locked.
 const LOCKED_SLIP: f64 = 0.6;
 
-/// Speed in rad/s under which a sensor's threshold may lie.
+/// Upper bound for the threshold of a speed sensor, below which it shows nothing, rad/s.
 pub const HIDDEN: f64 = 10.0;
 
-/// Whether a wheel may be at rest, sample by sample of its speed in rad/s: a known one is if it is `slow`, and one without a sample if the last known speed may be below the threshold of its
-/// sensor. A sample that is lost at speed is not one below the threshold.
+/// Whether a wheel may be at rest, sample by sample of its speed in rad/s. A known speed counts as rest if it is `slow`. A missing one counts as rest if the last known speed may
+/// lie below the sensor's threshold ([`HIDDEN`]), and not if the sample was lost at a higher speed.
 pub fn rests(omega: impl Iterator<Item = f64> + Clone, slow: impl Fn(f64) -> bool) -> impl Iterator<Item = bool> {
     let mut last = omega.clone().find(|v| v.is_finite()).unwrap_or(0.0);
     omega.map(move |speed| {
@@ -137,25 +137,25 @@ pub fn rests(omega: impl Iterator<Item = f64> + Clone, slow: impl Fn(f64) -> boo
     })
 }
 
-/// State at a row: the speeds as measured there; a clutch that is closed on two nearly equal speeds is locked.
+/// Start state at a row, from the speeds measured there. If the clutch is commanded closed and both speeds are nearly equal, it starts locked.
 pub fn start(track: &Track, car: &Car, row: usize, theta: [f64; 2], noise: f64) -> Start {
     start_read(track, car, row, theta, noise, [0.0; 2])
 }
 
-/// The same of speeds that are read with these errors, rad/s.
+/// Start state like [`start`], from speeds that are read with these errors, rad/s.
 fn start_read(track: &Track, car: &Car, row: usize, theta: [f64; 2], noise: f64, errors: [f64; 2]) -> Start {
     let first = |c: Channel| {
         if let Some((speed, _)) = track.speed_at(c, row) {
             return speed - errors[c as usize];
         }
-        // A slow wheel that shows nothing yet stands still, or nearly.
+        // A slow wheel whose sensor shows nothing yet stands still, or nearly.
         let seen = track.measured[c as usize][row..].iter().copied().find(|v| v.is_finite()).unwrap_or(0.0);
         if seen.abs() < HIDDEN { 0.0 } else { seen }
     };
     let (omega_f, omega_c) =
         (sensed::meant(&car.effects, 0, first(Channel::OmegaF)), sensed::meant(&car.effects, 1, first(Channel::OmegaC)));
     if let Some(unknown) = &track.unknown_clutch {
-        // A flywheel that follows its sensor does so with all its errors.
+        // A flywheel that follows its sensor also follows the errors of that sensor.
         let omega_f = unknown.omega_f(track.time[row] + unknown_clutch::age_of_flywheel(car));
         let locked = unknown.locked[track.observation_of(row)];
         let d = &car.vehicle.driveline;
@@ -174,8 +174,8 @@ fn start_read(track: &Track, car: &Car, row: usize, theta: [f64; 2], noise: f64,
     Start { omega_f, omega_c, theta_c: theta[0], theta_b: theta[1] }
 }
 
-/// Runs the plant over `rows` from a start and a slip angle in rad, calling `at` in each row with what the sensors would show there; what it leaves in the torques added
-/// holds from then on.
+/// Runs the plant over `rows` from a start state and a slip angle in rad. In each row, `at` is called with the sensor readings there; the torques that it leaves in its last
+/// argument are added from then on.
 pub fn replay(
     track: &Track,
     car: &Car,
@@ -188,8 +188,8 @@ pub fn replay(
     stepped(track, car, start, first, rows.map(|row| row..row + 1), missing, at);
 }
 
-/// The same, with one step over all rows of each group: inputs are their means over it, and what sensors show goes straight from its beginning to its end. What `each`
-/// does to the plant then holds from the end of its row's group on.
+/// Like [`replay`], with one step per group of rows: inputs are averaged over the group, and sensor readings are interpolated linearly between its ends. What `each` does to the
+/// plant takes effect at the end of the group of its row; in a group of one row, from that row on.
 fn stepped(
     track: &Track,
     car: &Car,
@@ -210,7 +210,7 @@ fn stepped(
     let [late_f, late_c, late_report, late_command] =
         [Signal::OmegaF, Signal::OmegaC, Signal::Report, Signal::Command].map(|s| car.late[s as usize]);
     let inputs = |ticks: Range<usize>| {
-        // A report that is late belongs to an earlier torque: the torque of now is reported later.
+        // A late report belongs to an earlier torque: the present torque is reported later.
         let tick = track.inputs(ticks, late_report, late_command);
         Inputs { x_to: tick.x_to, t_e_ref: tick.t_e, theta_h: tick.theta_h, t_load: 0.0 }
     };
@@ -239,7 +239,7 @@ fn stepped(
         }
         now
     };
-    // Steps over some ticks with the missing torque of some rows.
+    // Steps over `ticks` with the mean of the missing torque over `rows`, and returns the accelerations of both sides, rad/s².
     let step = |plant: &mut Plant, ticks: Range<usize>, rows: Range<usize>, added: &Added| {
         let (begin, end) = (track.ticks[ticks.start].time, track.tick_end(ticks.end - 1));
         let mut input = inputs(ticks);
@@ -279,7 +279,7 @@ fn stepped(
     }
 }
 
-/// Outputs at a share of the way from one instant to another.
+/// Outputs interpolated linearly at the fraction `share` of the interval between two instants.
 fn between(from: &Outputs, to: &Outputs, share: f64) -> Outputs {
     let line = |a: f64, b: f64| a + share * (b - a);
     Outputs {
@@ -300,8 +300,8 @@ fn between(from: &Outputs, to: &Outputs, share: f64) -> Outputs {
 pub enum Steps {
     /// From row to row.
     Rows,
-    /// From observation to observation, on mean inputs: a position that follows its command at once shows half a step late. What two such replays
-    /// differ by is nearly what the others differ by, at a share of the work where the logger is fast.
+    /// From observation to observation, on mean inputs. A position that follows its command at once then shows half a step late, but the difference of two such replays is nearly
+    /// that of two replays from row to row, at a fraction of the cost where the logger is fast.
     Observations,
 }
 
@@ -310,7 +310,7 @@ pub fn innovations(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2], m
     innovations_in(Steps::Rows, track, filter, car, theta, missing)
 }
 
-/// The same in steps of one's choice.
+/// Like [`innovations`], with the given steps.
 pub fn innovations_in(steps: Steps, track: &Track, filter: &Filter, car: &Car, theta: [f64; 2], missing: Option<&Missing>) -> Vec<f64> {
     corrected_in(steps, track, filter, car, theta, missing, |_, _, _| {})
 }
@@ -324,9 +324,9 @@ pub fn torques(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Ve
     all
 }
 
-/// What the filter adds from observation `k` on to a car with these inertias, by its estimate. The gains belong to one pair of inertias, and so do the accelerations that they ask for: a
-/// candidate with others would be corrected by more or less, and gain or lose by that alone. So the inertias' ratios count, by the side on which a torque was found: of both together while
-/// the clutch sticks, the car's while the flywheel is pinned.
+/// Torques that the filter adds from observation `k` on to a car with these inertias, according to its estimate. The gains belong to one pair of inertias, and their corrections
+/// are accelerations: with the same torques, a candidate with other inertias would be corrected by more or less, and gain or lose likelihood by that alone. The torques are
+/// therefore scaled by the ratio of the inertias, see [`shares`].
 pub fn added(filter: &Filter, k: usize, estimate: &[f64; STATES], inertia: [f64; 2], stuck: bool) -> Added {
     let share = shares(filter, k, inertia, stuck);
     let clutch = estimate[state::CLUTCH];
@@ -346,7 +346,8 @@ pub fn carried(filter: &Filter, k: usize, [before, now]: [&[f64; STATES]; 2], [j
     share * (before[state::CLUTCH] + (j_c * more(state::ENGINE) - j_f * more(state::LOAD)) / (j_f + j_c))
 }
 
-/// Torque that a candidate with these inertias needs for one that the filter found, on flywheel and disc.
+/// Factors by which torques that the filter found on flywheel and disc are scaled for a candidate with these inertias: the ratio of the inertias of each side by its own, of both
+/// together while the clutch sticks, and of the car while the flywheel is pinned.
 fn shares(filter: &Filter, k: usize, [j_f, j_c]: [f64; 2], stuck: bool) -> [f64; 2] {
     let of = filter.inertia;
     if filter.pinned[k] {
@@ -358,7 +359,7 @@ fn shares(filter: &Filter, k: usize, [j_f, j_c]: [f64; 2], stuck: bool) -> [f64;
     }
 }
 
-/// A corrected replay: its whitened innovations; `each` sees in every row what the sensors would show, and the plant.
+/// Runs a corrected replay and returns its whitened innovations. In every row, `each` is called with the sensor readings and the plant.
 pub fn corrected(
     track: &Track,
     filter: &Filter,
@@ -370,7 +371,7 @@ pub fn corrected(
     corrected_in(Steps::Rows, track, filter, car, theta, missing, each)
 }
 
-/// The same in steps of one's choice.
+/// Like [`corrected`], with the given steps.
 pub fn corrected_in(
     steps: Steps,
     track: &Track,
@@ -414,7 +415,7 @@ pub fn corrected_in(
             speeds.push(innovation.map_or(0.0, |innovation| innovation * gain.weight[c]));
             let Some(innovation) = innovation else { continue };
             let of = &gain.of[c];
-            // A speed that is sensed late tells of a moment ago; the torques that it shows missing have moved the speeds since.
+            // A speed that is sensed late describes an earlier instant; the missing torques that it reveals have changed the speeds since then.
             let rate = filter.rate(k, of).map(|rate| rate * innovation);
             plant.correct_speeds([of[0] * innovation, of[1] * innovation / speed_gain], rate, c);
             plant.correct_shafts(filter.found(k, of, plant.state().stuck) * innovation);
@@ -444,7 +445,7 @@ pub fn corrected_in(
 mod tests {
     use super::*;
 
-    /// Laws of a side and of the clutch add up; scaled and added they stay what they are.
+    /// Torques on one side and of the clutch add up, and still do after laws are added and scaled.
     #[test]
     fn a_torque_of_the_clutch_pulls_the_other_way_on_the_flywheel() {
         let mut law = Missing::of_clutch(vec![4.0, 6.0]);
@@ -455,14 +456,14 @@ mod tests {
         sum.scale(0.5);
         assert_eq!((sum.torque(0, 0), sum.torque(1, 0)), (-3.0, 4.0));
         assert_eq!((sum.torque(0, 1), sum.torque(1, 1), sum.torque(1, 2)), (-6.0, 6.0, 0.0));
-        // Less of a rolling load pushes a car as far as it moves; more of it is the car's own.
+        // A negative rolling load pushes the car in proportion to its direction of motion; a positive one is part of the car's own.
         sum.rolling = -3.0;
         assert_eq!((sum.torque(0, 1), sum.torque(1, 0), sum.torque(1, 1), sum.torque(1, 2)), (-6.0, 5.5, 9.0, 0.0));
         assert!(!Missing { rolling: 1.0, ..Missing::default() }.is_linear());
         assert!(sum.sensed[1] == [0.25] && sum.bench.concat().is_empty() && !sum.is_linear() && Missing::default().is_linear());
     }
 
-    /// Each speed by its own sensor's error; two that are one by the mean of both.
+    /// Each speed is corrected by the error of its own sensor, a common speed by the mean of both errors.
     #[test]
     fn a_start_is_what_was_read_less_the_errors_of_reading() {
         for (slip, x, expected) in [(60.0, 0.0, [98.0, 41.0]), (0.3, 9.0, [99.35, 99.35])] {
@@ -508,7 +509,7 @@ mod tests {
         assert_eq!((law.bytes(), Missing::default().bytes()), (7 * 8, 0));
     }
 
-    /// A push that exceeds the car's own rolling load sets a standing car in motion, unless a law adds more of it than the push has.
+    /// A push that exceeds the car's own rolling load sets a standing car in motion, unless a law adds a rolling load greater than the excess.
     #[test]
     fn a_rolling_load_of_a_law_holds_a_standing_car() {
         let r = crate::gap::free::tests::recording(300, |_| [100.0, 0.0], 0.0);

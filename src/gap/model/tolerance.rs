@@ -1,7 +1,7 @@
-//! What is known of a car and its logger before a recording is looked at: every number as a normal prior around what the vehicle file gives.
+//! Prior knowledge of a car and its logger, before any recording is used: a normal prior for every number around its value in the vehicle file.
 //!
-//! `tolerance` of `vehicle.json` gives one standard deviation of each number, absolute or relative. A real car differs by that much in everything. What
-//! a logger and a car do beyond that, and no file declares, has the documented defaults of [`DEFAULTS`].
+//! `tolerance` of `vehicle.json` gives one standard deviation of each number, absolute or relative, by which a real car differs. What a logger and a car do beyond that, and no
+//! file declares, has the documented [`defaults`].
 
 use crate::effects::{self, Act, PARAMETERS, Parameters, REGISTRY, param};
 use crate::vehicle::{NUMBERS, Vehicle};
@@ -20,7 +20,7 @@ pub enum Signal {
     Command,
 }
 
-/// One number that may differ, in units of its standard deviation.
+/// A number that may differ from the vehicle file (nuisance parameter); its value is measured in standard deviations.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Nuisance {
     /// Name in `tolerance`, or of a default.
@@ -42,7 +42,7 @@ enum Target {
     Numbers(Vec<usize>),
     /// An effect parameter stands for it: the plant has no number of that name.
     Effect(usize),
-    /// A signal is that many seconds late.
+    /// Latency of a signal, s.
     Late(Signal),
 }
 
@@ -55,25 +55,25 @@ pub struct Wander {
     pub time_s: f64,
 }
 
-/// All of it.
+/// All tolerances of a car and its logger.
 #[derive(Clone, Debug)]
 pub struct Tolerances {
     /// Numbers that all recordings share.
     pub shared: Vec<Nuisance>,
-    /// Numbers that each recording has of its own.
+    /// Numbers that each recording has separately.
     pub own: Vec<Nuisance>,
     /// Slow error of the torque report, N·m.
     pub report: Wander,
-    /// The part of it that the file declares.
+    /// That error if the file declares it; otherwise its standard deviation is 0.
     pub declared_report: Wander,
 }
 
-/// Standard deviations of a latency within which a sensor that is late is as it should be: half their square is an effect's price (the odds of
+/// Number of standard deviations of a latency within which a late sensor counts as normal. Half the square of this number is the price of an effect in nats (the odds of
 /// `infer/prior.rs`).
 pub const LATE_SIGMAS: f64 = 3.0;
 
 impl Tolerances {
-    /// How much later or earlier one speed may be sensed than the other, s.
+    /// Largest difference between the latencies of the two speeds that the tolerances allow, s.
     pub fn skew(&self) -> f64 {
         let latencies = self.shared.iter().filter(|n| n.name.ends_with("_latency"));
         LATE_SIGMAS * latencies.map(|n| n.sigma.powi(2)).sum::<f64>().sqrt()
@@ -85,61 +85,63 @@ impl Tolerances {
 pub struct Logger {
     /// Typical interval, s.
     pub interval_s: f64,
-    /// Whether it keeps its own time: stamps that jitter, or fewer than the control unit's computations.
+    /// Whether it is not synchronous with the control unit: its stamps jitter, or it is slower than the control unit.
     pub loose: bool,
 }
 
 impl Logger {
-    /// A bench's: 100 Hz, in step with the control unit.
+    /// The logger of a bench: 100 Hz, synchronous with the control unit.
     pub const UNIFORM: Self = Self { interval_s: 0.01, loose: false };
 }
 
 /// Why a tolerance cannot be used.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum ToleranceError {
-    /// No such number.
+    /// The vehicle has no number of that name.
     #[error(
         "tolerance \"{0}\" names no number of the vehicle; correct its name or remove it, `kisspoint vehicle new` lists names that serve"
     )]
     Unknown(String),
-    /// Neither `abs` nor `rel`, or not positive.
+    /// Not exactly one of `abs` and `rel`, or not positive.
     #[error("tolerance \"{0}\" needs one positive number, \"abs\" or \"rel\"")]
     Malformed(String),
-    /// A wander without its time.
+    /// The slow error of the torque report lacks `abs` or `time_s`.
     #[error("tolerance \"{0}\" needs \"abs\" and \"time_s\", both positive")]
     Wander(String),
-    /// A share of nothing.
+    /// Relative to a number that is 0.
     #[error("tolerance \"{0}\" is relative to a number that is 0, and allows nothing; give \"abs\", in the number's unit")]
     OfZero(String),
-    /// Other than `"recording"`.
+    /// `per` is something other than `"recording"`.
     #[error("tolerance \"{0}\": \"per\" can only be \"recording\"")]
     Per(String),
 }
 
-/// What no file declares: how far logger and car are trusted beyond their tolerances.
+/// Defaults for what no file declares: how far logger and car are trusted beyond their tolerances.
 pub mod defaults {
     /// Slow error of the torque report, N·m, and its correlation time, s: an engine controller's model of torque is hardly better.
     pub const REPORT: super::Wander = super::Wander { sigma: 0.15, time_s: 1.0 };
     /// Bias of the torque report from recording to recording, N·m.
     pub const REPORT_DRIFT_NM: f64 = 0.3;
-    /// Friction from recording to recording, relative.
+    /// Change of friction from recording to recording, relative.
     pub const FRICTION_DRIFT: f64 = 0.004;
-    /// Time at which a torque report was true, s: it crosses a bus and a filter.
+    /// Error of the time of a torque report, s, which passes through a bus and a filter.
     pub const REPORT_TIMING_S: f64 = 0.008;
-    /// Timing of command and speeds, in intervals of the logger.
+    /// Timing errors of command and speeds, in intervals of the logger.
     pub const TIMING_INTERVALS: f64 = 0.1;
-    /// Timing of the command, in intervals of a logger that keeps its own time: when a command changed between two samples it cannot say.
+    /// Timing error of the command, in intervals of a logger that is not synchronous with the control unit, because such a logger does not show when a command changed between two
+    /// samples.
     pub const LOOSE_TIMING_INTERVALS: f64 = 0.2;
-    /// Time constant of what smooths a torque report that is otherwise in time, s: as little known as its timing.
+    /// Time constant of a lag between the torque report and the engine's torque, s: as uncertain as the report's timing.
     pub const REPORT_SMOOTHING_S: f64 = REPORT_TIMING_S;
-    /// The same of the command, in intervals of a logger that keeps its own time: between two samples a command may have gone any way.
+    /// Time constant of a lag behind the command, in intervals of a logger that is not synchronous with the control unit, because the command may have taken any course between two
+    /// samples.
     pub const LOOSE_SMOOTHING_INTERVALS: f64 = 0.5;
 }
 
 /// Reads the tolerances of a vehicle document, in the order of their names, and adds the defaults for this logger.
 ///
 /// # Errors
-/// A tolerance that names no number, has no positive size, or is relative to nothing.
+/// A tolerance that names no number, has no positive size, or is relative to a number that is 0.
 pub fn read(vehicle: &Value, logger: Logger) -> Result<Tolerances, ToleranceError> {
     let mut all =
         Tolerances { shared: Vec::new(), own: Vec::new(), report: defaults::REPORT, declared_report: Wander { sigma: 0.0, time_s: 1.0 } };
@@ -250,19 +252,19 @@ fn target(name: &str) -> Option<Target> {
     }
 }
 
-/// A car as a point of the prior has it, and how late its signals are, s.
+/// A car at a point of the prior, and the latencies of its signals, s.
 #[derive(Clone, Copy, Debug)]
 pub struct Car {
-    /// Numbers.
+    /// Numbers of the vehicle.
     pub vehicle: Vehicle,
-    /// Effects.
+    /// Parameters of the effects.
     pub effects: Parameters,
-    /// How late each [`Signal`] is, s.
+    /// Latency of each [`Signal`], s.
     pub late: [f64; 4],
 }
 
 impl Car {
-    /// As the vehicle file gives it.
+    /// The car as the vehicle file gives it, without effects.
     pub fn nominal(vehicle: &Vehicle) -> Self {
         Self { vehicle: *vehicle, effects: effects::null(), late: [0.0; 4] }
     }
@@ -273,7 +275,7 @@ impl Car {
         amplitudes.into_iter().any(|&k| self.effects[k] != PARAMETERS[k].null)
     }
 
-    /// Moves numbers by `z` standard deviations; relative ones by their logarithm.
+    /// Moves the numbers by `z` standard deviations; for relative ones, their logarithms.
     pub fn apply(&mut self, nuisances: &[Nuisance], z: &[f64]) {
         for (n, z) in nuisances.iter().zip(z).filter(|(_, z)| **z != 0.0) {
             let moved = |value: f64| if n.relative { value * (n.sigma * z).exp() } else { value + n.sigma * z };
@@ -292,7 +294,7 @@ impl Car {
 }
 
 impl Nuisance {
-    /// Whether it is relative, and all that it moves is zero.
+    /// Whether it is relative to numbers that are all 0, so that it allows no deviation.
     fn allows_nothing(&self, car: &Car) -> bool {
         self.relative
             && match &self.target {
@@ -302,12 +304,12 @@ impl Nuisance {
             }
     }
 
-    /// The effect parameter that does to the car exactly what this number does.
+    /// The effect parameter, if there is one, that changes the car in exactly the same way as this number.
     fn parameter(&self) -> Option<usize> {
         Some(match self.name.as_str() {
             "engine.T_e_bias" | "engine.T_e_drift" => param::engine_torque_bias::torque,
             "engine.T_e_gain" => param::engine_torque_gain::gain,
-            // Force and friction make the torque as a product.
+            // The torque is the product of force and friction, so a factor on either does the same.
             "friction.mu" | "friction.mu_drift" | "cushion_spring.beta" => param::friction_level::factor,
             "actuator.x_cnt" => param::kiss_point_offset::offset,
             "actuator.x_cls" => param::kiss_point_offset::closed_offset,
@@ -324,7 +326,7 @@ impl Nuisance {
         })
     }
 
-    /// How far the effect parameter that does the same moves for one standard deviation, at this car; the parameter's place with it.
+    /// Index of the effect parameter that does the same as this number, and how far it moves for one standard deviation at this car.
     pub fn same_as(&self, car: &Car) -> Option<(usize, f64)> {
         let k = self.parameter()?;
         let rate = match &self.target {
@@ -337,7 +339,8 @@ impl Nuisance {
         Some((k, rate))
     }
 
-    /// Puts a move of `z` standard deviations into the effect parameter that does the same to a car with this nuisance not applied.
+    /// Transfers a deviation of `z` standard deviations to the effect parameter that does the same, for a car to which this nuisance is not applied. Returns whether there is such
+    /// a parameter.
     pub fn hand_over(&self, z: f64, car: &mut Car) -> bool {
         let Some((k, rate)) = self.same_as(car) else { return false };
         let grown = if self.relative { ((self.sigma * z).exp() - 1.0) / self.sigma } else { z };
@@ -401,7 +404,7 @@ mod tests {
         assert_eq!(fault("engine.T_e_wander", json!({"abs": 0.5})), ToleranceError::Wander("engine.T_e_wander".into()));
     }
 
-    /// A share of a number that is 0 allows nothing; one of several numbers that move together may be 0.
+    /// A relative tolerance of a number that is 0 allows nothing; one of several numbers that move together may be 0.
     #[test]
     fn a_tolerance_relative_to_nothing_is_refused() {
         let mut document = Vehicle::paper().to_value();
@@ -420,7 +423,7 @@ mod tests {
         }
     }
 
-    /// What a number does for one standard deviation, its effect does when it is moved by the rate; handed over, the car is the same one.
+    /// Moving the effect parameter by the rate does the same as moving the number by one standard deviation; handing over gives the parameter its equivalent value.
     #[test]
     fn an_effect_that_does_the_same_as_a_tolerance_takes_it_over() {
         let file = json!({
@@ -445,7 +448,7 @@ mod tests {
             assert!(one(name).hand_over(z, &mut car));
             assert!((car.effects[parameter] - to).abs() < 1e-9, "{name}: {} {to}", car.effects[parameter]);
         }
-        // Each of these has its effect, whose parameter a relative number moves by its share and another by as much.
+        // Each of these has an equivalent effect parameter, which one standard deviation, relative or absolute, moves by its own size.
         let names = [
             ("engine.T_e_gain", "rel", param::engine_torque_gain::gain),
             ("cushion_spring.beta", "rel", param::friction_level::factor),
@@ -461,7 +464,7 @@ mod tests {
             let n = read_of(json!({ name: { kind: 0.01 } }), Logger::UNIFORM).unwrap().shared.into_iter().find(|n| n.name == name).unwrap();
             assert_eq!(n.same_as(&Car::nominal(&vehicle)), Some((parameter, 0.01)), "{name}");
         }
-        // A factor says nothing of a number that moves by an amount; a relative contact moves by its share of the number.
+        // No factor is equivalent to an absolute tolerance; a relative tolerance of the contact position moves the offset by its share of the position.
         let absolute = read_of(json!({"driveline.J_c": {"abs": 0.1}, "actuator.x_cnt": {"rel": 0.1}}), Logger::UNIFORM).unwrap().shared;
         assert_eq!(absolute[1].same_as(&Car::nominal(&vehicle)), None);
         assert_eq!(absolute[0].same_as(&Car::nominal(&vehicle)), Some((param::kiss_point_offset::offset, 0.1 * vehicle.actuator.x_cnt_0)));

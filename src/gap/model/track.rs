@@ -1,11 +1,11 @@
-//! A recording as the inference takes it: real samples of every channel, and the inputs between them.
+//! A recording as the inference uses it: the actual samples of every channel, and the inputs between them.
 //!
-//! Nothing is resampled. Rows are the stamps at which something was recorded; a channel that has no sample there is NaN. An input is held from one sample to
-//! the next, or, where samples are taken at uneven times, on its way there ([`Track::sampled_loosely`]). A logger that is slower than the control unit misses commands in between: such an interval is cut into ticks along which the input
-//! goes from one sample to the next, as a command that changes at every tick would. How fast the control unit is may be said otherwise
-//! ([`Recording::control_interval_s`]).
+//! Nothing is resampled. Rows are the stamps at which something was recorded; a channel that has no sample there is NaN. An input is held from one sample to the next or, where
+//! samples are taken at uneven times, changes gradually before the next one ([`Track::sampled_loosely`]). A logger that is slower than the control unit misses commands in between:
+//! the interval between two samples is divided into ticks along which the input is interpolated linearly, like a command that changes at every tick. A recording may state how fast
+//! its control unit is ([`Recording::control_interval_s`]).
 //!
-//! Channels may have clocks of their own, as messages of a bus do: their rows come in bursts, and an observation holds a burst.
+//! Channels may have separate clocks, like messages on a bus. Their rows then come in bursts, and an observation holds whole bursts.
 
 use super::clock::{Input, Tick, control_interval, first_rows, has_several_clocks, mean_interval, misses, ticks};
 use super::unknown_clutch::UnknownClutch;
@@ -13,7 +13,7 @@ use crate::campaign::Recording;
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// Channels that a recording may hold, in the order in which [`Track::measured`] has them.
+/// Channels that a recording may hold, in the order of [`Track::measured`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channel {
     /// Flywheel speed, rad/s.
@@ -54,7 +54,7 @@ impl Channel {
     }
 }
 
-/// A recording.
+/// A recording, prepared for inference.
 #[derive(Clone, Debug)]
 pub struct Track {
     /// Name of the recording.
@@ -67,11 +67,11 @@ pub struct Track {
     pub ticks: Vec<Tick>,
     /// Stamps of the samples of the torque report, s.
     pub report_time: Vec<f64>,
-    /// Torque as it was reported, N·m, sample by sample: what the ticks hold is what the engine is believed to have given.
+    /// Torque as reported, N·m, sample by sample. The ticks hold the torque that the engine is believed to have given instead.
     pub reported: Vec<f64>,
-    /// Tick at which each row lies, and one past the last.
+    /// Index of the first tick of each row, followed by the number of ticks.
     pub tick_of_row: Vec<usize>,
-    /// What was measured, by [`Channel`]; empty where the channel is missing, NaN where it has no sample.
+    /// Measured values, by [`Channel`]; empty where the channel is missing, NaN where it has no sample.
     pub measured: [Vec<f64>; 5],
     /// Whether the driver brakes, row by row.
     pub brake: Vec<bool>,
@@ -81,28 +81,28 @@ pub struct Track {
     pub theta_0_sigma: [f64; 2],
     /// Angle by which the disc has fallen behind the flywheel at the start, rad.
     pub slip_angle_0: f64,
-    /// First row of each observation, and one past the last row: samples are averaged over the rows between.
+    /// First row of each observation, followed by the number of rows. Samples are averaged over the rows of an observation.
     first_rows: Vec<usize>,
-    /// Observation that holds each row.
+    /// Observation to which each row belongs.
     observation_of_row: Vec<usize>,
-    /// Torque report and command.
+    /// Sampling of torque report and command.
     inputs: [Input; 2],
     /// Typical interval of the speeds, s.
     speed_interval: f64,
-    /// Whether channels have clocks of their own.
+    /// Whether channels have separate clocks.
     several_clocks: bool,
-    /// Share of an interval, at its end, in which an input may have stepped: 0 of a logger that samples in step with the control unit. See [`Self::sampled_loosely`].
+    /// Share of an interval, at its end, in which an input may have stepped; 0 for a logger that samples synchronously with the control unit. See [`Self::sampled_loosely`].
     spread: f64,
     /// Interval at which the control unit is taken to compute, s.
     pub control_interval: f64,
-    /// Whether no position was recorded. Bench channels then say nothing either.
+    /// Whether no position was recorded. Bench channels are then not used either.
     pub position_free: bool,
-    /// What takes the place of the clutch where no position was recorded, once it has been looked for ([`unknown_clutch::find`](super::unknown_clutch::find)).
+    /// Replacement for the clutch model where no position was recorded, once it has been determined ([`unknown_clutch::find`](super::unknown_clutch::find)).
     pub unknown_clutch: Option<UnknownClutch>,
 }
 
 impl Track {
-    /// Takes over a recording.
+    /// Creates the track of a recording.
     pub fn new(r: &Recording) -> Self {
         let position_free = r.x_to_cmd.is_empty();
         let optional = |v: &Option<Vec<f64>>| v.clone().filter(|_| !position_free).unwrap_or_default();
@@ -140,14 +140,15 @@ impl Track {
         }
     }
 
-    /// Takes this for the engine's torque in N·m, sample by sample, instead of what was reported.
+    /// Uses this engine torque in N·m, sample by sample, instead of the reported one.
     pub fn believe(&mut self, torque: &[f64]) {
         self.between_samples(0, torque).into_iter().zip(&mut self.ticks).for_each(|(t_e, tick)| tick.t_e = t_e);
     }
 
-    /// Takes its samples as taken at uneven times, but for an error of the stamps of this standard deviation in s.
+    /// Treats the samples as taken at uneven times, apart from an error of the stamps with the standard deviation `stamps` in s. Does nothing if the stamps are even.
     ///
-    /// Samples whose times spread evenly over √12 σ see a step of the control unit so much later at most; over a whole interval, it came at any time since the last of them.
+    /// If the times of the samples, with the standard deviation σ, are uniformly distributed over √12 σ, a step of the control unit is seen late by at most that much. If this is a
+    /// whole interval, the step may have happened at any time since the last sample.
     pub fn sampled_loosely(&mut self, stamps: f64) {
         if !self.jitters() {
             return;
@@ -157,17 +158,17 @@ impl Track {
         self.between_samples(1, &commands).into_iter().zip(&mut self.ticks).for_each(|(x_to, tick)| tick.x_to = x_to);
     }
 
-    /// Share of an interval over which times of this standard deviation in s spread evenly.
+    /// Share of an interval, at most 1, over which uniformly distributed times with this standard deviation in s spread.
     fn share_of_interval(&self, sigma: f64) -> f64 {
         (12f64.sqrt() * sigma / self.speed_interval).min(1.0)
     }
 
-    /// Share of an interval at whose end an input may have stepped, whether for uneven samples or for uneven stamps: 0 where stamps are even.
+    /// Share of an interval, at its end, in which an input may have stepped, whether the samples or only their stamps are uneven; 0 where the stamps are even.
     pub fn unevenness_of_steps(&self) -> f64 {
         if self.jitters() { self.share_of_interval(self.unevenness()) } else { 0.0 }
     }
 
-    /// An input, tick by tick, from its samples.
+    /// Values of an input, tick by tick, computed from its samples.
     fn between_samples(&self, input: usize, values: &[f64]) -> Vec<f64> {
         let of_row = |row: usize| {
             let ticks = self.tick_of_row[row]..self.tick_of_row[row + 1];
@@ -193,17 +194,18 @@ impl Track {
         self.first_rows[k]..self.first_rows[k + 1]
     }
 
-    /// Observation that holds `row`.
+    /// Observation to which `row` belongs.
     pub fn observation_of(&self, row: usize) -> usize {
         self.observation_of_row[row]
     }
 
-    /// Whether the rows of an observation are spread over it, so that one step may stand for them all. Those of a burst lie at its beginning.
+    /// Whether observations average several rows that are spread over their interval, so that one step can replace them. The rows of a burst lie at the beginning of their
+    /// observation instead.
     pub fn averages(&self) -> bool {
         self.observations() < self.rows() && !self.several_clocks
     }
 
-    /// Whether samples of both speeds stand under one stamp, and not each under that of its own message.
+    /// Whether samples of both speeds share one time stamp, instead of each having that of its own message.
     pub fn has_one_clock(&self) -> bool {
         !self.several_clocks
     }
@@ -213,18 +215,18 @@ impl Track {
         self.interval() * self.rows() as f64 / self.observations() as f64
     }
 
-    /// Samples of this speed that an observation has, typically.
+    /// Typical number of samples of this speed per observation, at least 1.
     pub fn samples_per_observation(&self, speed: Channel) -> usize {
         let samples = self.measured[speed as usize].iter().filter(|v| v.is_finite()).count();
         ((samples as f64 / self.observations() as f64).round() as usize).max(1)
     }
 
-    /// Samples of the torque report in observation `k`; at least the one that is held.
+    /// Number of samples of the torque report in observation `k`, at least 1 for the one that is held.
     pub fn reports_in(&self, k: usize) -> usize {
         self.inputs[0].own_in(self.rows_of(k)).max(1)
     }
 
-    /// Mean of a measured channel over observation `k`, and how many samples it has.
+    /// Mean of a measured channel over observation `k`, and the number of its samples; NaN if there is none.
     pub fn mean(&self, channel: Channel, k: usize) -> (f64, usize) {
         let v = &self.measured[channel as usize];
         if v.is_empty() {
@@ -234,8 +236,8 @@ impl Track {
         (sum / count as f64, count)
     }
 
-    /// A speed at `row`, from its first two samples from there on, and its variance in units of a sample's; none if the first comes as late as the second follows it: a sensor
-    /// below its threshold says nothing.
+    /// A speed at `row`, extrapolated from its first two samples from there on, and its variance in units of one sample's. `None` if the first sample is as far from `row` as the
+    /// second is from the first: the sensor may be below its threshold, where it shows nothing.
     pub fn speed_at(&self, speed: Channel, row: usize) -> Option<(f64, f64)> {
         let v = &self.measured[speed as usize];
         let mut known = (row..self.rows()).filter(|&k| v[k].is_finite());
@@ -263,7 +265,7 @@ impl Track {
         misses(self.speed_interval, self.control_interval)
     }
 
-    /// Stamps of the logger's clock: those of the flywheel speed where channels have clocks of their own.
+    /// Stamps of the logger's clock: those of the flywheel speed where channels have separate clocks.
     fn clock(&self) -> Cow<'_, [f64]> {
         let speed = &self.measured[Channel::OmegaF as usize];
         if !self.several_clocks {
@@ -279,7 +281,7 @@ impl Track {
         if clock.len() < 2 {
             return 0.0;
         }
-        // Numbers of the samples, from the middle one on.
+        // Sample numbers, counted from the middle one.
         let number = |k: usize| k as f64 - 0.5 * (n - 1.0);
         let mean = clock.iter().sum::<f64>() / n;
         let products: f64 = clock.iter().enumerate().map(|(k, t)| number(k) * (t - mean)).sum();
@@ -288,7 +290,8 @@ impl Track {
         (clock.iter().enumerate().map(off).sum::<f64>() / n).sqrt()
     }
 
-    /// Whether stamps are off a uniform grid by more than the digits they are written with.
+    /// Whether the stamps are off a uniform grid by more than the rounding of their digits: more than a fifth of the intervals differ from a whole multiple of the mean interval by
+    /// more than 1.5 % of it.
     pub fn jitters(&self) -> bool {
         let clock = self.clock();
         let interval = mean_interval(&clock);
@@ -297,12 +300,12 @@ impl Track {
         5 * many > clock.len()
     }
 
-    /// Length, s.
+    /// Time from 0 to one interval after the last row, s.
     pub fn duration(&self) -> f64 {
         self.time.last().copied().unwrap_or(0.0) + self.interval()
     }
 
-    /// Mean inputs over these ticks, report and command read that many seconds later than their stamps say.
+    /// Mean inputs over these ticks, with report and command read at stamps that many seconds later.
     pub fn inputs(&self, ticks: Range<usize>, report_later: f64, command_later: f64) -> Tick {
         let mut tick = self.ticks[ticks.start];
         let several = ticks.len() > 1;
@@ -320,7 +323,7 @@ impl Track {
         self.ticks.get(k + 1).map_or_else(|| self.duration(), |t| t.time)
     }
 
-    /// Mean of a held input over the interval of these ticks moved by `later`.
+    /// Mean of a held input over the interval of these ticks, shifted by `later` s.
     fn mean_over(&self, ticks: &Range<usize>, later: f64, value: impl Fn(&Tick) -> f64) -> f64 {
         let (from, to) = (self.ticks[ticks.start].time + later, self.tick_end(ticks.end - 1) + later);
         let mut at = ticks.start;
@@ -346,7 +349,7 @@ impl Track {
 mod tests {
     use super::*;
 
-    /// Ten messages, each with stamps this much after the first one's; the first two hold the speeds, the third the report and the last the command.
+    /// Ten bursts of four messages, whose stamps follow the beginning of a burst by `after`. The first two messages hold the speeds, the third the report and the last the command.
     fn bursts(step: f64, after: [f64; 4]) -> Recording {
         let time: Vec<f64> = (0..40).map(|k| step * f64::from(k / 4) + after[k as usize % 4]).collect();
         let own = |message: usize| move |k: usize| k % 4 == message;
@@ -366,7 +369,7 @@ mod tests {
         }
     }
 
-    /// However close messages follow each other, an observation holds each of them once.
+    /// However closely messages follow each other, an observation holds each of them once.
     #[test]
     fn an_observation_holds_a_burst_of_messages() {
         for (step, after) in
@@ -406,10 +409,11 @@ mod tests {
         assert!((0..20).all(|k| track.rows_of(k) == (20 * k..20 * k + 20)), "{:?}", track.rows_of(1));
     }
 
-    /// Of samples that are taken at any time within an interval, a command came halfway to the next one on average; if their stamps are off instead, it is held.
+    /// If samples are taken at any time within an interval, a command between two of them is halfway to the next one on average. If instead the stamps are inexact, the command is
+    /// held.
     #[test]
     fn a_command_between_uneven_samples_came_at_any_time() {
-        // Off by 4.5 ms to either side, which is as uneven as an interval is long (√12 · 4.5 > 10), or by half a millisecond.
+        // Off by 4.5 ms to either side, which spreads over a whole interval (√12 · 4.5 > 10), or by half a millisecond.
         for (off, share) in [(0.0045, 1.0), (0.0005, 12f64.sqrt() * 0.05)] {
             let time: Vec<f64> = (0..401).map(|k| 0.01 * f64::from(k) + if k % 2 == 1 { off } else { -off }).collect();
             let x_to_cmd: Vec<f64> = (0..401).map(|k| f64::from(k * 53 % 97)).collect();
@@ -438,7 +442,7 @@ mod tests {
         }
     }
 
-    /// Between its own samples, 20 ms apart, a command goes straight; at 10 ms it is held.
+    /// Between its samples, an input is interpolated linearly if they are 20 ms apart, and held if they are 10 ms apart.
     #[test]
     fn an_input_goes_from_its_own_sample_to_the_next() {
         for (step, way) in [(0.02, true), (0.01, false)] {

@@ -1,13 +1,16 @@
 //! Recordings without a commanded position: nothing says what the clutch should transmit, so its torque is an unknown input.
 //!
-//! While the clutch slips or is open, the torque is whatever the flywheel's balance leaves (8a), T = T_e − b_f ω_f − J_f ω̇_f, and a replay passes that on: its flywheel follows the measured
-//! speed, and what speaks is the disc's balance with the same torque, that is the sum of both balances. The clutch's torque drops out of it, whatever it did. While the
-//! clutch is locked both turn as one, and the whole driveline speaks as ever. Which of the two holds is read from the measured speeds alone, before any model is asked:
+//! While the clutch slips or is open, its torque is what the flywheel's balance leaves (8a), T = T_e − b_f ω_f − J_f ω̇_f, and a replay passes it on to the disc: the replayed
+//! flywheel follows the measured speed, and the disc's balance with that torque, that is the sum of both balances, is compared. The clutch torque cancels in this sum, whatever it
+//! was. While the clutch is locked, both sides turn as one, and the whole driveline is compared as usual. Which of the two holds is read from the measured speeds alone, before any
+//! model is used:
 //!
-//! - Speeds that stay together do so up to the gain g and the lag τ of their sensors, ω_c(t + τ) = g ω_f(t), which all recordings share and which are estimated first.
-//! - Locked is where the difference to that is noise: of one observation and of the means of up to [`MEANS`] of them, for [`LEAST_S`] at least, less [`MARGIN_S`] at either end.
+//! - The speeds of a locked clutch agree up to the gain g and the lag τ of the disc's sensor relative to the flywheel's, ω_c(t + τ) = g ω_f(t). All recordings share these, and
+//!   they are estimated first.
+//! - The clutch counts as locked where the deviation from this relation is noise, for single observations and for means over several ([`MEANS`]), for at least [`LEAST_S`], less
+//!   [`MARGIN_S`] at either end.
 //!
-//! A lock that is taken for slip loses only that both speeds are one. Slip that is taken for a lock would be an error of a sensor: hence the margins.
+//! A lock mistaken for slip costs only the information that both speeds are equal. Slip mistaken for a lock would look like a sensor error: hence the margins.
 
 use super::noise::{self, Noise};
 use super::tolerance::{Car, Signal};
@@ -16,52 +19,52 @@ use crate::effects::{PARAMETERS, REGISTRY, Subsystem, param};
 use nalgebra::{Matrix2, Vector2};
 use rayon::prelude::*;
 
-/// Subsystems of which nothing shows without a position: all that makes the clutch torque what it is.
+/// Subsystems that do not show without a position: all those that determine the clutch torque.
 pub const HIDDEN: [Subsystem; 4] = [Subsystem::Actuator, Subsystem::ClutchForce, Subsystem::Friction, Subsystem::Thermal];
 
-/// Observations whose mean slip is asked for, and how far in noises of that mean it may be off while locked.
+/// Numbers of observations over which slip is averaged, and the largest mean slip of a locked clutch, in standard deviations of the noise of that mean.
 const MEANS: [(usize, f64); 4] = [(1, 6.0), (3, 4.0), (9, 4.0), (25, 4.0)];
 
-/// Shortest lock, s, and what is taken off either end of it: the last of a soft landing, the first of an opening.
+/// Shortest lock, s, and the margin removed at either end of it, s: the last of a soft lock-up, the first of an opening.
 const LEAST_S: f64 = 0.2;
 const MARGIN_S: f64 = 0.05;
 
-/// Gains and lags of the disc's sensor that are looked for: largest departure and step, and s.
+/// Range and step of the gains (around 1) and lags (s) of the disc's sensor that are tried.
 const GAINS: (f64, f64) = (0.06, 0.004);
 const LAGS_S: (f64, f64) = (0.1, 0.02);
 
-/// Difference in rad/s that the steps of these leave of speeds that stay together.
+/// Difference in rad/s that the steps of these may leave between the speeds of a locked clutch.
 const COARSE: f64 = 0.5;
 
 /// Speed in rad/s below which a gain hardly shows.
 const MOVES: f64 = 10.0;
 
-/// What gains and lags other than none have to gain before they are looked into: a share of the locked time, and s.
+/// How much longer both speeds must agree with a gain and lag for these to be pursued instead of 1 and 0: a factor on the time, and further seconds.
 const GAINS_BY: (f64, f64) = (1.1, 0.5);
 
-/// Standard deviations of gain and lag (s) beside what the speeds say: a straight drive says nothing of a lag.
+/// Prior standard deviations of gain and lag (s), since a drive at constant speed says nothing about a lag.
 const PRIOR: [f64; 2] = [0.02, 0.02];
 
-/// Half the observations over which the slope of a speed is taken.
+/// Number of observations on either side over which the slope of a speed is taken.
 const SLOPE: usize = 3;
 
-/// What takes the place of the clutch.
+/// Replacement for the clutch model.
 #[derive(Clone, Debug)]
 pub struct UnknownClutch {
     /// Whether it is locked from each observation to the next.
     pub locked: Vec<bool>,
     /// Stamps of the observations that have a flywheel speed, s.
     time: Vec<f64>,
-    /// That speed, its noise taken from it, rad/s.
+    /// Flywheel speed at these stamps with its noise removed, rad/s.
     omega_f: Vec<f64>,
 }
 
 impl UnknownClutch {
-    /// Flywheel speed as sensed at `time` s, rad/s: straight from one observation to the next, and on beyond the last.
+    /// Flywheel speed as sensed at `time` s, rad/s, with its noise removed: interpolated linearly between observations and extrapolated beyond the last.
     pub fn omega_f(&self, time: f64) -> f64 {
         let n = self.time.len();
         if n < 2 {
-            // A part of a log may hold no sample, or one.
+            // A part of a log may contain one sample or none.
             return self.omega_f.first().copied().unwrap_or(0.0);
         }
         let k = self.time.partition_point(|t| *t <= time).clamp(1, n - 1);
@@ -71,13 +74,13 @@ impl UnknownClutch {
     }
 }
 
-/// How late the flywheel's speed is sensed in a car, s.
+/// Latency of the flywheel's speed in a car, s: that of the signal, and dead time and smoothing of the sensor.
 pub fn age_of_flywheel(car: &Car) -> f64 {
     use param::engine_speed_delay::{delay, smoothing};
     car.late[Signal::OmegaF as usize] + car.effects[delay] + car.effects[smoothing]
 }
 
-/// The same car with nothing that only its clutch torque would show.
+/// The same car without the effects and the command's latency, which would show only in its clutch torque.
 pub fn as_seen(car: &Car) -> Car {
     let mut seen = *car;
     for entry in REGISTRY.iter().filter(|e| HIDDEN.contains(&e.effect.subsystem)) {
@@ -87,23 +90,23 @@ pub fn as_seen(car: &Car) -> Car {
     seen
 }
 
-/// Whether two cars are the same to a recording without a position.
+/// Whether two cars cannot be told apart by a recording without a position.
 pub fn look_alike(a: &Car, b: &Car) -> bool {
     let (a, b) = (as_seen(a), as_seen(b));
     a.effects == b.effects && a.late == b.late && a.vehicle.driveline == b.vehicle.driveline
 }
 
-/// The subsystems that hide, in words.
+/// The hidden subsystems, in words.
 pub fn hidden() -> &'static str {
     "actuator, clutch force, friction and thermal parts"
 }
 
-/// Whether nothing of a subsystem shows in any of these recordings.
+/// Whether a subsystem does not show in any of these recordings.
 pub fn hides(tracks: &[Track], place: Subsystem) -> bool {
     HIDDEN.contains(&place) && tracks.iter().all(|t| t.position_free)
 }
 
-/// Finds what takes the place of the clutch in the recordings that have no position. All of them have the same sensors, with this noise.
+/// Determines the replacement for the clutch model in the recordings that have no position. They all have the same sensors, with this noise.
 pub fn find(tracks: &mut [Track], noise: &[Noise; 5]) {
     let free: Vec<usize> = (0..tracks.len()).filter(|&k| tracks[k].position_free).collect();
     let speeds: Vec<Speeds> = free.iter().map(|&k| Speeds::of(&tracks[k], noise)).collect();
@@ -125,14 +128,14 @@ struct Speeds {
     noise: [f64; 2],
 }
 
-/// Gain and lag in s of the disc's sensor beside the flywheel's.
+/// Gain and lag in s of the disc's sensor relative to the flywheel's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Sensors {
     gain: f64,
     lag: f64,
 }
 
-/// Sensors that agree.
+/// Sensors without a relative gain or lag.
 const ALIKE: Sensors = Sensors { gain: 1.0, lag: 0.0 };
 
 impl Speeds {
@@ -153,7 +156,7 @@ impl Speeds {
         (self.time[n - 1] - self.time[0]) / (n.max(2) - 1) as f64
     }
 
-    /// Slip by observation, rad/s, as it would be with sensors that agree; NaN where it is not known.
+    /// Slip by observation, rad/s, corrected for gain and lag of the sensors; NaN where it is unknown.
     fn slip(&self, sensors: Sensors) -> Vec<f64> {
         let [omega_f, omega_c] = &self.value;
         let mut at = 0;
@@ -164,7 +167,7 @@ impl Speeds {
             }
             let (a, b) = (at, (at + 1).min(self.time.len() - 1));
             let share = if b > a { (then - self.time[a]) / (self.time[b] - self.time[a]) } else { 0.0 };
-            // Neither before the first sample nor after the last one.
+            // No extrapolation before the first sample or after the last one.
             let near = (-1e-6..=1.0 + 1e-6).contains(&share);
             let c = if share == 0.0 { omega_c[a] } else { omega_c[a] + share * (omega_c[b] - omega_c[a]) };
             if near { f - c / sensors.gain } else { f64::NAN }
@@ -172,7 +175,7 @@ impl Speeds {
         omega_f.iter().enumerate().map(of).collect()
     }
 
-    /// Observations at which the difference to speeds that stay together is noise, and `coarse` rad/s.
+    /// Whether the corrected slip is no more than noise plus `coarse` rad/s, by observation.
     fn together(&self, sensors: Sensors, coarse: f64) -> Vec<bool> {
         let slip = self.slip(sensors);
         let noise = self.noise[0].hypot(self.noise[1] / sensors.gain);
@@ -198,14 +201,14 @@ impl Speeds {
         let (least, margin) = ((LEAST_S / pace).ceil() as usize, ((MARGIN_S + sensors.lag.abs()) / pace).ceil() as usize);
         let mut locked = vec![false; together.len()];
         for run in runs(&together).filter(|r| r.len() >= least.max(2 * margin + 2)) {
-            // It lasts to the next observation.
+            // Each entry covers the interval to the next observation, so the last observation of a run has none.
             locked[run.start + margin..run.end - margin - 1].fill(true);
         }
         locked
     }
 }
 
-/// Runs of true.
+/// Ranges of consecutive `true`.
 fn runs(of: &[bool]) -> impl Iterator<Item = std::ops::Range<usize>> {
     let mut at = 0;
     std::iter::from_fn(move || {
@@ -216,7 +219,8 @@ fn runs(of: &[bool]) -> impl Iterator<Item = std::ops::Range<usize>> {
 }
 
 impl Sensors {
-    /// What suits the recordings: sensors that agree, unless speeds stay together for longer with others.
+    /// Estimates gain and lag from the recordings. The least-squares refinement starts from sensors that agree, unless the speeds stay together for clearly longer with others
+    /// (`GAINS_BY`).
     fn of(all: &[Speeds]) -> Self {
         let time = |sensors: Sensors| -> f64 {
             let one = |s: &Speeds| {
@@ -225,7 +229,7 @@ impl Sensors {
                 let pace = s.pace();
                 runs(&together).map(|r| moves(&r) as f64 * pace).filter(|t| *t > LEAST_S).sum::<f64>()
             };
-            // In order: a sum must not depend on the threads.
+            // Summed in order, so that the result does not depend on the threads.
             all.par_iter().map(one).collect::<Vec<f64>>().iter().sum()
         };
         let steps = |(most, step): (f64, f64)| {
@@ -239,7 +243,7 @@ impl Sensors {
         from.refined(all, COARSE).refined(all, 0.0)
     }
 
-    /// Gain g and lag τ by least squares over speeds that stay together with these: ω_c = g ω_f − g τ ω̇_f.
+    /// Gain g and lag τ by least squares over the stretches in which the speeds agree with the present values: ω_c = g ω_f − g τ ω̇_f.
     fn refined(self, all: &[Speeds], coarse: f64) -> Self {
         let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
         for s in all {
@@ -289,7 +293,7 @@ mod tests {
         Speeds { time, value: [omega_f, omega_c], noise: [0.1, 0.1] }
     }
 
-    /// What is stale may be all that a part of a log has of a speed.
+    /// Stale samples may be all that a part of a log has of a speed.
     #[test]
     fn a_part_without_a_flywheel_speed_has_one_that_stands() {
         for known in 0..2 {
@@ -322,7 +326,8 @@ mod tests {
         }
     }
 
-    /// Locked for 3 s, then with a slip in proportion to the speed, as if a sensor had a gain: that is believed if it lasts longer by a tenth and half a second.
+    /// Locked for 3 s, then with a slip in proportion to the speed, as if a sensor had a gain. The gain is believed only if this lasts longer than the lock by a tenth and half a
+    /// second.
     #[test]
     fn a_slip_in_proportion_is_no_gain_unless_it_outlasts_the_lock() {
         for (lasts, gain) in [(3.3, 1.0), (4.5, 1.0 / 1.04)] {
@@ -338,13 +343,13 @@ mod tests {
     #[test]
     fn speeds_that_cross_are_not_locked() {
         let mut speeds = launch(1.0, 0.0);
-        // The disc's speed goes through the flywheel's at 5 s.
+        // The disc's speed crosses the flywheel's at 5 s.
         let time = speeds.time.clone();
         speeds.value[1].iter_mut().zip(time).for_each(|(c, t)| *c += 15.0 * (t - 5.0));
         assert!(speeds.locked(ALIKE).iter().all(|l| !l));
     }
 
-    /// Speeds that are the same for some observations, and 20 rad/s apart before and after: of these the longest mean knows all but 12 at either end.
+    /// Speeds that agree for 24 + `known` observations and are 20 rad/s apart before and after. The mean over 25 observations shows this slip in all but `known` of them.
     #[test]
     fn speeds_that_stay_together_for_less_than_a_fifth_of_a_second_are_not_locked() {
         for (known, locked) in [(18, 0), (23, 23 - 2 * 5 - 1)] {

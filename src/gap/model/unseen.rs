@@ -1,30 +1,31 @@
-//! What a logger does not show: where a signal went between slow samples, when it stepped between uneven ones, and when a sample was taken whose stamp is off.
+//! Variances due to what a logger does not show: the course of a signal between slow samples, the time of a step between uneven samples, and the instant of a sample whose time
+//! stamp is inexact.
 
 use super::clock::{Tick, misses};
 use super::track::Track;
 use std::ops::Range;
 
-/// Observations to both sides over which the pace of a speed is taken.
+/// Number of observations on either side over which the slope of a channel is taken.
 pub const PACE_OBSERVATIONS: usize = 3;
 
-/// From observation `k` to the next, s.
+/// Interval from observation `k` to the next, s.
 pub fn interval(track: &Track, k: usize) -> f64 {
     let begin = track.time[track.rows_of(k).start];
     let end = if k + 1 < track.observations() { track.time[track.rows_of(k + 1).start] } else { track.duration() };
     end - begin
 }
 
-/// Samples of a logger: its rows where observations average them, else the observations themselves.
+/// Number of samples of a logger: its rows where observations average them, otherwise its observations.
 fn samples(track: &Track) -> usize {
     if track.averages() { track.rows() } else { track.observations() }
 }
 
-/// Samples that observation `k` holds.
+/// Indices of the samples in observation `k`.
 pub fn samples_of(track: &Track, k: usize) -> Range<usize> {
     if track.averages() { track.rows_of(k) } else { k..k + 1 }
 }
 
-/// Sample that holds a row.
+/// Index of the sample to which a row belongs.
 pub fn sample_of(track: &Track, row: usize) -> usize {
     if track.averages() { row } else { track.observation_of(row) }
 }
@@ -34,27 +35,28 @@ fn row_of(track: &Track, sample: usize) -> usize {
     if track.averages() { sample } else { track.rows_of(sample).start }
 }
 
-/// An input, sample by sample.
+/// Values of an input, sample by sample.
 pub fn at_samples(track: &Track, input: impl Fn(&Tick) -> f64) -> Vec<f64> {
     (0..samples(track)).map(|sample| input(&track.ticks[track.tick_of_row[row_of(track, sample)]])).collect()
 }
 
-/// What a signal may have done between the samples of a logger that is slow or uneven, beyond what it does on average, observation by observation.
+/// Variances of a signal about its mean course between the samples of a slow or uneven logger, by observation.
 pub struct Unseen {
-    /// Variance of its integral, which for a torque is an impulse.
+    /// Variance of its integral over the observation; for a torque, this is the variance of an impulse.
     pub integral: Vec<f64>,
-    /// Variance of its mean just before the samples, when the control unit's last step is still the one that holds.
+    /// Variance of its value just before the samples of the observation (of their mean), where the last step of the control unit before the sample still holds.
     pub before: Vec<f64>,
 }
 
-/// The same from its samples, of which those of some observations count; nothing where a sample shows every step of the control unit as it comes.
+/// Computes these variances from the samples of a signal. Only samples in observations for which `counts` holds are used. The variances are zero where the samples show every step
+/// of the control unit as it happens.
 ///
-/// A logger as quick as the control unit whose samples or stamps are uneven sees every step Δ, but not when in the last w of an interval it came: its integral has the variance
-/// Δ² w²/12, and just before a sample of a whole interval T it has come or it has not, which has the variance Δ²/4 · w/T.
+/// A logger as fast as the control unit whose samples or stamps are uneven sees every step Δ, but not when it happened within the last w of an interval. The integral then has the
+/// variance Δ² w²/12. Just before a sample at the end of an interval T, the step has either happened or not, which has the variance Δ²/4 · w/T.
 ///
-/// Of a slower logger, a signal that goes any way between its samples is a Wiener process. With intervals T its variance s² per second shows in how far a sample lies off the
-/// middle of its neighbours, δ² = s² T/2. The integral between two samples, given both, has the variance s² T³/12 = δ² T²/6. The
-/// signal itself has s² T u (1 − u) = 2 δ² u (1 − u) at the share u of the way.
+/// For a slower logger, the signal between its samples is modelled as a Wiener process with the variance s² per second. With intervals T, s² is estimated from the deviation δ of a
+/// sample from the mean of its neighbours, δ² = s² T/2. The integral between two samples, given both, has the variance s² T³/12 = δ² T²/6. The signal itself has the variance s² T
+/// u (1 − u) = 2 δ² u (1 − u) at the fraction u of the interval.
 pub fn unseen(track: &Track, signal: &[f64], counts: impl Fn(usize) -> bool) -> Unseen {
     let observation = |sample: usize| track.observation_of(row_of(track, sample));
     let time = |sample: usize| track.time[row_of(track, sample)];
@@ -63,7 +65,7 @@ pub fn unseen(track: &Track, signal: &[f64], counts: impl Fn(usize) -> bool) -> 
         let known = i > 0 && i + 1 < signal.len() && (i - 1..=i + 1).all(|j| counts(observation(j)));
         if known { (signal[i] - 0.5 * (signal[i - 1] + signal[i + 1])).powi(2) } else { 0.0 }
     };
-    // Mean of δ² at both ends of the interval after each sample.
+    // Mean of δ² over both ends of the interval after sample `i`.
     let bend = |i: usize| 0.5 * (off(i) + off(i + 1));
     let missing = |i: usize| misses(length(i), track.control_interval);
     let uneven = track.unevenness_of_steps();
@@ -92,7 +94,7 @@ pub fn unseen(track: &Track, signal: &[f64], counts: impl Fn(usize) -> bool) -> 
     }
 }
 
-/// Slope of a channel around an observation per second, from the first and the last sample there that are known.
+/// Slope of a channel around observation `k`, per second, from the first and the last known sample within [`PACE_OBSERVATIONS`] on either side.
 pub fn slope(samples: &[(f64, usize)], time: &impl Fn(usize) -> f64, k: usize) -> Option<f64> {
     let near = k.saturating_sub(PACE_OBSERVATIONS)..(k + PACE_OBSERVATIONS + 1).min(samples.len());
     let mut known = near.filter(|&j| samples[j].0.is_finite());
@@ -100,7 +102,7 @@ pub fn slope(samples: &[(f64, usize)], time: &impl Fn(usize) -> f64, k: usize) -
     Some((samples[b].0 - samples[a].0) / (time(b) - time(a)).max(1e-3))
 }
 
-/// What a channel has changed by in `stamps` s around an observation: its error if the stamp is off by so much.
+/// Change of a channel within `stamps` s around observation `k`: its error if the time stamp is off by that much.
 pub fn of_stamps(track: &Track, stamps: f64, samples: &[(f64, usize)], k: usize) -> f64 {
     if stamps == 0.0 {
         return 0.0;
@@ -113,7 +115,7 @@ mod tests {
     use super::*;
     use crate::campaign::Recording;
 
-    /// A step that comes at any time between two samples, against what it does on average.
+    /// A step at a uniformly distributed time between two samples, compared with its mean course.
     #[test]
     fn steps_between_uneven_samples_have_the_variance_of_their_instants() {
         let off = |k: i32| 0.0045 * f64::from(k * 37 % 101 - 50) / 50.0;
@@ -126,11 +128,11 @@ mod tests {
         let (mut integral, mut before) = ((0.0, 0.0), (0.0, 0.0));
         for k in (0..1998).filter(|k| !misses(interval(&track, *k), track.control_interval)) {
             let (length, step) = (interval(&track, k), signal[k + 1] - signal[k]);
-            // The instant goes through the share of the interval in even steps.
+            // The instant of the step runs through that share of the interval in equal increments.
             let mut off = (0..200).map(|i| (f64::from(i) + 0.5) / 200.0 - 0.5);
             integral.0 += off.by_ref().map(|u| (u * share * length * step).powi(2)).sum::<f64>() / 200.0;
             integral.1 += found.integral[k];
-            // Just before the sample it has come or it has not, as likely, in that share of the cases.
+            // In that share of the cases, the step has or has not happened just before the sample, with equal probability.
             before.0 += share * (0.5 * step).powi(2);
             before.1 += found.before[k + 1];
         }

@@ -1,13 +1,13 @@
-//! What drives a manoeuvre: a small controller, so that it drives any car.
+//! Driver of a manoeuvre: a small feedback controller, so that the manoeuvre can be driven with any car.
 //!
-//! It sees the two speeds, governs the engine and moves the bearing by the nominal car's torque map. The same controller drives the simulated car that a plan is
-//! made with and, in `kisspoint blind --plan`, the drawn car that it is checked on.
+//! It reads the two speeds, governs the engine and positions the bearing according to the nominal car's torque map. The same controller drives the simulated car with which a plan
+//! is made and, in `kisspoint blind --plan`, the drawn car on which the plan is checked.
 
 use super::manoeuvre::{Kind, Manoeuvre};
 use crate::physics::{cushion, map};
 use crate::vehicle::Vehicle;
 
-/// What a manoeuvre asks of a car over one interval.
+/// Commands of a manoeuvre to a car over one interval.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Command {
     /// Engine torque, N·m.
@@ -18,22 +18,22 @@ pub struct Command {
     pub brake: bool,
 }
 
-/// Idle speed, and speed at which slip is held, rad/s.
+/// Idle speed, and flywheel speed that is held while the clutch slips, rad/s.
 const IDLE: f64 = 105.0;
 const SLIPPING: f64 = 150.0;
-/// Engine torque that a governor may ask for, N·m, beside what the clutch takes.
+/// Engine torque that the governor may ask for, N·m, beyond what clutch and drag take.
 const GOVERNOR_MOST: f64 = 60.0;
-/// Gains of the governor, N·m·s/rad and N·m/rad, for a flywheel of 0.19 kg·m²; they grow with the flywheel.
+/// Proportional and integral gain of the governor, N·m·s/rad and N·m/rad, for a flywheel of 0.19 kg·m²; both scale with the flywheel's inertia.
 const GOVERNOR: [f64; 2] = [0.8, 0.8];
 const GOVERNED_INERTIA: f64 = 0.19;
-/// Bearing travel before the kiss point at which a clutch is open, and beyond the closed point at which it is closed, mm.
+/// Distance of the open position before the kiss point and of the closed position beyond the closed point, mm.
 const OPEN_MM: f64 = 0.8;
 const CLOSED_MM: f64 = 0.3;
-/// Slip at which a launch counts as locked, rad/s, and for how long, s.
+/// Slip below which a launch counts as locked, rad/s, and the time for which it must stay there, s.
 const MET: f64 = 3.0;
 const MET_S: f64 = 0.03;
 
-/// Drives a manoeuvre.
+/// Driver of one manoeuvre.
 #[derive(Clone, Debug)]
 pub struct Driver<'a> {
     what: &'a Manoeuvre,
@@ -41,13 +41,13 @@ pub struct Driver<'a> {
     dt: f64,
     sum: f64,
     near_s: f64,
-    /// Since when the clutch closes, from which position and torque.
+    /// Time at which the clutch began to close, s, and the position, mm, and engine torque, N·m, at that time.
     closing: Option<(f64, f64, f64)>,
     last: Command,
 }
 
 impl<'a> Driver<'a> {
-    /// A driver who knows the nominal car, and commands every `dt` seconds.
+    /// A driver who knows the nominal car and issues a command every `dt` seconds.
     pub fn new(what: &'a Manoeuvre, vehicle: &'a Vehicle, dt: f64) -> Self {
         Self { what, vehicle, dt, sum: 0.0, near_s: 0.0, closing: None, last: Command::default() }
     }
@@ -64,7 +64,7 @@ impl<'a> Driver<'a> {
         }
     }
 
-    /// What is asked for from `t` on, s, with the speeds that are read there, rad/s.
+    /// Command from time `t` on, s, given the speeds measured then, rad/s.
     pub fn command(&mut self, t: f64, omega_f: f64, omega_c: f64) -> Command {
         let what = self.what;
         let (top, a) = (what.torque_nm, self.contact());
@@ -144,17 +144,17 @@ impl<'a> Driver<'a> {
         taken + drag + (GOVERNOR[0] * scale * off + self.sum).clamp(-GOVERNOR_MOST, GOVERNOR_MOST)
     }
 
-    /// Slips with a clutch torque; what is nearly none opens.
+    /// Command for slipping with a clutch torque, N·m; the clutch opens if the torque is 0.
     fn slip(&mut self, torque: f64, speed: f64, omega_f: f64, omega_c: f64, brake: bool) -> Command {
         let slip = omega_f - omega_c;
         let x_to = if torque > 0.0 { self.position(torque, slip) } else { self.contact().x_cnt - OPEN_MM };
         Command { t_e: self.governed(speed, omega_f, torque), x_to, brake }
     }
 
-    /// Slips at a position.
+    /// Command for slipping at a position, mm.
     fn at(&mut self, x_to: f64, speed: f64, omega_f: f64, omega_c: f64) -> Command {
         let slip = omega_f - omega_c;
-        // A car that has caught up is pulled along: the engine goes on giving what it gave.
+        // Once the car has caught up, the torque of the clutch is no longer fed forward, and the engine is governed to at least 5 rad/s above the disc.
         let taken = if slip > MET { self.carried(x_to, slip) } else { 0.0 };
         Command { t_e: self.governed(speed.max(omega_c + 5.0), omega_f, taken), x_to, brake: false }
     }
@@ -183,7 +183,7 @@ impl<'a> Driver<'a> {
     }
 }
 
-/// From 0 to 1 with a gentle start and end.
+/// Smooth step from 0 to 1 with zero slope at both ends.
 fn smooth(s: f64) -> f64 {
     let s = s.clamp(0.0, 1.0);
     s * s * (3.0 - 2.0 * s)
@@ -194,7 +194,7 @@ fn triangle(s: f64) -> f64 {
     (1.0 - (s - 1.0).abs()).clamp(0.0, 1.0)
 }
 
-/// Levels that pass into each other within 60 ms from their start.
+/// Piecewise constant level of a plan of start times (s) and levels; each transition begins at its start time and takes 60 ms.
 fn steps(t: f64, plan: &[(f64, f64)]) -> f64 {
     let mut level = plan[0].1;
     for &(at, next) in &plan[1..] {
@@ -222,7 +222,7 @@ mod tests {
         Manoeuvre { name: "m".into(), kind, torque_nm, theta_c: 25.0, theta_b: 25.0, seconds, prepare_s: 20.0 }
     }
 
-    /// What a driver asks for at a time, of speeds that are as he wants them.
+    /// First command of a driver, at this time and these speeds.
     fn asked(kind: Kind, torque: f64, seconds: f64, t: f64, speeds: [f64; 2]) -> Command {
         let (vehicle, what) = (Vehicle::paper(), of(kind, torque, seconds));
         Driver::new(&what, &vehicle, 0.01).command(t, speeds[0], speeds[1])
@@ -279,7 +279,7 @@ mod tests {
         let (what, contact) = (of(Kind::Creep, 40.0, 5.5), map::contact(&v.actuator, 25.0));
         let at = |torque: f64, slip: f64| Driver::new(&what, &v, 0.01).position(torque, slip);
         let near = |c: Command, x: f64, what: &str| assert!((c.x_to - x).abs() < 1e-9 && !c.brake, "{what}: {c:?} {x}");
-        // From a kiss point less 0.3 mm to the torque and back.
+        // From 0.3 mm before the kiss point to the position of the torque and back.
         for (t, share) in [(0.3, 0.0), (2.15, 0.5), (4.0, 1.0), (5.85, 0.5)] {
             let from = contact.x_cnt - 0.3;
             near(asked(Kind::KissPoint, 20.0, 8.0, t, speeds), from + share * (at(20.0, 100.0) - from), "kiss point");
@@ -298,17 +298,17 @@ mod tests {
         for (t, share) in [(0.0, 0.0), (0.15, 0.5), (0.3, 1.0), (4.0, 1.0)] {
             near(asked(Kind::ConstantPosition, 40.0, 5.0, t, speeds), open + share * (at(40.0, 80.0) - open), "constant");
         }
-        // The engine gives what the clutch takes at this slip, and nothing for it once the car has caught up.
+        // The engine supplies the torque that the clutch takes at this slip, and none for it once the car has caught up.
         let drag = v.driveline.b_f * SLIPPING;
         let slips = asked(Kind::ConstantPosition, 40.0, 5.0, 1.0, speeds);
         assert!((slips.t_e - carried(slips.x_to, 80.0) - drag).abs() < 1e-6, "{slips:?}");
         let caught = asked(Kind::ConstantPosition, 40.0, 5.0, 1.0, [SLIPPING, SLIPPING - 2.0]);
-        // It is governed five rad/s above the disc: three above what it is.
+        // It is governed to 5 rad/s above the disc, which is 3 rad/s above its present speed.
         let scale = v.driveline.J_f / 0.19;
         assert!((caught.t_e - drag - scale * 0.8 * 3.0 * 1.01).abs() < 1e-6, "{caught:?}");
     }
 
-    /// P and I of 0.8 N·m·s/rad and 0.8 N·m/rad for a flywheel of 0.19 kg·m², each within 60 N·m; the integral waits while the speed is far off.
+    /// Proportional and integral gain of 0.8 N·m·s/rad and 0.8 N·m/rad for a flywheel of 0.19 kg·m², each limited to 60 N·m; the integral is held while the speed is far off.
     #[test]
     fn the_engine_is_governed_to_a_speed() {
         let (v, what) = (Vehicle::paper(), of(Kind::CoastDown, 0.0, 12.0));
@@ -336,11 +336,11 @@ mod tests {
         assert!((fills.x_to - contact.x_cnt + 0.4).abs() < 1e-9, "{fills:?}");
         let half = driver.command(0.45, IDLE + 5.0, 5.0);
         assert!((carried(half.x_to, IDLE) - 30.0).abs() < 0.01, "{half:?}");
-        // The engine is led up by 0.3 rad/s for each N·m within 0.8 s.
+        // The set point of the engine speed rises by 0.3 rad/s for each N·m within 0.8 s.
         let mut fresh = Driver::new(&what, &v, 0.01);
         let led = fresh.command(0.8, IDLE + 18.0, 0.0);
         assert!((led.t_e - 60.0 - v.driveline.b_f * (IDLE + 18.0)).abs() < 1e-9, "{led:?}");
-        // Met for three samples and a little: then it closes within 0.35 s, pulls, and coasts.
+        // The speeds have met once the slip has been small for more than 30 ms: then the clutch closes within 0.35 s, and the car pulls and coasts.
         for k in 0..4 {
             assert!(driver.closing.is_none(), "{k}");
             driver.command(1.0 + 0.01 * f64::from(k), 100.0, 98.0);
@@ -356,13 +356,13 @@ mod tests {
             let c = at(after);
             assert!((c.t_e - t_e).abs() < 1e-9 && (c.x_to - shut).abs() < 1e-9, "{after}: {c:?}");
         }
-        // One that does not meet closes after three quarters of the time.
+        // A launch whose speeds do not meet closes after three quarters of its time.
         let mut slips = Driver::new(&what, &v, 0.01);
         slips.command(2.9, 150.0, 20.0);
         assert!(slips.closing.is_none());
         slips.command(3.01, 150.0, 20.0);
         assert!(slips.closing.is_some());
-        // A car that rolls is closed on with the torque that the ramp has come to.
+        // On a rolling car, the engine gives 0.6 of the torque that the ramp has reached.
         let rolling = of(Kind::Reengage, 60.0, 3.5);
         let c = Driver::new(&rolling, &v, 0.01).command(0.45, 160.0, 100.0);
         assert!((c.t_e - 18.0).abs() < 1e-9, "{c:?}");

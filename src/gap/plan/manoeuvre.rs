@@ -1,10 +1,10 @@
-//! Manoeuvres that a car or a bench can drive: what each is about, how long it takes, and what it takes to prepare it. [`driver`](super::driver) drives them.
+//! Manoeuvres that a car or a bench can drive: their kind, torque and temperatures, their duration, and the time to prepare them. [`driver`](super::driver) drives them.
 
 use crate::physics::{cushion, map};
 use crate::vehicle::Vehicle;
 use serde::{Deserialize, Serialize};
 
-/// What is done.
+/// Kind of a manoeuvre.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
@@ -28,12 +28,12 @@ pub enum Kind {
     CoastDown,
     /// The clutch closes on a rolling car, as after a shift.
     Reengage,
-    /// Slip against the brake, a rest with the clutch open, slip again: what has cooled meanwhile shows.
+    /// Slip against the brake, a rest with the clutch open, slip again, which shows how the clutch has cooled meanwhile.
     HeatAndRest,
 }
 
 impl Kind {
-    /// All of them.
+    /// All kinds.
     pub const ALL: [Self; 11] = [
         Self::Launch,
         Self::Creep,
@@ -66,15 +66,15 @@ impl Kind {
     }
 }
 
-/// A manoeuvre with its numbers.
+/// A manoeuvre and its parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manoeuvre {
-    /// Name of one's own.
+    /// Name, freely chosen.
     pub name: String,
-    /// What is done.
+    /// Kind.
     pub kind: Kind,
-    /// Clutch torque that it is about, N·m; of torque steps, their height.
+    /// Clutch torque of the manoeuvre, N·m; of torque steps, their scale.
     #[serde(rename = "torque_Nm")]
     pub torque_nm: f64,
     /// Disc temperature at the start, °C.
@@ -90,12 +90,12 @@ pub struct Manoeuvre {
 }
 
 impl Manoeuvre {
-    /// Time that it takes in all, minutes.
+    /// Total time, preparation included, minutes.
     pub fn minutes(&self) -> f64 {
         (self.seconds + self.prepare_s) / 60.0
     }
 
-    /// What is wrong with its numbers, if anything.
+    /// Description of a parameter that is out of range, if there is one.
     pub fn fault(&self) -> Option<String> {
         let number = |name: &str, value: f64, least: f64, most: f64, unit: &str| {
             let fits = value >= least && value <= most;
@@ -114,11 +114,11 @@ impl Manoeuvre {
 /// Disc and body temperature of a cold and of a hot clutch, °C.
 const COLD: [f64; 2] = [25.0, 25.0];
 const HOT: [f64; 2] = [120.0, 80.0];
-/// Time to bring a car to rest and to its place, and to warm its clutch by some launches, s: what a test driver needs.
+/// Time that a test driver needs to bring a car to rest and into position, and to warm its clutch by some launches, s.
 const SET_UP_S: f64 = 20.0;
 const WARM_UP_S: f64 = 180.0;
 
-/// The built-in manoeuvres for a vehicle: torques are shares of what its closed clutch carries.
+/// The built-in manoeuvres for a vehicle; torques are shares of the capacity of its closed clutch.
 pub fn built_in(vehicle: &Vehicle) -> Vec<Manoeuvre> {
     let most = capacity(vehicle);
     let one = |name: &str, kind, share: f64, [theta_c, theta_b]: [f64; 2], seconds: f64| {
@@ -147,7 +147,7 @@ pub fn built_in(vehicle: &Vehicle) -> Vec<Manoeuvre> {
     ]
 }
 
-/// What the closed clutch carries at rest, N·m.
+/// Torque capacity of the closed clutch at zero slip, N·m.
 fn capacity(vehicle: &Vehicle) -> f64 {
     let spring = &vehicle.cushion_spring;
     map::torque_capacity(&vehicle.friction, cushion::force(spring, cushion::contact_point(spring), 1.0), 0.0, map::THETA_REFERENCE)

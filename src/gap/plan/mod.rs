@@ -1,8 +1,8 @@
-//! What to measure: how large an effect a planned campaign will show, and which manoeuvre splits what a campaign left open.
+//! What to measure: how large an effect must be to show in a planned campaign, and which manoeuvre settles what a campaign left open.
 //!
-//! Every manoeuvre that can be driven is rehearsed with the plant, and its rehearsal goes through the same density as a recording: same filter, same nuisances, same
-//! derivatives. Nothing here has an equation of its own for what a recording is worth but two: the limit of detection ([`super::infer::limit`]) and the
-//! evidence between two explanations ([`split`]).
+//! Every manoeuvre that can be driven is rehearsed with the plant, and its rehearsal goes through the same density as a recording: same filter, same nuisances, same derivatives.
+//! Only two equations for the worth of a recording are specific to planning: the limit of detection ([`super::infer::limit`]) and the expected evidence between two explanations
+//! ([`split`]).
 //!
 //! - [`manoeuvre`]: what can be driven
 //! - [`driver`]: how it is driven
@@ -36,7 +36,7 @@ use rehearse::{Logger, rehearse};
 use serde_json::Value;
 use split::{Rival, Split};
 
-/// What is assumed of sensors before anything was recorded; standard deviations of one sample.
+/// Sensor noise that is assumed before anything has been recorded: standard deviations of one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensors {
     /// Both speeds, rad/s.
@@ -48,7 +48,7 @@ pub struct Sensors {
 }
 
 impl Default for Sensors {
-    /// A production car's speed sensors and a usual bench.
+    /// Speed sensors of a production car and a typical bench.
     fn default() -> Self {
         Self { speed: 0.15, torque: 0.2, bench: [0.01, 0.5, 0.7] }
     }
@@ -57,23 +57,23 @@ impl Default for Sensors {
 /// A car, its sensors, and what can be driven with it.
 #[derive(Clone, Debug)]
 pub struct Planner {
-    /// What can be driven.
+    /// Manoeuvres that can be driven.
     pub manoeuvres: Vec<Manoeuvre>,
     vehicle: Vehicle,
     shared: Vec<Nuisance>,
     own: Vec<Nuisance>,
     with: Disturbances,
     logger: Logger,
-    /// Powers of the likelihood of what has been recorded.
+    /// Powers of the likelihood for what has been recorded.
     powers: ByAccuracy<ByPhase<f64>>,
     work: Work,
 }
 
 impl Planner {
-    /// Before anything was recorded.
+    /// A planner before anything has been recorded.
     ///
     /// # Errors
-    /// Tolerances that are not sound.
+    /// Returns an error if a tolerance is invalid.
     pub fn before(
         vehicle: &Vehicle,
         document: &Value,
@@ -100,7 +100,7 @@ impl Planner {
         })
     }
 
-    /// Of a car that has been recorded: manoeuvres are logged as its recordings were.
+    /// A planner for a car that has been recorded; its manoeuvres are logged as its recordings were.
     pub fn after(problem: &Problem, with: &Disturbances, manoeuvres: Vec<Manoeuvre>) -> Self {
         let interval = prepare::logger(&problem.tracks).interval_s;
         let has = |c: usize| problem.tracks.iter().any(|t| !t.measured[c].is_empty());
@@ -110,12 +110,12 @@ impl Planner {
         Self { manoeuvres, vehicle: problem.vehicle, shared, own, with: *with, logger, powers: problem.powers, work }
     }
 
-    /// The recording of a manoeuvre, without noise, as this car answers it.
+    /// The recording of a manoeuvre driven with this car, without noise.
     pub fn recording(&self, what: &Manoeuvre, car: &Car) -> Recording {
         rehearse(what, car, &self.vehicle, &self.logger)
     }
 
-    /// That recording, ready to be asked.
+    /// That recording, prepared for inference.
     fn problem(&self, what: &Manoeuvre, car: &Car) -> Problem {
         let track = Track::new(&self.recording(what, car));
         let filter = prepare::filter_of(&track, &self.vehicle, &self.with);
@@ -138,7 +138,7 @@ impl Planner {
         self.at(&Point { shared: vec![0.0; self.shared.len()], own: Vec::new(), effects: effects::null(), missing: Vec::new() })
     }
 
-    /// What recordings share at a point, with nothing known of the recording to come.
+    /// The part of a point that recordings share; what belongs to the new recording alone is at its nominal value.
     fn at(&self, point: &Point) -> Point {
         Point { own: vec![vec![0.0; TEMPERATURES + self.own.len()]], missing: Vec::new(), ..point.clone() }
     }
@@ -151,22 +151,22 @@ impl Planner {
     }
 }
 
-/// What a campaign left open, and what each manoeuvre would do about it.
+/// What a campaign left open, and what each manoeuvre would contribute to settling it.
 #[derive(Clone, Debug)]
 pub struct Outlook {
-    /// What can be driven.
+    /// Manoeuvres that can be driven.
     pub manoeuvres: Vec<Manoeuvre>,
-    /// Explanations that are still believed, the best first.
+    /// Explanations that are still plausible, the most probable first.
     pub rivals: Vec<Rival>,
-    /// What each manoeuvre would do to them; empty where there is nothing to split.
+    /// Expected evidence of each manoeuvre between them; empty if there are fewer than two.
     pub splits: Vec<Split>,
-    /// Smallest sizes that the recordings show.
+    /// Limits of detection of the recordings.
     pub limits: Vec<Limit>,
-    /// The same with each manoeuvre more; none where everything shows already.
+    /// Limits with each manoeuvre added; `None` if they were not computed because everything shows already.
     pub reach: Option<Reach>,
 }
 
-/// Looks ahead from a diagnosis. `point` is the car without effects; with `whole`, limits with further manoeuvres are worked out also where all effects show.
+/// Computes the outlook of a diagnosis. `point` is the car without effects. With `whole`, limits with further manoeuvres are computed even if all effects show already.
 pub fn outlook(planner: Planner, problem: &Problem, posterior: &Posterior, point: &Point, whole: bool) -> Outlook {
     let rivals = split::rivals(posterior);
     let splits = if rivals.len() > 1 { split::splits(&planner, &rivals) } else { Vec::new() };
@@ -182,21 +182,21 @@ pub fn outlook(planner: Planner, problem: &Problem, posterior: &Posterior, point
     Outlook { manoeuvres: planner.manoeuvres, rivals, splits, limits, reach }
 }
 
-/// A manoeuvre with what it is expected to be worth for some rivals.
+/// Expected worth of a manoeuvre for distinguishing some rivals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Worth {
-    /// Place among the manoeuvres.
+    /// Index of the manoeuvre.
     pub manoeuvre: usize,
-    /// Expected evidence for what is true, nats.
+    /// Expected evidence for the true explanation, nats.
     pub nats: f64,
     /// The same per minute, preparation included.
     pub nats_per_minute: f64,
-    /// Probability that the first of them is told from all others.
+    /// Probability that the first rival is told apart from the others: the smallest over its pairs.
     pub splits: f64,
 }
 
 impl Outlook {
-    /// Manoeuvres by what they are worth per minute for the rivals at these places, the first of them the best; the most worth first.
+    /// Manoeuvres in descending order of their worth per minute for the rivals at these indices, the first of which is the best.
     pub fn ranked(&self, places: &[usize]) -> Vec<Worth> {
         if places.len() < 2 {
             return Vec::new();
@@ -213,12 +213,12 @@ impl Outlook {
         all
     }
 
-    /// The same for all rivals.
+    /// Manoeuvres in that order for all rivals.
     pub fn ranked_for_all(&self) -> Vec<Worth> {
         self.ranked(&(0..self.rivals.len()).collect::<Vec<_>>())
     }
 
-    /// Places of the first rival and of those that hold another effect, or none, in the place of `effect`.
+    /// Indices of the first rival and of those that hold another effect, or none, in the place of `effect`, beside all its other effects.
     pub fn in_place_of(&self, effect: usize) -> Vec<usize> {
         let Some(best) = self.rivals.first() else { return Vec::new() };
         let kept = |r: &Rival| best.effects.iter().filter(|e| **e != effect).all(|e| r.effects.contains(e));
@@ -233,7 +233,7 @@ mod tests {
     use super::*;
     use serde_json::json;
 
-    /// As a recording at that rate is read: at 75 Hz a logger still sees every command.
+    /// The tolerances of a planned logger are those of a recording at that rate: at 75 Hz a logger still sees every command.
     #[test]
     fn a_planned_logger_is_as_loose_as_one_that_has_recorded() {
         let vehicle = Vehicle::paper();

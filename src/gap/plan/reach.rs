@@ -1,4 +1,4 @@
-//! The smallest effects that recordings show: of a campaign, of manoeuvres that are planned, of both together.
+//! Limits of detection of effects: of a campaign, of planned manoeuvres, and of both together.
 
 use super::Planner;
 use super::manoeuvre::Manoeuvre;
@@ -8,18 +8,18 @@ use crate::gap::infer::information::Information;
 use crate::gap::infer::screen::{self, Anchor, Limit, Screening, screen_for_limits};
 use rayon::prelude::*;
 
-/// What a campaign shows, and would show with more.
+/// Limits of detection of a campaign now, and with further manoeuvres.
 #[derive(Clone, Debug)]
 pub struct Reach {
-    /// Limits of what was recorded; none was: infinite ones.
+    /// Limits of what was recorded; infinite if nothing was.
     pub now: Vec<Limit>,
-    /// Limits with each manoeuvre more, in the planner's order.
+    /// Limits with each manoeuvre added, in the planner's order.
     pub with: Vec<Vec<Limit>>,
-    /// Limits with all manoeuvres, each once.
+    /// Limits with all manoeuvres added, each once.
     pub with_all: Vec<Limit>,
 }
 
-/// An effect whose limit is this many times its usual size is one that recordings cannot show.
+/// Limit in units of an effect's usual size above which recordings cannot show the effect.
 pub const TOO_LARGE: f64 = 3.0;
 
 impl Reach {
@@ -33,7 +33,7 @@ impl Reach {
         Self::of(limits, effect).is_some_and(|l| l.in_sizes() > TOO_LARGE)
     }
 
-    /// Manoeuvre that brings the most information on an effect per minute, of those that make it visible; of all of them if none does. None if none brings any.
+    /// Index of the manoeuvre that adds the most information on an effect per minute, among those that make it visible, or among all if none does. `None` if none adds any.
     pub fn best_for(&self, effect: usize, manoeuvres: &[Manoeuvre]) -> Option<usize> {
         let now = Self::of(&self.now, effect).map_or(0.0, Self::precision);
         let gain = |k: usize| {
@@ -47,13 +47,13 @@ impl Reach {
             .map(|b| b.0)
     }
 
-    /// Information in units of a noticeable effect.
+    /// Information on the size of an effect in units of a noticeable effect.
     fn precision(l: &Limit) -> f64 {
         l.visibility.information / l.visibility.relative.powi(2)
     }
 }
 
-/// A ripple as the library starts it, at a point: where nothing was measured no scan can say which order it has.
+/// Every ripple with its first start values, at a point. Where nothing was measured, no scan can determine its order.
 fn ripples(point: &Point) -> Vec<(usize, Point)> {
     let ripples = REGISTRY.iter().enumerate().filter(|(_, e)| matches!(e.effect.act, Act::Pulsation(_)));
     let started = |(e, entry): (usize, &crate::effects::Entry)| {
@@ -64,7 +64,7 @@ fn ripples(point: &Point) -> Vec<(usize, Point)> {
     ripples.map(started).collect()
 }
 
-/// The screening of recordings at a point without effects, ripples among its candidates.
+/// The screening of recordings at a point without effects, with ripples among its candidates.
 fn screened(problem: &Problem, point: &Point) -> Option<Screening> {
     let anchor = Anchor::new(problem, point, &[], None, None)?;
     Some(screen_for_limits(problem, &anchor, &ripples(point)))
@@ -76,7 +76,7 @@ pub fn limits(problem: &Problem, point: &Point) -> Vec<Limit> {
     anchor.map_or_else(Vec::new, |anchor| screen::limits(problem, &anchor, &ripples(point)))
 }
 
-/// Limits of what was recorded, if anything was, and with each manoeuvre of the planner. `point` has no effects.
+/// Limits of what was recorded, if anything was, and with each manoeuvre of the planner added. `point` has no effects.
 pub fn reach(planner: &Planner, recorded: Option<&Problem>, point: &Point) -> Option<Reach> {
     let present = match recorded {
         Some(problem) => Some(screened(problem, point)?),
@@ -128,20 +128,20 @@ mod tests {
         Reach::of(&r.with_all, find(id).unwrap()).unwrap().size
     }
 
-    /// What is driven beside something else never hides anything; nothing shows what nobody has driven.
+    /// A further manoeuvre never makes a limit worse, and without any recording all limits are infinite.
     #[test]
     fn more_recordings_show_smaller_effects() {
         let tolerance = json!({"friction.mu": {"rel": 0.015}});
         let (few, more) = (found(&tolerance, &["launch"]), found(&tolerance, &["launch", "creep"]));
         for l in &few.with_all {
             let with = Reach::of(&more.with_all, l.effect).unwrap();
-            // Shares at which limits are taken may change by one with the limit.
+            // The share of the start value at which a limit is computed may change by one step with the limit.
             assert!(with.size < 1.3 * l.size, "{}: {} {}", REGISTRY[l.effect].id, with.size, l.size);
             assert!(more.now.iter().all(|n| n.size.is_infinite()));
         }
     }
 
-    /// A level of friction hides behind the tolerance of friction, whatever is driven, and without that tolerance it does not.
+    /// A changed friction level hides behind a loose tolerance of friction, whatever is driven, and shows with a tight one.
     #[test]
     fn an_effect_within_its_tolerance_does_not_show() {
         let loose = limit(&found(&json!({"friction.mu": {"rel": 0.05}}), &["launch", "creep"]), "friction_level");
@@ -193,11 +193,11 @@ mod tests {
         // 16 more in one minute against 24 more in two; then as much as 40 more in two.
         assert_eq!(best([limit(2.0, 20.0), limit(2.0, 28.0), limit(2.0, 4.0)]), Some(0));
         assert_eq!(best([limit(2.0, 20.0), limit(2.0, 44.0), limit(2.0, 4.0)]), Some(1));
-        // What shows it goes before what only says more.
+        // A manoeuvre that makes the effect visible comes before one that only adds more information.
         assert_eq!(best([limit(4.0, 90.0), limit(4.0, 99.0), limit(2.9, 5.0)]), Some(2));
         assert_eq!(best([limit(4.0, 90.0), limit(4.0, 99.0), limit(3.1, 5.0)]), Some(0));
         assert_eq!(best([limit(9.0, 4.0), limit(9.0, 4.0), limit(9.0, 4.0)]), None);
-        // Before anything was measured, what no manoeuvre says anything of has none either.
+        // Before anything was measured, there is no best manoeuvre either for an effect about which no manoeuvre says anything.
         let nothing = || limit(f64::INFINITY, 0.0);
         assert_eq!(after(nothing(), [nothing(), nothing(), nothing()]), None);
         assert_eq!(after(nothing(), [nothing(), limit(9.0, 0.1), nothing()]), Some(1));

@@ -1,4 +1,4 @@
-//! Rehearsal: a manoeuvre driven with the plant, as the recording that a logger would make of it, without noise.
+//! Rehearsal: a manoeuvre driven with the simulated plant and recorded as a logger would, without noise.
 
 use super::driver::Driver;
 use super::manoeuvre::Manoeuvre;
@@ -15,16 +15,16 @@ pub struct Logger {
     pub rate_hz: f64,
     /// Whether the bearing's position, the clutch torque, the disc temperature are measured.
     pub bench: [bool; 3],
-    /// How well start temperatures are known, K: disc, body.
+    /// Standard deviations of the start temperatures, K: disc, body.
     pub theta_0_sigma: [f64; 2],
 }
 
 /// Housing air, °C.
 const AIR: f64 = 25.0;
-/// The brake holds the disc by this many N·m per rad/s, for a car of 1 kg·m².
+/// Gain of the brake that holds the disc: torque per disc speed, for a car of 1 kg·m², N·m per rad/s.
 const HOLD: f64 = 20.0;
 
-/// The recording of a manoeuvre, as this car answers it. `file` is the car that its driver knows.
+/// The recording of a manoeuvre driven with this car. `file` is the vehicle that the driver knows.
 pub fn rehearse(what: &Manoeuvre, car: &Car, file: &Vehicle, logger: &Logger) -> Recording {
     let dt = 1.0 / logger.rate_hz;
     let rows = (what.seconds * logger.rate_hz).round() as usize;
@@ -60,7 +60,7 @@ pub fn rehearse(what: &Manoeuvre, car: &Car, file: &Vehicle, logger: &Logger) ->
         r.theta_h.push(AIR);
         brake.push(command.brake);
         bench.iter_mut().zip([now.x_to_actual, now.t_fc, now.theta_c]).for_each(|(b, v)| b.push(v));
-        // The brake takes what the clutch gives and holds what is left of the speed.
+        // The brake balances the clutch torque, and opposes the remaining speed.
         let parts = if command.brake { (dt / 1e-3).ceil().max(1.0) as usize } else { 1 };
         for _ in 0..parts {
             let held = if command.brake { now_held(&plant, car) } else { 0.0 };
@@ -86,7 +86,7 @@ mod tests {
 
     const LOGGER: Logger = Logger { rate_hz: 100.0, bench: [false; 3], theta_0_sigma: [1.0; 2] };
 
-    /// Every manoeuvre does to the nominal car what it is called.
+    /// With the nominal car, every manoeuvre does what its name says.
     #[test]
     fn manoeuvres_do_what_they_are_called() {
         let vehicle = Vehicle::paper();

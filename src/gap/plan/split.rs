@@ -1,23 +1,24 @@
-//! Which manoeuvre splits what a campaign left open: expected evidence between explanations that are still believed.
+//! Which manoeuvre settles what a campaign left open: expected evidence between explanations that are still plausible.
 //!
-//! A manoeuvre is rehearsed with the most probable explanation's car. On its recording, explanations i and j differ by d_ij = e_j − e_i, e their whitened innovations.
-//! The logarithm of the Bayes factor that a recording of i gives for i over j is expected to be
+//! A manoeuvre is rehearsed with the car of the most probable explanation. On its recording, explanations i and j differ by d_ij = e_j − e_i, where e are their whitened
+//! innovations. If i is true, the expected log Bayes factor of i over j is
 //!
 //! ```text
 //! D_ij = ½ min over Δ of  |d_ij + J_j Δ|² + Δᵀ P_j Δ,
 //! ```
 //!
-//! J_j the innovations' derivatives along j's unknowns and P_j what is known of these: the posterior's precision of all that recordings share, one for each
-//! standard deviation of what the new recording has of its own, and the forms of j's effects, of the size that the recordings so far leave to them. Squares are Huber's loss, as
-//! everywhere, and the likelihood has the powers that it will have once the new recording shows the gap as well, so that there is a D_ij for each accuracy that explanations may have. It is normal with variance 2 D_ij (both follow from
-//! innovations that are normal). With p the present probabilities, the expected evidence for what is true against all else is
+//! where J_j are the derivatives of the innovations along j's unknowns, and P_j is the precision with which these are known: the posterior precision of everything that recordings
+//! share, the prior precision (1, in units of the standard deviation) of what belongs to the new recording alone, and, for the forms of j's effects, the precision of the size that
+//! the recordings so far leave to them. Squares are replaced by Huber's loss, as everywhere, and the likelihood has the powers that it will have once the new recording shows the
+//! gap as well, so that there is a D_ij for each accuracy of the explanations. The log Bayes factor is normal with variance 2 D_ij (mean and variance both follow from normal
+//! innovations). With the present probabilities p, the expected evidence for the true explanation against all others is
 //!
 //! ```text
 //! Σ p_i (−ln Σ_{j≠i} p_j e^(−D_ij) / (1 − p_i)),
 //! ```
 //!
-//! for two explanations the mean of D_12 and D_21, for more of them what the nearest rival leaves. Over the accuracies it is the mean of what is left that counts, e^(−D), as
-//! it is of probabilities.
+//! For two explanations this is the mean of D_12 and D_21; for more, it is dominated by the nearest rival. Over the accuracies, what is left of a rival, e^(−D), is averaged, as
+//! probabilities are.
 
 use super::Planner;
 use super::manoeuvre::Manoeuvre;
@@ -32,10 +33,10 @@ use crate::gap::verdict::NAMED_BESIDE;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-/// An explanation that is still believed.
+/// An explanation that is still plausible.
 #[derive(Clone, Debug)]
 pub struct Rival {
-    /// Its effects, by their place in the registry, ascending; none is the car within its tolerances.
+    /// Its effects, by their index in the registry, ascending; empty for the car within its tolerances.
     pub effects: Vec<usize>,
     /// Probability among the rivals.
     pub probability: f64,
@@ -43,12 +44,12 @@ pub struct Rival {
     shared: Vec<Coordinate>,
     /// Posterior precision of what recordings share.
     precision: DMatrix<f64>,
-    /// Size of its effects' forms, relative to that with which they are fitted.
+    /// Size of its effects' forms, relative to the size that the fit assumed.
     form_size: f64,
 }
 
-/// Explanations of a posterior between which a manoeuvre may decide: those that are believed beside the best by more than [`NAMED_BESIDE`], the best first. What
-/// has no formula predicts nothing and is not among them.
+/// Explanations of a posterior between which a manoeuvre may decide: those with a probability of more than [`NAMED_BESIDE`], the best first. Missing laws have no formula, predict
+/// nothing, and are left out.
 pub fn rivals(posterior: &Posterior) -> Vec<Rival> {
     let formulas = posterior.explanations.iter().filter(|e| e.place.is_none() && e.probability > NAMED_BESIDE);
     let mut all: Vec<Rival> = formulas
@@ -69,10 +70,10 @@ pub fn rivals(posterior: &Posterior) -> Vec<Rival> {
     all
 }
 
-/// What a manoeuvre is expected to do to the rivals.
+/// Expected evidence of a manoeuvre between the rivals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Split {
-    /// D_ij, nats, for each accuracy that explanations may have: row i is true.
+    /// D_ij, nats, for each accuracy of the explanations; i is the row and is true.
     pub nats: ByAccuracy<DMatrix<f64>>,
 }
 
@@ -81,7 +82,7 @@ fn mean(of: &ByAccuracy<f64>) -> f64 {
 }
 
 impl Split {
-    /// Expected evidence for what is true against the rest, nats.
+    /// Expected evidence for the true explanation against the others, nats.
     pub fn evidence(&self, probability: &[f64]) -> f64 {
         let all = self.nats.each_ref().map(|nats| Self::evidence_of(nats, probability));
         let least = all.iter().copied().fold(f64::INFINITY, f64::min);
@@ -100,7 +101,7 @@ impl Split {
         (0..probability.len()).map(one).sum::<f64>() / total
     }
 
-    /// Probability that the first rival and rival `k` are told apart afterwards: that the one that is wrong falls below [`NAMED_BESIDE`].
+    /// Probability that the first rival and rival `k` are told apart afterwards: that the probability of the wrong one falls below [`NAMED_BESIDE`].
     pub fn told_apart(&self, probability: &[f64], k: usize) -> f64 {
         let prior = (probability[0] / probability[k]).ln();
         let of = |i: usize, j: usize, ahead: f64| told(&self.nats.each_ref().map(|nats| nats[(i, j)]), ahead);
@@ -108,23 +109,23 @@ impl Split {
         (probability[0] * first + probability[k] * other) / (probability[0] + probability[k])
     }
 
-    /// The same of the first and all others: of the pair that is told apart worst.
+    /// Smallest probability with which the first rival and another one are told apart.
     pub fn splits(&self, probability: &[f64]) -> f64 {
         (1..probability.len()).map(|k| self.told_apart(probability, k)).fold(1.0, f64::min)
     }
 
-    /// The same for these rivals alone.
+    /// The split between the rivals at these indices alone.
     pub fn among(&self, places: &[usize]) -> Self {
         let of = |nats: &DMatrix<f64>| DMatrix::from_fn(places.len(), places.len(), |i, j| nats[(places[i], places[j])]);
         Self { nats: self.nats.each_ref().map(of) }
     }
 }
 
-/// Deviates between which the one is looked for from which on explanations are told apart.
+/// Range of standard normal deviates in which the threshold above which explanations are told apart is sought.
 const DEVIATES: [f64; 2] = [-40.0, 40.0];
 
-/// Probability that what is wrong falls below [`NAMED_BESIDE`] where what is true is `ahead` by so many nats, with these nats expected at each accuracy. One recording has one
-/// deviate whatever the accuracy, and what is left of the wrong one falls as it rises.
+/// Probability that the wrong explanation falls below [`NAMED_BESIDE`] if the true one is now `ahead` by this many nats and `nats` are expected at each accuracy. A recording has
+/// one normal deviate for all accuracies, and the probability of the wrong explanation falls as the deviate rises.
 fn told(nats: &ByAccuracy<f64>, ahead: f64) -> f64 {
     let is_told = |z: f64| mean(&nats.map(|d| 1.0 / (1.0 + (ahead + d + (2.0 * d).sqrt() * z).exp()))) < NAMED_BESIDE;
     let [mut low, mut high] = DEVIATES;
@@ -138,7 +139,7 @@ fn told(nats: &ByAccuracy<f64>, ahead: f64) -> f64 {
     normal(-high)
 }
 
-/// What every manoeuvre of the planner would do to these rivals, in its order.
+/// The split of these rivals by every manoeuvre, in the planner's order.
 pub fn splits(planner: &Planner, rivals: &[Rival]) -> Vec<Split> {
     planner.manoeuvres.par_iter().map(|m| split(planner, rivals, m)).collect()
 }
@@ -148,7 +149,7 @@ fn split(planner: &Planner, rivals: &[Rival], what: &Manoeuvre) -> Split {
     let points: Vec<Point> = rivals.iter().map(|r| planner.at(&r.point)).collect();
     let innovations: Vec<Vec<f64>> = points.iter().map(|p| problem.residuals(0, p, None)).collect();
     let difference = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<f64>>();
-    // What shows explanations well shows the gap well, and what they leave of it.
+    // A manoeuvre that distinguishes explanations well also shows the gap, and what they leave of it, which lowers the powers of the likelihood.
     let gap = difference(&problem.residuals(0, &planner.nominal(), None), &innovations[0]);
     let gap = [gap];
     let powers = coarsened(problem.powers, problem.by_sample(&gap, of_replay), problem.misfits(&gap));
@@ -208,28 +209,28 @@ mod tests {
         assert!(lopsided.splits(&p) < 0.05 && even.splits(&p) > 0.95);
     }
 
-    /// Odds of 19 to one or more are apart, and a manoeuvre that says nothing does not change that.
+    /// Explanations are told apart at odds of 19 to 1 or more, and a manoeuvre that says nothing does not change the odds.
     #[test]
     fn what_says_nothing_leaves_the_odds_as_they_are() {
         let silent = split(2, &[0.0; 4]);
-        // 24 to one: apart if the first is true; 3 to one: not.
+        // 24 to 1: told apart if the first is true; 3 to 1: not.
         assert!((silent.told_apart(&[0.96, 0.04], 1) - 0.96).abs() < 1e-12);
         assert_eq!(silent.told_apart(&[0.75, 0.25], 1), 0.0);
     }
 
-    /// The accuracy at which least is expected keeps a rival alive: a third of what it leaves is left.
+    /// The accuracy with the least expected evidence keeps a rival alive: what remains is a third of what is left at that accuracy.
     #[test]
     fn over_accuracies_it_is_the_mean_of_what_is_left() {
         let mut s = split(2, &[0.0, 40.0, 40.0, 0.0]);
         s.nats[2].fill(0.5);
         let left = s.evidence(&[0.5, 0.5]);
         assert!((left - (0.5 + 3f64.ln())).abs() < 1e-9, "{left}");
-        // A third of what that accuracy leaves has to be below a twentieth: its odds above 17 to three.
+        // A third of the rival's probability at that accuracy must be below a twentieth, so the odds there must be above 17 to 3.
         let expected = normal(0.5 - (17.0_f64 / 3.0).ln());
         assert!((s.told_apart(&[0.5, 0.5], 1) - expected).abs() < 1e-5, "{} {expected}", s.told_apart(&[0.5, 0.5], 1));
     }
 
-    /// What the form of a rival's effect can follow says less, and so does a recording that is believed less because of the gap that it shows.
+    /// Less evidence is expected where the form of a rival's effect can follow the difference, and where the likelihood is lowered because the recording shows the gap.
     #[test]
     fn forms_and_inexact_laws_leave_less_to_expect() {
         let vehicle = Vehicle::paper();
@@ -255,7 +256,7 @@ mod tests {
         assert!(formless[2] < 0.8 * formless[1] && formless[1] < 0.8 * formless[0] && formless[2] > 0.0, "{formless:?}");
     }
 
-    /// Against drawn Bayes factors.
+    /// Compared with the frequency among simulated Bayes factors.
     #[test]
     fn the_probability_of_a_split_is_its_frequency() {
         let (all, p) = ([6.0, 4.0, 1.5], [0.7, 0.3]);
