@@ -38,8 +38,8 @@ fn learned_at(car: &Car, place: Subsystem, or_at: &[Subsystem]) -> (Tried, Close
     let campaign = campaign::read(folder.path(), &ReadOptions::default()).unwrap();
     let vehicle = Vehicle::from_value(&campaign.vehicle_json).unwrap();
     let split = split(&campaign.recordings, None);
-    let taught: Vec<_> = split.taught.iter().collect();
-    let (tracks, tolerances) = prepare::read(&taught, &campaign.vehicle_json).unwrap();
+    let fitted_part: Vec<_> = split.fitted_part.iter().collect();
+    let (tracks, tolerances) = prepare::read(&fitted_part, &campaign.vehicle_json).unwrap();
     let with = prepare::disturbances(&tracks, &tolerances);
     let problem = prepare::problem(tracks, &vehicle, &tolerances, &with);
     let nominal = problem.nominal();
@@ -66,9 +66,9 @@ fn learned_at(car: &Car, place: Subsystem, or_at: &[Subsystem]) -> (Tried, Close
     let declared: Vec<_> = tolerances.own.iter().filter(|n| n.declared).cloned().collect();
     let floor = measure::floor(held_out, (&vehicle, &null), &declared, tolerances.declared_report, split.last_engagement);
     let floors: Vec<f64> =
-        taught.iter().map(|r| measure::floor(r, (&vehicle, &null), &declared, tolerances.declared_report, false)).collect();
+        fitted_part.iter().map(|r| measure::floor(r, (&vehicle, &null), &declared, tolerances.declared_report, false)).collect();
     let judge = Judge {
-        taught: Followed { recordings: &split.taught, floors: &floors },
+        fitted_part: Followed { recordings: &split.fitted_part, floors: &floors },
         held_out,
         last_engagement: split.last_engagement,
         floor,

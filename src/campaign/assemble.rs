@@ -16,7 +16,7 @@ use super::table::Measurement;
 use super::{NO_BRAKE, NO_POSITION, Recording};
 
 /// Temperature of the housing air if nothing states it, °C.
-const MILD: f64 = 20.0;
+const DEFAULT_AIR_DEGC: f64 = 20.0;
 
 /// Standard deviation of start temperatures that are not given, K: the car may have stood all night or may just have climbed a hill.
 const UNKNOWN_K: f64 = 40.0;
@@ -76,7 +76,7 @@ pub(super) fn assemble(mut m: Measurement, map: &ChannelMap, entry: &Entry, all:
         notes.push(NO_BRAKE.to_owned());
     }
     let label = |channel| labels.iter().find(|(c, _)| *c == channel).map_or_else(String::new, |(_, l)| l.clone());
-    checks::says_something(&m.file, label, &mut recording, &mut notes)?;
+    checks::check_information(&m.file, label, &mut recording, &mut notes)?;
     // A torque that the channel map gives as a constant is meant to be constant.
     let still = checks::constant(&recording.t_e).filter(|_| map.get(Channel::TE).is_none_or(|mapped| mapped.value.is_none()));
     let still_torque = still.map(|value| Defect::StillTorque { value }.at(&m.file, label(Channel::TE), None));
@@ -167,12 +167,12 @@ fn temperatures(recording: &mut Recording, entry: &Entry, notes: &mut Vec<String
     if recording.theta_h.is_empty() {
         let (air, from) = match entry.theta_0 {
             Some([_, body]) => (body, "as warm as the body at the start"),
-            None => (MILD, "nothing says how warm it is"),
+            None => (DEFAULT_AIR_DEGC, "nothing says how warm it is"),
         };
         notes.push(format!("theta_h_degC: not recorded; {air} °C is taken throughout: {from}"));
         recording.theta_h = vec![air; recording.time.len()];
     }
-    let air = recording.theta_h.first().copied().unwrap_or(MILD);
+    let air = recording.theta_h.first().copied().unwrap_or(DEFAULT_AIR_DEGC);
     let sigma = entry.theta_0_sigma;
     if entry.theta_0.is_none() {
         notes.push(format!("no temperatures at the start are given: {air} °C is taken, the housing air's, give or take {UNKNOWN_K} K"));

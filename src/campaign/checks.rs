@@ -171,7 +171,7 @@ fn short(value: f64) -> String {
 }
 
 /// Refuses a recording whose speeds or inputs never change; drops a bench position or torque that never changes while the command is not constant.
-pub(crate) fn says_something(
+pub(crate) fn check_information(
     file: &str,
     label: impl Fn(Channel) -> String,
     recording: &mut Recording,
@@ -312,7 +312,7 @@ mod tests {
             *series = ramp.clone();
         }
         change(&mut recording);
-        let said = says_something("r.csv", |c| c.spec().column.to_owned(), &mut recording, &mut notes).map_err(|e| e.to_string());
+        let said = check_information("r.csv", |c| c.spec().column.to_owned(), &mut recording, &mut notes).map_err(|e| e.to_string());
         (said, recording, notes)
     }
 

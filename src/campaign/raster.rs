@@ -23,10 +23,10 @@ const LONGEST: usize = 100;
 pub(super) const SURE_NATS: f64 = 30.0;
 
 /// Largest share of the events that may lie beside the lattice.
-const BESIDE: f64 = 0.05;
+const MAX_OFF_LATTICE_SHARE: f64 = 0.05;
 
 /// Least share of the lattice's rows in which an event has to occur: samples have noise, whereas a signal without any may bend anywhere.
-const HAPPENS: f64 = 0.3;
+const MIN_EVENT_SHARE: f64 = 0.3;
 
 /// Kind of the rows between the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,7 +99,7 @@ impl Raster {
         format!("one row in {} is a sample, those between {between} and are left out", self.every)
     }
 
-    /// Whether a signal with the same rows has values at this raster's samples and events nowhere else, except for a share of [`BESIDE`].
+    /// Whether a signal with the same rows has values at this raster's samples and events nowhere else, except for a share of [`MAX_OFF_LATTICE_SHARE`].
     fn holds(&self, signal: &Signal) -> bool {
         let (mut all, mut beside) = (0, 0);
         for (_, row) in events(&signal.time, &signal.values, self.between) {
@@ -108,7 +108,7 @@ impl Raster {
         }
         let samples = || self.is_sample.iter().zip(&signal.values).filter(|(is, _)| **is);
         let lacking = samples().filter(|(_, v)| v.is_nan()).count();
-        let few = |part: usize, of: usize| part as f64 <= BESIDE * of as f64;
+        let few = |part: usize, of: usize| part as f64 <= MAX_OFF_LATTICE_SHARE * of as f64;
         few(beside, all) && few(lacking, samples().count())
     }
 }
@@ -194,7 +194,7 @@ impl Distances {
             passed += ((distance - 1) / every) as f64 * count;
             *(if distance % every == 0 { &mut on } else { &mut beside }) += count;
         }
-        if rows == 0.0 || beside > BESIDE * (on + beside) || on < HAPPENS * (on + passed) {
+        if rows == 0.0 || beside > MAX_OFF_LATTICE_SHARE * (on + beside) || on < MIN_EVENT_SHARE * (on + passed) {
             return f64::NEG_INFINITY;
         }
         let bernoulli = |events: f64, rows: f64| {

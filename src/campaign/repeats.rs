@@ -43,7 +43,7 @@ struct Repeated {
 
 /// How the rows of a recording are treated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Taken {
+pub(super) struct RowTreatment {
     /// Whether the rows of each speed repeat its source.
     uneven: [bool; 2],
     /// Whether both speeds are updated together.
@@ -70,25 +70,25 @@ impl Repeats {
     }
 
     /// How the rows of this recording are treated, judged by those of `all` recordings.
-    pub(super) fn among(&self, all: &Self) -> Taken {
+    pub(super) fn among(&self, all: &Self) -> RowTreatment {
         let nats = all.of.map(|of| of.nats());
         let likely = |k: usize| nats[k] > LIKELY_NATS && self.of[k].nats_at(all.of[k].share()) > -LIKELY_NATS;
         let sure = nats.iter().sum::<f64>() > SURE_NATS;
         let uneven = std::array::from_fn(|k| sure && likely(k));
-        Taken { uneven, together: uneven == [true; 2] && all.come_together() }
+        RowTreatment { uneven, together: uneven == [true; 2] && all.come_together() }
     }
 
     /// Whether both speeds are beyond doubt updated together, rather than each at its own times, judged by the share of rows with a new value in which both are new.
     fn come_together(&self) -> bool {
         let [f, c] = self.of.map(|of| of.readings as f64 / of.rows as f64);
         let apart = f * c / (f + c - f * c);
-        let together = (1.0 - seldom()) / (1.0 + seldom());
+        let together = (1.0 - max_equal_share()) / (1.0 + max_equal_share());
         let one = (self.either - self.both) as f64;
         self.both as f64 * (together / apart).ln() + one * ((1.0 - together) / (1.0 - apart)).ln() > SURE_NATS
     }
 }
 
-impl Taken {
+impl RowTreatment {
     /// Samples of each speed whose rows repeat it.
     pub(super) fn samples(self, speeds: [Option<&Signal>; 2]) -> [Option<Raster>; 2] {
         let mut new = speeds.map(|s| s.map_or_else(Vec::new, |s| changes(&s.time, &s.values, Between::Uneven)));
@@ -156,18 +156,19 @@ impl Repeated {
 
     /// Log-likelihood ratio, in nats, of a source that is held against samples in every row; 0 if the latter are likelier.
     fn nats(&self) -> f64 {
-        if self.share() > seldom() { self.nats_at(self.share()).max(0.0) } else { 0.0 }
+        if self.share() > max_equal_share() { self.nats_at(self.share()).max(0.0) } else { 0.0 }
     }
 
     /// The same log-likelihood ratio for a source of which this share of the readings is held.
     fn nats_at(&self, share: f64) -> f64 {
-        self.held as f64 * (share / seldom()).ln() + (self.readings - self.held) as f64 * ((1.0 - share) / (1.0 - seldom())).ln()
+        self.held as f64 * (share / max_equal_share()).ln()
+            + (self.readings - self.held) as f64 * ((1.0 - share) / (1.0 - max_equal_share())).ln()
     }
 }
 
 /// Largest probability that a sample of a speed in motion equals the one before: two readings that are m steps q apart and have noise σ are equal
 /// with probability q/(2√π σ) exp(−(m q/2σ)²), which is at most this for m = [`MOVES`] and any σ.
-fn seldom() -> f64 {
+fn max_equal_share() -> f64 {
     (-0.5_f64).exp() / (MOVES * (2.0 * std::f64::consts::PI).sqrt())
 }
 
@@ -228,7 +229,7 @@ mod tests {
                 let [f, c] = both.each_ref().map(Some);
                 let own = Repeats::of([f, c]);
                 let taken = own.among(&own);
-                assert_eq!(taken, Taken { uneven: [true; 2], together }, "{step} {random}: {own:?}");
+                assert_eq!(taken, RowTreatment { uneven: [true; 2], together }, "{step} {random}: {own:?}");
                 for (k, (raster, read)) in taken.samples([f, c]).into_iter().zip(&read).enumerate() {
                     let is_sample = raster.unwrap().is_sample;
                     let samples = (0..ROWS as usize).filter(|k| read[*k] == *k).count();
@@ -252,8 +253,8 @@ mod tests {
             all.clone().map(|s| Signal { time: std::rc::Rc::new(s.time[60..110].to_vec()), values: s.values[60..110].to_vec(), ..s });
         let of = |s: &[Signal; 2]| Repeats::of(s.each_ref().map(Some));
         let (short, pool) = (of(&part), of(&all).with(&of(&part)));
-        assert_eq!(short.among(&short), Taken { uneven: [false; 2], together: false }, "{short:?}");
-        assert_eq!(short.among(&pool), Taken { uneven: [true; 2], together: true }, "{pool:?}");
+        assert_eq!(short.among(&short), RowTreatment { uneven: [false; 2], together: false }, "{short:?}");
+        assert_eq!(short.among(&pool), RowTreatment { uneven: [true; 2], together: true }, "{pool:?}");
         // Another logger, with a sample in every row.
         let each: Vec<usize> = (0..ROWS as usize).collect();
         let sampled = of(&speeds(0.025, [&each, &each]));
@@ -275,7 +276,7 @@ mod tests {
         let (read, each) = (read_at(false, 0), (0..ROWS as usize).collect::<Vec<_>>());
         let both = speeds(0.025, [&each, &read]);
         let own = Repeats::of(both.each_ref().map(Some));
-        assert_eq!(own.among(&own), Taken { uneven: [false, true], together: false });
+        assert_eq!(own.among(&own), RowTreatment { uneven: [false, true], together: false });
         assert!(alone(&both[0].time, &both[0].values).is_none() && alone(&both[1].time, &both[1].values).is_some());
     }
 }

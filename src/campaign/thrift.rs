@@ -28,12 +28,12 @@ enum Stop {
     /// The bytes end, or are invalid: the reader will report that itself.
     Damaged,
     /// There are more elements than the bytes can hold.
-    Endless,
+    TooManyElements,
 }
 
 /// A structure that claims more than it holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Endless;
+pub(crate) struct TooManyElements;
 
 /// What is needed from a page header.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -82,7 +82,7 @@ impl Walk<'_> {
     }
 
     fn value(&mut self, kind: u8, depth: usize) -> Result<(), Stop> {
-        self.left = self.left.checked_sub(1).ok_or(Stop::Endless)?;
+        self.left = self.left.checked_sub(1).ok_or(Stop::TooManyElements)?;
         let deeper = depth.checked_sub(1).ok_or(Stop::Damaged)?;
         match kind {
             1 | 2 => Ok(()),
@@ -127,12 +127,12 @@ fn zigzag(value: u64) -> i64 {
     (value >> 1) as i64 ^ -((value & 1) as i64)
 }
 
-fn walk(bytes: &[u8]) -> Result<Option<(usize, Found)>, Endless> {
+fn walk(bytes: &[u8]) -> Result<Option<(usize, Found)>, TooManyElements> {
     let mut walk = Walk { bytes, left: bytes.len().saturating_add(RESERVE) };
     match walk.structure(DEPTH) {
         Ok(found) => Ok(Some((bytes.len() - walk.bytes.len(), found))),
         Err(Stop::Damaged) => Ok(None),
-        Err(Stop::Endless) => Err(Endless),
+        Err(Stop::TooManyElements) => Err(TooManyElements),
     }
 }
 
@@ -140,7 +140,7 @@ fn walk(bytes: &[u8]) -> Result<Option<(usize, Found)>, Endless> {
 ///
 /// # Errors
 /// It claims more elements than its bytes can hold.
-pub(crate) fn check_footer(file: &[u8]) -> Result<(), Endless> {
+pub(crate) fn check_footer(file: &[u8]) -> Result<(), TooManyElements> {
     let Some((rest, tail)) = file.split_last_chunk::<8>() else { return Ok(()) };
     let length = u32::from_le_bytes([tail[0], tail[1], tail[2], tail[3]]) as usize;
     let footer = rest.len().checked_sub(length).map_or(rest, |start| &rest[start..]);
@@ -151,7 +151,7 @@ pub(crate) fn check_footer(file: &[u8]) -> Result<(), Endless> {
 ///
 /// # Errors
 /// A header claims more elements than the bytes can hold.
-pub(crate) fn check_pages(mut chunk: &[u8]) -> Result<(), Endless> {
+pub(crate) fn check_pages(mut chunk: &[u8]) -> Result<(), TooManyElements> {
     while let Some((length, Found { third: Some(size) })) = walk(chunk)? {
         let Some(rest) = usize::try_from(size).ok().and_then(|size| chunk.get(length.saturating_add(size)..)) else { break };
         chunk = rest;
@@ -178,12 +178,12 @@ mod tests {
     #[test]
     fn a_count_beyond_the_bytes_is_seen() {
         assert_eq!(walk(&flags(1000)).map(|w| w.map(|(length, _)| length)), Ok(Some(5)));
-        assert_eq!(walk(&flags(1 << 31)), Err(Endless));
+        assert_eq!(walk(&flags(1 << 31)), Err(TooManyElements));
         let mut file = flags(1 << 31);
         let length = file.len() as u32;
         file.extend(length.to_le_bytes());
         file.extend(b"PAR1");
-        assert_eq!(check_footer(&file), Err(Endless));
+        assert_eq!(check_footer(&file), Err(TooManyElements));
     }
 
     #[test]
@@ -192,6 +192,6 @@ mod tests {
         let mut chunk = vec![0x35, 4, 0, 7, 7];
         assert_eq!(check_pages(&chunk), Ok(()));
         chunk.extend(flags(1 << 40));
-        assert_eq!(check_pages(&chunk), Err(Endless));
+        assert_eq!(check_pages(&chunk), Err(TooManyElements));
     }
 }

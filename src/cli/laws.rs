@@ -12,7 +12,7 @@ use crate::gap::model::track::Track;
 use crate::physics::cushion;
 use crate::physics::driveline::{clutch_torque, load_torque};
 use crate::physics::map::torque_of;
-use crate::plant::clutch::{self, Branch, Found};
+use crate::plant::clutch::{self, Branch, FaceCache};
 use crate::plant::config::Config;
 use crate::plant::motion::{self, Motion, index};
 use crate::report::laws::{Law, Line};
@@ -58,12 +58,15 @@ pub fn source<'a>(campaign: &'a Campaign, o: &Overlay) -> Option<(&'a Recording,
 /// Reported torque, commanded position and state of the clutch along each overlay.
 pub fn traces(campaign: &Campaign, found: &Diagnosis) -> Vec<Trace> {
     let car = Config::new(&found.vehicle, &found.effects);
-    let one = |o| source(campaign, o).map_or_else(Trace::default, |(r, begin)| trace(&car, r, begin, o, warmed(found, r, begin, o)));
+    let one = |o| {
+        source(campaign, o)
+            .map_or_else(Trace::default, |(r, begin)| trace(&car, r, begin, o, modelled_disc_temperature(found, r, begin, o)))
+    };
     found.overlays.iter().map(one).collect()
 }
 
 /// Disc temperature of the retuned model along an overlay, from a free replay.
-fn warmed(found: &Diagnosis, r: &Recording, begin: usize, o: &Overlay) -> Vec<f64> {
+fn modelled_disc_temperature(found: &Diagnosis, r: &Recording, begin: usize, o: &Overlay) -> Vec<f64> {
     let track = Track::new(r);
     let car = Car { effects: found.effects, ..Car::nominal(&found.vehicle) };
     let start = replay::start(&track, &car, begin, o.theta, 0.0);
@@ -75,7 +78,7 @@ fn warmed(found: &Diagnosis, r: &Recording, begin: usize, o: &Overlay) -> Vec<f6
     theta
 }
 
-fn trace(car: &Config, r: &Recording, begin: usize, o: &Overlay, warmed: Vec<f64>) -> Trace {
+fn trace(car: &Config, r: &Recording, begin: usize, o: &Overlay, modelled_disc_temperature: Vec<f64>) -> Trace {
     let n = o.channels.iter().map(|c| c.real.len()).max().unwrap_or(0);
     let mut row = begin;
     let rows: Vec<usize> = (0..n)
@@ -95,7 +98,8 @@ fn trace(car: &Config, r: &Recording, begin: usize, o: &Overlay, warmed: Vec<f64
     let phases = match speeds {
         [Some(f), Some(c)] => (0..n.min(f.real.len()).min(c.real.len()))
             .map(|i| {
-                let theta = theta.map(|t| t.after[i]).or(warmed.get(i).copied()).filter(|t| t.is_finite()).unwrap_or(r.theta_c0);
+                let theta =
+                    theta.map(|t| t.after[i]).or(modelled_disc_temperature.get(i).copied()).filter(|t| t.is_finite()).unwrap_or(r.theta_c0);
                 if !position_free && !clutch::engaged(car, x[i], theta) {
                     0
                 } else if (f.real[i] - c.real[i]).abs() < LOCKED {
@@ -109,7 +113,7 @@ fn trace(car: &Config, r: &Recording, begin: usize, o: &Overlay, warmed: Vec<f64
     };
     let command = (!position_free).then_some(Signal { column: "x_to_cmd_mm", unit: "mm", values: x });
     let signals = [Signal { column: "T_e_Nm", unit: "N.m", values: t_e }].into_iter().chain(command).collect();
-    Trace { signals, phases, theta: warmed }
+    Trace { signals, phases, theta: modelled_disc_temperature }
 }
 
 /// Torque over position, friction over slip and over temperature, and the learned laws of effects outside the library.
@@ -151,7 +155,7 @@ pub fn laws(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law
     // Computing friction from the data requires the temperature, since the force depends on it; without a thermocouple the retuned model's temperature is used.
     let warm = |s: &Sample| if thetas.is_empty() { s.modelled } else { s.theta };
     let friction = |s: &Sample| {
-        let force = clutch::force(&cars[1], &Found::NOTHING, s.x, Branch { x: s.x, z: 0.0 }, &motion::warm(warm(s)?));
+        let force = clutch::force(&cars[1], &FaceCache::EMPTY, s.x, Branch { x: s.x, z: 0.0 }, &motion::warm(warm(s)?));
         let per_mu = torque_of(&cars[1].vehicle.friction, force, 1.0);
         (per_mu > PRESSED).then(|| s.torque / per_mu)
     };
@@ -204,7 +208,7 @@ pub fn laws(campaign: &Campaign, found: &Diagnosis, traces: &[Trace]) -> Vec<Law
 const LOADED: f64 = 15.0;
 
 /// Sum of a law's curves as the recordings show it at one sample, and the abscissa of each of the curves.
-struct Shown {
+struct LawSample {
     sum: f64,
     at: Vec<f64>,
 }
@@ -222,8 +226,8 @@ fn learned_in(law: Subsystem, l: &Tried, campaign: &Campaign, found: &Diagnosis,
     all.iter().flat_map(|c| c.parameters()).for_each(|k| without[k] = 0.0);
     let car = Config::new(&found.vehicle, &without);
     let with_data = found.overlays.iter().zip(traces);
-    let shown: Vec<Shown> =
-        with_data.flat_map(|(o, t)| source(campaign, o).map_or_else(Vec::new, |(r, _)| law_shown(&car, law, o, t, r.theta_c0))).collect();
+    let shown: Vec<LawSample> =
+        with_data.flat_map(|(o, t)| source(campaign, o).map_or_else(Vec::new, |(r, _)| law_samples(&car, law, o, t, r.theta_c0))).collect();
     // Curves that multiply another curve, and time constants, are hardly visible in the recordings by themselves.
     let apart = |c: &Curve| ["force_direction", "engine_time", "engine_slowing"].contains(&c.name);
     l.learned
@@ -232,7 +236,7 @@ fn learned_in(law: Subsystem, l: &Tried, campaign: &Campaign, found: &Diagnosis,
         .filter(|c| c.subsystem == law)
         .map(|c| {
             let place = all.iter().position(|other| other.name == c.name).expect("a learned curve is one of its law's");
-            let others = |s: &Shown| {
+            let others = |s: &LawSample| {
                 all.iter()
                     .zip(&s.at)
                     .enumerate()
@@ -246,7 +250,7 @@ fn learned_in(law: Subsystem, l: &Tried, campaign: &Campaign, found: &Diagnosis,
             let (first, last) = (c.breakpoints[0], c.breakpoints[c.breakpoints.len() - 1]);
             let cloud = match law {
                 Subsystem::Actuator | Subsystem::Sensors => {
-                    found.overlays.iter().zip(traces).flat_map(|(o, t)| by_itself(c, &found.effects, &found.vehicle, o, t)).collect()
+                    found.overlays.iter().zip(traces).flat_map(|(o, t)| curve_samples(c, &found.effects, &found.vehicle, o, t)).collect()
                 }
                 _ if apart(c) => Vec::new(),
                 _ => shown.iter().map(|s| (s.at[place], s.sum - others(s))).collect(),
@@ -279,7 +283,7 @@ const TURNING: f64 = 5.0;
 
 /// Samples of one curve of the actuator or the sensors, as an overlay shows them with all other effects at their identified sizes: a time constant from the speed of the
 /// measured bearing position, an offset, or a scale. The remaining curves cannot be seen by themselves, and give no samples.
-fn by_itself(c: &Curve, effects: &crate::effects::Parameters, vehicle: &Vehicle, o: &Overlay, t: &Trace) -> Vec<(f64, f64)> {
+fn curve_samples(c: &Curve, effects: &crate::effects::Parameters, vehicle: &Vehicle, o: &Overlay, t: &Trace) -> Vec<(f64, f64)> {
     let channel = |column: &str| o.channels.iter().find(|c| c.column == column);
     let seen =
         |column: &str| channel(column).map(|c| c.real.iter().copied().zip(c.after.iter().copied()).collect::<Vec<_>>()).unwrap_or_default();
@@ -308,7 +312,7 @@ fn by_itself(c: &Curve, effects: &crate::effects::Parameters, vehicle: &Vehicle,
 }
 
 /// Samples of a law from the torque balances: relative deviation of the torque from that of the car without the law, or residual torque.
-fn law_shown(car: &Config, law: Subsystem, o: &Overlay, t: &Trace, theta_0: f64) -> Vec<Shown> {
+fn law_samples(car: &Config, law: Subsystem, o: &Overlay, t: &Trace, theta_0: f64) -> Vec<LawSample> {
     let of = |column: &str| o.channels.iter().find(|c| c.column == column).map(|c| c.real.as_slice());
     let (Some(f), Some(c)) = (of("omega_f_rad_s"), of("omega_c_rad_s")) else { return Vec::new() };
     let signal = |column: &str| t.signals.iter().find(|s| s.column == column).map_or(&[][..], |s| s.values.as_slice());
@@ -335,20 +339,20 @@ fn law_shown(car: &Config, law: Subsystem, o: &Overlay, t: &Trace, theta_0: f64)
             Subsystem::Friction | Subsystem::ClutchForce if slipping => {
                 let x = of("x_to_mm").map_or(x_cmd[i], |v| v[i]);
                 let modelled = capacity(car, x, slip, theta);
-                let force = clutch::force(car, &Found::NOTHING, x, Branch { x, z: 0.0 }, &motion::warm(theta));
+                let force = clutch::force(car, &FaceCache::EMPTY, x, Branch { x, z: 0.0 }, &motion::warm(theta));
                 let closed = cushion::force(&car.vehicle.cushion_spring, car.xi_0, 1.0);
                 let xi = clutch::normalised_position(car, x, theta);
                 let at = if law == Subsystem::Friction { vec![slip, theta, force / closed, 1e-3 * work] } else { vec![xi, xi, theta] };
-                (modelled > LOADED).then(|| Shown { sum: torque / modelled - 1.0, at })
+                (modelled > LOADED).then(|| LawSample { sum: torque / modelled - 1.0, at })
             }
             // The clutch torque must be known: the clutch is open, or its torque is measured.
             Subsystem::Engine if t.phases[i] == 0 || measured.is_some() => {
-                Some(Shown { sum: measured.filter(|_| t.phases[i] != 0).unwrap_or(0.0) - balance, at: vec![f[i], t_e[i]] })
+                Some(LawSample { sum: measured.filter(|_| t.phases[i] != 0).unwrap_or(0.0) - balance, at: vec![f[i], t_e[i]] })
             }
             Subsystem::Driveline if slipping || t.phases[i] == 2 => {
                 let resisted = if slipping { torque } else { engine - (d.J_f) * slope(f) };
                 let known = d.b_c * c[i] + load_torque(d, c[i]) + d.J_c * slope(c);
-                (c[i] > 2.0 * d.omega_L).then(|| Shown { sum: resisted - known, at: vec![c[i]] })
+                (c[i] > 2.0 * d.omega_L).then(|| LawSample { sum: resisted - known, at: vec![c[i]] })
             }
             _ => None,
         };
@@ -370,7 +374,7 @@ fn capacity(car: &Config, x: f64, slip: f64, theta: f64) -> f64 {
 /// Effective friction coefficient: torque divided by the torque that the same force gives with a friction coefficient of 1.
 fn mu(car: &Config, slip: f64, theta: f64) -> f64 {
     let force = 1000.0;
-    clutch::capacity_under(car, &Found::NOTHING, force, slip, &motion(theta)) / torque_of(&car.vehicle.friction, force, 1.0)
+    clutch::capacity_under(car, &FaceCache::EMPTY, force, slip, &motion(theta)) / torque_of(&car.vehicle.friction, force, 1.0)
 }
 
 fn samples(o: &Overlay, t: &Trace, vehicle: &Vehicle) -> Vec<Sample> {

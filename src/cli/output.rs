@@ -19,7 +19,7 @@ pub fn print(text: &str) -> Result<(), CommandError> {
 /// Prints one JSON document.
 ///
 /// # Errors
-/// As [`print`].
+/// As [`print()`].
 pub fn print_json(document: &Value) -> Result<(), CommandError> {
     print(&format!("{document:#}\n"))
 }

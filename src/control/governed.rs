@@ -45,7 +45,7 @@ const OPEN_LOAD_BANDWIDTH: f64 = 20.0;
 const LOAD_FORGETTING: f64 = 3.0;
 
 /// Value at which a bound has no influence: hold-back in N·m, speed of the command in mm/s.
-const OUT_OF_THE_WAY: f64 = 1e6;
+const UNLIMITED: f64 = 1e6;
 
 /// Observed torque above which the facings count as having bitten, N·m.
 const BITE: f64 = 8.0;
@@ -58,7 +58,7 @@ const FORGOTTEN: f64 = 4.0;
 const FELT_FOR: f64 = 0.1;
 
 /// Increase of the slip in rad/s, over its value at the beginning of a landing, that ends the landing: it began with a torque that the clutch never carried.
-const MISSED: f64 = 10.0;
+const ABORT_SLIP_RISE: f64 = 10.0;
 
 /// Slip that is attributed to a sensor error, as a share of the engine speed.
 const SENSOR_ERROR: f64 = 0.06;
@@ -120,7 +120,7 @@ pub struct Governed {
     /// Hold-back: limit of the clutch torque that protects the engine speed, N·m.
     pub hold_back: f64,
     /// Time for which the filtered slip has been within `slip_lock` or has changed its sign, s.
-    pub near_for: f64,
+    pub slip_gone_for: f64,
     /// Time since lock-up, s.
     pub closing_for: f64,
     /// Time since the plan ended, s.
@@ -163,9 +163,9 @@ impl Governed {
         self.inertia = Inertia::default();
         self.landing = Landing::default();
         self.held = true;
-        self.rate = OUT_OF_THE_WAY;
-        self.hold_back = OUT_OF_THE_WAY;
-        (self.bitten_for, self.near_for, self.landing_for, self.closing_for) = (0.0, 0.0, 0.0, 0.0);
+        self.rate = UNLIMITED;
+        self.hold_back = UNLIMITED;
+        (self.bitten_for, self.slip_gone_for, self.landing_for, self.closing_for) = (0.0, 0.0, 0.0, 0.0);
         self.from = if slip < 0.0 { -1.0 } else { 1.0 };
     }
 
@@ -177,7 +177,7 @@ impl Governed {
     /// Whether the slip is gone: it has been within `slip_lock` for `lock_time`, or it is within `slip_lock` plus a sensor error more than `landing_time` after the plan's end.
     pub(super) fn has_locked(&self, s: &Settings, omega_f: f64) -> bool {
         let unmoved = self.landing_for > s.landing_time && self.slip.out().abs() <= s.slip_lock + SENSOR_ERROR * omega_f.abs();
-        self.near_for > s.lock_time || unmoved
+        self.slip_gone_for > s.lock_time || unmoved
     }
 
     /// Delivered share: 1 while the observed torque `t_fc` in N·m is near the expected one, falling to 0 with their deviation, when the bearing is not there yet.
@@ -189,7 +189,7 @@ impl Governed {
     fn watch_slip(&mut self, s: &Settings, h: f64) {
         let slip = self.slip.out();
         let gone = self.from * slip <= s.slip_lock;
-        self.near_for = if gone { self.near_for + h } else { 0.0 };
+        self.slip_gone_for = if gone { self.slip_gone_for + h } else { 0.0 };
     }
 }
 
@@ -245,7 +245,7 @@ impl Controller {
             limits.high += begin_landing(state, slip_there);
         }
         let g = &mut state.governed;
-        if g.landing.has_begun() && slip_there > g.landing.slip + MISSED {
+        if g.landing.has_begun() && slip_there > g.landing.slip + ABORT_SLIP_RISE {
             g.landing = Landing::default();
         }
         let last = state.outputs.t_c_ref.max(0.0);
@@ -271,7 +271,7 @@ impl Controller {
         let lost = !g.landing.has_begun() && direction * state.estimate.t_fc < RELEASED && g.expected.out() > 2.0 * BITE;
         if g.bitten_for > 0.0 && lost {
             g.bitten_for = (g.bitten_for - FORGOTTEN * h).max(0.0);
-            g.rate = if g.bitten_for > 0.0 { g.rate } else { OUT_OF_THE_WAY };
+            g.rate = if g.bitten_for > 0.0 { g.rate } else { UNLIMITED };
         } else if bites || g.bitten_for > 0.0 {
             g.bitten_for += h;
         }
@@ -284,7 +284,7 @@ impl Controller {
             let lags = s.actuator_time + lag;
             let speed = approach::speed(touch - s.x_open, g.engaged_for, lags);
             // States must be finite, but the speed may be infinite.
-            g.rate = (approach::FOLLOWED * speed).min(OUT_OF_THE_WAY);
+            g.rate = (approach::FOLLOWED * speed).min(UNLIMITED);
             if g.engaged_for > approach::SLOW {
                 // The bearing is still on its way to the commanded position: the command is taken back to where the bearing is.
                 state.outputs.t_c_ref = t_c.min(BITE + g.slope.max(TOUCHING) * speed * lags);
@@ -333,7 +333,7 @@ mod tests {
         c.state.plan = reference::plan(&c.settings, 110.0, 20.0);
         let g = &mut c.state.governed;
         (g.speed, g.wanted, g.from) = (Lags::at(60.0), Lags::at(60.0), 1.0);
-        (g.load.omega, g.load.torque, g.hold_back, g.rate) = (60.0, 7.0, OUT_OF_THE_WAY, OUT_OF_THE_WAY);
+        (g.load.omega, g.load.torque, g.hold_back, g.rate) = (60.0, 7.0, UNLIMITED, UNLIMITED);
         c
     }
 
@@ -418,7 +418,7 @@ mod tests {
     /// An engine whose torque is late imitates a bite: the duration of a bite that is no longer observed is counted down four times as fast as it was counted up.
     #[test]
     fn a_bite_that_is_not_felt_any_more_is_taken_back() {
-        let out = OUT_OF_THE_WAY;
+        let out = UNLIMITED;
         for (before, felt, expected, after, rate) in [
             (0.2, 1.9, 40.0, 0.16, 3.0),
             (0.03, 1.9, 40.0, 0.0, out),
@@ -476,24 +476,24 @@ mod tests {
     #[test]
     fn a_clutch_has_locked_when_its_slip_is_gone_for_a_while_or_small_long_after_the_plan() {
         let s = Settings { slip_lock: 2.0, lock_time: 0.1, landing_time: 0.5, ..Settings::robust() };
-        let locked = |near_for: f64, landing_for: f64, slip: f64| {
-            Governed { near_for, landing_for, slip: Lags::at(slip), ..Governed::default() }.has_locked(&s, -100.0)
+        let locked = |slip_gone_for: f64, landing_for: f64, slip: f64| {
+            Governed { slip_gone_for, landing_for, slip: Lags::at(slip), ..Governed::default() }.has_locked(&s, -100.0)
         };
         assert!(!locked(0.0, 0.0, 0.0) && !locked(0.1, 0.0, 0.0) && locked(0.11, 0.0, 50.0));
         // 2 rad/s, and 6 % of 100 rad/s for a sensor that is off.
         assert!(locked(0.0, 0.51, 8.0) && locked(0.0, 0.51, -8.0) && !locked(0.0, 0.51, 8.1) && !locked(0.0, 0.5, 0.0));
         let mut g = Governed { slip: Lags::at(-30.0), from: 1.0, ..Governed::default() };
         g.watch_slip(&s, 0.01);
-        assert_eq!(g.near_for, 0.01, "slip that went through zero is gone");
+        assert_eq!(g.slip_gone_for, 0.01, "slip that went through zero is gone");
         g.slip = Lags::at(2.0);
         g.watch_slip(&s, 0.01);
-        assert_eq!(g.near_for, 0.02);
+        assert_eq!(g.slip_gone_for, 0.02);
         g.slip = Lags::at(2.1);
         g.watch_slip(&s, 0.01);
-        assert_eq!(g.near_for, 0.0);
+        assert_eq!(g.slip_gone_for, 0.0);
         g.from = -1.0;
         g.watch_slip(&s, 0.01);
-        assert_eq!(g.near_for, 0.01);
+        assert_eq!(g.slip_gone_for, 0.01);
     }
 
     #[test]

@@ -49,14 +49,14 @@ pub struct Wish {
 impl Wish {
     /// Whether the torque of the grade is a plausible measurement.
     fn has_grade(&self) -> bool {
-        self.t_grade.abs() <= ABSURD
+        self.t_grade.abs() <= PLAUSIBLE_LIMIT
     }
 
     /// The plausible part of the wishes: NaN becomes 0, values are limited to their ranges, and an implausible torque of the grade is replaced by the last `good` one.
     fn sane(self, good: &Self) -> Self {
         let sane = |x: f64, low: f64, high: f64| if x.is_nan() { 0.0 } else { x.max(low).min(high) };
         Self {
-            t_e_max: sane(self.t_e_max, 0.0, ABSURD),
+            t_e_max: sane(self.t_e_max, 0.0, PLAUSIBLE_LIMIT),
             aggressiveness: sane(self.aggressiveness, -1.0, 1.0),
             t_grade: if self.has_grade() { self.t_grade } else { good.t_grade },
             ..self
@@ -81,7 +81,7 @@ pub enum Fault {
 }
 
 /// Magnitude beyond which a speed in rad/s or a torque in N·m is not a plausible measurement.
-const ABSURD: f64 = 1e4;
+const PLAUSIBLE_LIMIT: f64 = 1e4;
 
 /// Magnitude beyond which an air temperature is not a plausible measurement, °C.
 const ABSURD_TEMPERATURE: f64 = 1e3;
@@ -131,7 +131,7 @@ impl Guard {
     pub fn take(&mut self, s: &Settings, raw: &Inputs, slipping: bool, h: f64) {
         let reach = s.speed_jump + s.acceleration_max * h;
         let near = |from: [f64; 2]| (raw.omega_f - from[0]).abs() <= reach && (raw.omega_c - from[1]).abs() <= reach;
-        let valid = [raw.omega_f, raw.omega_c, raw.t_e].iter().all(|x| x.abs() <= ABSURD);
+        let valid = [raw.omega_f, raw.omega_c, raw.t_e].iter().all(|x| x.abs() <= PLAUSIBLE_LIMIT);
         let same = raw.omega_f == self.last[0] && raw.omega_c == self.last[1];
         let agrees = valid && near(self.last) && !(same && self.fault == Fault::Frozen);
         self.agree_for = if agrees { self.agree_for + h } else { 0.0 };

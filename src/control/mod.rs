@@ -3,7 +3,7 @@
 //! A [`Controller`] is a plain value: [`Controller::step`] holds its inputs over a step of any length, and [`Controller::outputs`] depend only on the past.
 //!
 //! - [`settings`]: all design parameters
-//! - [`reference`]: the two speed references
+//! - [`mod@reference`]: the two speed references
 //! - [`pi`]: PI controller with anti-windup
 //! - [`observer`]: clutch torque by (8a), (8b) and (9)
 //! - [`temperature`]: disc and body temperature by (5), (6)

@@ -188,7 +188,7 @@ pub struct Active {
     pub load: bool,
     /// Any curve of the actuator.
     pub actuator: bool,
-    /// [`approach`].
+    /// [`approach()`].
     pub slow: bool,
     /// [`scale`].
     pub scales: bool,
@@ -278,18 +278,18 @@ fn longest(p: &Parameters, curves: [usize; 2]) -> f64 {
 
 /// Distance in mm that is left of `distance` mm after `h` s, for an actuator that started at the position `share`, a share of the closed clutch's.
 pub fn approach(p: &Parameters, distance: f64, share: f64, h: f64) -> f64 {
-    closed_in(TIME[0], distance, |k| time_at(p, k, share), h)
+    remaining_distance(TIME[0], distance, |k| time_at(p, k, share), h)
 }
 
 /// Shortfall in N·m that is left of `short` N·m after `h` s, for an engine with a requested torque of `torque` N·m whose time constant is `known` s without the learned law.
 pub fn engine_approach(p: &Parameters, short: f64, torque: f64, known: f64, h: f64) -> f64 {
     let [over_short, over_torque] = ENGINE_TIME.map(|c| &CURVES[c]);
     let (by_torque, least) = (known + over_torque.value(p, torque), QUICKEST * longest_engine_time(p, known));
-    closed_in(ENGINE_TIME[0], short, |k| (p[over_short.first + k] + by_torque).max(least), h)
+    remaining_distance(ENGINE_TIME[0], short, |k| (p[over_short.first + k] + by_torque).max(least), h)
 }
 
 /// What is left of a signed distance after `h` s, where `time` gives the non-negative time constants in s at the breakpoints of the curve with index `curve`.
-fn closed_in(curve: usize, distance: f64, time: impl Fn(usize) -> f64, h: f64) -> f64 {
+fn remaining_distance(curve: usize, distance: f64, time: impl Fn(usize) -> f64, h: f64) -> f64 {
     let breakpoints = CURVES[curve].breakpoints;
     // Breakpoints from zero outwards, on the side of the distance's sign.
     let place = |steps: usize| if distance > 0.0 { HALF + steps } else { HALF - steps };

@@ -118,7 +118,7 @@ pub(super) fn array<'a, T>(pointer: *const T, count: usize, name: &'static str) 
 /// Writes `count` values into the importer's array.
 ///
 /// # Errors
-/// Those of [`array`] and of `value`.
+/// Those of [`array()`] and of `value`.
 pub(super) fn fill<T>(
     pointer: *mut T,
     count: usize,

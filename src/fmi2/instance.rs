@@ -59,12 +59,12 @@ pub struct Instance {
     /// Positions of the inputs and the outputs among the values.
     inputs: Range<usize>,
     outputs: Range<usize>,
-    moving: Moving,
+    moving: RunState,
 }
 
 /// State of an instance in addition to its values and its model.
 #[derive(Clone, Copy, Debug)]
-struct Moving {
+struct RunState {
     /// End of the last step, s.
     time: f64,
     stop: f64,
@@ -76,7 +76,7 @@ struct Moving {
     tuned: bool,
 }
 
-const AT_REST: Moving = Moving { time: 0.0, stop: f64::MAX, sloped: false, stale: false, tuned: false };
+const AT_REST: RunState = RunState { time: 0.0, stop: f64::MAX, sloped: false, stale: false, tuned: false };
 
 impl Instance {
     /// A new instance.
@@ -150,7 +150,7 @@ impl Instance {
     pub fn reset(&mut self) {
         self.values.copy_from_slice(&self.fresh);
         // The start values agree with each other: those of the XML do, and a vehicle file is checked when it is read.
-        self.moving = Moving { stale: self.model.start(&mut self.values).is_err(), ..AT_REST };
+        self.moving = RunState { stale: self.model.start(&mut self.values).is_err(), ..AT_REST };
         self.slopes.fill(0.0);
         if let Some(checked) = &mut self.checked {
             checked.copy_from_slice(&self.values);
@@ -450,8 +450,8 @@ impl Instance {
     }
 }
 
-fn walk_moving(moving: &mut Moving, words: &mut impl Words) {
-    let Moving { time, stop, sloped, stale, tuned } = moving;
+fn walk_moving(moving: &mut RunState, words: &mut impl Words) {
+    let RunState { time, stop, sloped, stale, tuned } = moving;
     words.real(time);
     words.real(stop);
     words.flag(sloped);

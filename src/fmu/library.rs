@@ -29,7 +29,7 @@ impl Library {
     pub fn read(path: &Path) -> Result<Self, FmuError> {
         let bytes = fs::read(path).map_err(|source| FmuError::File { path: path.to_owned(), source })?;
         let platform = platform(&bytes).map_err(|what| FmuError::NotALibrary { path: path.to_owned(), what })?;
-        Ok(Self { path: path.to_owned(), platform, bytes: without_places(bytes) })
+        Ok(Self { path: path.to_owned(), platform, bytes: without_build_paths(bytes) })
     }
 
     /// Its name in the archive of a model: the model identifier, which is the model's name.
@@ -59,7 +59,7 @@ pub fn module() -> Option<Vec<u8>> {
 }
 
 /// Overwrites the paths of the folders that the library was built in with slashes, which keeps every length: an FMU reveals nothing of the machine that made it.
-fn without_places(mut bytes: Vec<u8>) -> Vec<u8> {
+fn without_build_paths(mut bytes: Vec<u8>) -> Vec<u8> {
     for place in env!("KISSPOINT_PLACES").split('|').filter(|place| place.len() > 1) {
         let finder = |bytes: &[u8], from: usize| bytes[from..].windows(place.len()).position(|w| w == place.as_bytes()).map(|k| from + k);
         let mut from = 0;
@@ -136,7 +136,7 @@ mod tests {
     #[test]
     fn the_place_of_the_build_is_wiped_out() {
         let text = concat!("before ", env!("CARGO_MANIFEST_DIR"), "/src/lib.rs after").as_bytes().to_vec();
-        let wiped = String::from_utf8(without_places(text.clone())).unwrap();
+        let wiped = String::from_utf8(without_build_paths(text.clone())).unwrap();
         assert_eq!(wiped.len(), text.len());
         assert!(
             wiped.starts_with("before //") && wiped.ends_with("//src/lib.rs after") && !wiped.contains(env!("CARGO_MANIFEST_DIR")),

@@ -274,7 +274,7 @@ fn interval(fit: &Fit, k: usize) -> Interval {
     // Without a covariance the recordings bound nothing, and the parameter's own limits are the interval.
     let variance = at.zip(fit.mean_covariance.as_ref()).map_or(f64::INFINITY, |(i, c)| c[(i, i)]);
     let p = &PARAMETERS[k];
-    let half = INTERVAL * variance.sqrt().hypot(fit.mean_of_form(k));
+    let half = INTERVAL * variance.sqrt().hypot(fit.sigma_of_form_mean(k));
     Interval { value: Real(value), low: Real((value - half).max(p.min)), high: Real((value + half).min(p.max)), unit: p.unit }
 }
 

@@ -3,7 +3,7 @@
 use super::answer::Answer;
 use super::compose::{self, Findings};
 use super::divide::divided;
-use super::domain::{self, Handed};
+use super::domain::{self, RetunedPlant};
 use super::drive::{self, Drive};
 use super::empirical::{self, Tried};
 use super::enough::{MOST_SAMPLES, enough_of};
@@ -28,7 +28,7 @@ use super::notes;
 use super::plan::manoeuvre::{Manoeuvre, built_in};
 use super::plan::{Outlook, Planner, outlook};
 use super::progress::{Watch, Work, watched};
-use super::ready::{Fresh, Read, Ready, commanded_every, read_with_control_unit, read_without_stale};
+use super::ready::{Read, Ready, WithoutStaleSamples, commanded_every, read_with_control_unit, read_without_stale};
 use super::retune::{self, Followed};
 use super::verdict::{Conclusion, MISLED, Verdict, conclude, leaves_too_much};
 use crate::campaign::{Campaign, NO_POSITION, Note, Recording};
@@ -135,7 +135,7 @@ fn diagnosed(
 ) -> Result<Diagnosis, DiagnosisError> {
     let work = ready.problem.work.clone();
     let searched = |problem: &Problem, earlier: Option<&Search>| search(problem, earlier, &|what, _| watch.begin(what));
-    let Fresh { campaign, ready, found, stale } = read_without_stale(campaign, &vehicle, ready, &searched)?;
+    let WithoutStaleSamples { campaign, ready, found, stale } = read_without_stale(campaign, &vehicle, ready, &searched)?;
     let Read { ready, mut found, control_interval_s } = read_with_control_unit(&campaign, &vehicle, ready, found, &searched)?;
     let read = control_interval_s.map_or(campaign.clone(), |s| commanded_every(&campaign, s));
     let campaign = &read;
@@ -205,7 +205,7 @@ fn diagnosed(
     let point = &conclusion.explanation.fit.as_ref().expect("the best was fitted").point.clone();
     mistake.into_iter().for_each(|m| conclusion.mistake(m));
     notes.extend(notes::temperatures(&problem, point));
-    let misled = || misled(&problem, &split.taught, &vehicle, &tuned_by(&found, &conclusion, point));
+    let misled = || misled(&problem, &split.fitted_part, &vehicle, &tuned_by(&found, &conclusion, point));
     let named = matches!(conclusion.verdict, Verdict::Explained | Verdict::PartlyExplained);
     if let Some(gaps) = named.then(misled).flatten() {
         conclusion.withdraw(gaps);
@@ -218,8 +218,8 @@ fn diagnosed(
     let by_mode = problem.car(&mode, None);
     let floor_of = |r: &Recording| measure::floor(r, (&by_mode.vehicle, &by_mode.effects), &declared, tolerances.declared_report, false);
     let asked = !matches!(conclusion.verdict, Verdict::NoGap | Verdict::InputsDoNotFit);
-    let floors: Vec<f64> = if asked { split.taught.par_iter().map(floor_of).collect() } else { Vec::new() };
-    let followed = Followed { recordings: &split.taught, floors: &floors };
+    let floors: Vec<f64> = if asked { split.fitted_part.par_iter().map(floor_of).collect() } else { Vec::new() };
+    let followed = Followed { recordings: &split.fitted_part, floors: &floors };
     let with_position = problem.tracks.iter().all(|t| !t.position_free);
     let names = retuned && mode.effects != effects::null();
     let alone = &near.filter(|_| names && with_position).map_or(mode.clone(), |fit| retune::retuned(&problem, fit, &mode, followed));
@@ -231,7 +231,7 @@ fn diagnosed(
     let floor = measure::floor(judge, after, &declared, tolerances.declared_report, split.last_engagement);
     watch.begin("a law beyond the library");
     let judge = empirical::Judge {
-        taught: followed,
+        fitted_part: followed,
         held_out: judge,
         last_engagement: split.last_engagement,
         floor,
@@ -251,7 +251,7 @@ fn diagnosed(
     let follows = retuned || taken.is_some();
     let of_clutch = [Subsystem::Actuator, Subsystem::ClutchForce, Subsystem::Friction, Subsystem::Thermal];
     let lacks_clutch_law = taken.is_none() && conclusion.unexplained_at.is_some_and(|place| of_clutch.contains(&place));
-    let handed_out = Handed { point: from, learned: taken.map(|l| &l.learned), follows, lacks_clutch_law };
+    let handed_out = RetunedPlant { point: from, learned: taken.map(|l| &l.learned), follows, lacks_clutch_law };
     let validated = domain::validated(&problem, &weights, &handed_out);
     watch.begin("residual map");
     let [cells, cells_after] = cells(&problem, &conclusion);
@@ -337,13 +337,13 @@ fn tuned_by(found: &Search, conclusion: &Conclusion, point: &Point) -> Point {
 
 /// Mean gap of both speeds in free replays of the recordings of the fit, rad/s, with the car of the file and with the named effects, if the latter is more than [`MISLED`] times
 /// the former. None without effects, or if no recording has a position.
-fn misled(problem: &Problem, taught: &[Recording], vehicle: &Vehicle, tuned: &Point) -> Option<[f64; 2]> {
+fn misled(problem: &Problem, fitted_part: &[Recording], vehicle: &Vehicle, tuned: &Point) -> Option<[f64; 2]> {
     if tuned.effects == effects::null() || problem.tracks.iter().all(|t| t.position_free) {
         return None;
     }
     let (car, null) = (problem.car(tuned, None), effects::null());
     let one = |r: &Recording| Closed::of(&measure::evaluate(r, (vehicle, &null), (&car.vehicle, &car.effects)));
-    let gaps: Vec<Closed> = taught.par_iter().map(one).collect();
+    let gaps: Vec<Closed> = fitted_part.par_iter().map(one).collect();
     let mean = |of: fn(&Closed) -> f64| gaps.iter().map(of).sum::<f64>() / gaps.len().max(1) as f64;
     let (before, after) = (mean(|c| c.before), mean(|c| c.after));
     (after > MISLED * before).then_some([before, after])
@@ -461,7 +461,7 @@ mod tests {
         let with = |factor: f64| {
             let mut point = problem.nominal();
             point.effects[crate::effects::param::friction_level::factor] = factor;
-            misled(&problem, &split.taught, &vehicle, &point)
+            misled(&problem, &split.fitted_part, &vehicle, &point)
         };
         assert_eq!([with(1.0), with(1.001)], [None; 2]);
         let [before, after] = with(0.5).unwrap();

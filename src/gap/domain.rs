@@ -23,7 +23,7 @@ use super::model::prepare;
 use super::model::replay;
 use crate::effects::{self, REGISTRY};
 use crate::plant::Phase;
-use crate::plant::clutch::{self, Branch, Found};
+use crate::plant::clutch::{self, Branch, FaceCache};
 use crate::plant::config::Config;
 use crate::plant::motion::{Motion, index};
 use crate::validated::{CLOSING, Place, SLIPS, THETA, Validated};
@@ -37,7 +37,7 @@ const LEAST_PROBABILITY: f64 = 0.01;
 const CIRCUMSTANCES: [(f64, f64, f64); 4] = [(1.0, 0.0, 1e3), (-1.0, 1.3, 3e3), (1.0, 2.9, 3e3), (-1.0, 4.6, 8e3)];
 
 /// The plant that is handed out.
-pub struct Handed<'a> {
+pub struct RetunedPlant<'a> {
     /// The point of the fit to which the plant belongs.
     pub point: &'a Point,
     /// The learned law that the plant contains, if any.
@@ -48,7 +48,7 @@ pub struct Handed<'a> {
     pub lacks_clutch_law: bool,
 }
 
-impl Handed<'_> {
+impl RetunedPlant<'_> {
     /// Whether it is known how well the clutch torque of the plant follows that of the car; `measured` says whether some recording has a transducer.
     fn is_known(&self, measured: bool) -> bool {
         self.follows && (measured || !self.lacks_clutch_law)
@@ -63,19 +63,19 @@ struct Clutch {
 }
 
 /// The places at which a plant was validated, and the table of σ of its clutch torque.
-pub fn validated(problem: &Problem, posterior: &Posterior, handed: &Handed) -> Validated {
+pub fn validated(problem: &Problem, posterior: &Posterior, handed: &RetunedPlant) -> Validated {
     let car = problem.car(handed.point, None);
     let config = Config::new(&car.vehicle, &car.effects);
     let parts: Vec<Visited> = (0..problem.tracks.len()).into_par_iter().map(|k| visited(problem, handed.point, &config, k)).collect();
     let sum = |of: fn(&Visited) -> f64| parts.iter().map(of).sum::<f64>();
     let squares = sum(|v| v.squares);
     let missed = if squares > 0.0 { (sum(|v| v.excess) / squares).max(0.0) } else { 0.0 };
-    let lasting = prepare::CLUTCH.sigma.powi(2) + missed;
+    let unexplained_share_squared = prepare::CLUTCH.sigma.powi(2) + missed;
     let clutches = clutches(problem, posterior, handed);
     let of_closing = |&closing: &f64| -> Vec<f64> {
         let of_theta = |&theta: &f64| {
             let x = clutch::position_of(&config, closing, theta);
-            SLIPS.map(|slip| sigma(&config, &clutches, lasting, x, theta, slip))
+            SLIPS.map(|slip| sigma(&config, &clutches, unexplained_share_squared, x, theta, slip))
         };
         THETA.iter().flat_map(of_theta).collect()
     };
@@ -123,7 +123,7 @@ fn visited(problem: &Problem, point: &Point, config: &Config, k: usize) -> Visit
     Visited { places, excess, squares }
 }
 
-fn clutches(problem: &Problem, posterior: &Posterior, handed: &Handed) -> Vec<Clutch> {
+fn clutches(problem: &Problem, posterior: &Posterior, handed: &RetunedPlant) -> Vec<Clutch> {
     if let Some(l) = handed.learned {
         let mut one = clutch_of(problem, 1.0, &l.fit);
         // The effects beside a learned law stay as they were fitted, and keep their uncertainty.
@@ -185,7 +185,7 @@ fn of_forms(problem: &Problem, fit: &Fit) -> Vec<[Config; 2]> {
         [1.0, -1.0].map(|side| {
             let mut moved = fit.point.clone();
             for k in e.effect.amplitudes {
-                let by = side * fit.mean_of_form(*k);
+                let by = side * fit.sigma_of_form_mean(*k);
                 Coordinate::Effect(*k).move_by(problem, &mut moved, 0, by);
             }
             let car = problem.car(&moved, None);
@@ -195,21 +195,21 @@ fn of_forms(problem: &Problem, fit: &Fit) -> Vec<[Config; 2]> {
     REGISTRY.iter().filter(there).map(both).collect()
 }
 
-/// Standard deviation in N·m of the torque of a clutch that slips, or of the torque at which a locked clutch would slip. `lasting` is s² + ρ², the variance relative to the squared
+/// Standard deviation in N·m of the torque of a clutch that slips, or of the torque at which a locked clutch would slip. `unexplained_share_squared` is s² + ρ², the variance relative to the squared
 /// torque that no number of the plant accounts for.
-fn sigma(handed: &Config, clutches: &[Clutch], lasting: f64, x: f64, theta: f64, slip: f64) -> f64 {
+fn sigma(handed: &Config, clutches: &[Clutch], unexplained_share_squared: f64, x: f64, theta: f64, slip: f64) -> f64 {
     let weights: f64 = clutches.iter().map(|c| c.weight).sum();
     let variance = CIRCUMSTANCES.iter().map(|&(z, angle, work)| {
         let mut y = Motion::default();
         (y[index::THETA_C], y[index::ANGLE], y[index::E_D]) = (theta, angle, work);
-        let torque = |c: &Config| clutch::slipping(c, &Found::NOTHING, x, Branch { x, z }, 1.0, slip, &y).total();
+        let torque = |c: &Config| clutch::slipping(c, &FaceCache::EMPTY, x, Branch { x, z }, 1.0, slip, &y).total();
         let out = torque(handed);
         let of = |c: &Clutch| {
             let mode = torque(&c.mode);
             let each = c.deviations.iter().flatten().map(|d| 0.5 * (torque(d) - mode).powi(2));
             c.weight * ((mode - out).powi(2) + each.sum::<f64>())
         };
-        clutches.iter().map(of).sum::<f64>() / weights + lasting * out * out
+        clutches.iter().map(of).sum::<f64>() / weights + unexplained_share_squared * out * out
     });
     (variance.sum::<f64>() / CIRCUMSTANCES.len() as f64).sqrt()
 }
@@ -225,7 +225,7 @@ mod tests {
         for (follows, lacks_clutch_law, without, with) in
             [(true, false, true, true), (true, true, false, true), (false, false, false, false), (false, true, false, false)]
         {
-            let handed = Handed { point: &point, learned: None, follows, lacks_clutch_law };
+            let handed = RetunedPlant { point: &point, learned: None, follows, lacks_clutch_law };
             assert_eq!([handed.is_known(false), handed.is_known(true)], [without, with], "{follows} {lacks_clutch_law}");
         }
     }

@@ -121,7 +121,7 @@ pub fn laws_for(place: Subsystem) -> &'static [Subsystem] {
 /// The data by which a law is judged, and the cars with which it is compared.
 pub struct Judge<'a> {
     /// The recordings of the fit, in the order of the problem, and the gap that the true car would leave in each.
-    pub taught: Followed<'a>,
+    pub fitted_part: Followed<'a>,
     /// The recording that judges.
     pub held_out: &'a Recording,
     /// Whether only its last engagement was held out.
@@ -258,7 +258,7 @@ impl<'a> Beside<'a> {
 fn tried(problem: &Problem, places: &[Subsystem], laws: &[Subsystem], mut learned: Learned, judge: &Judge) -> Tried {
     let mut points = learned.without_each(problem);
     if problem.tracks.iter().all(|t| !t.position_free) {
-        (learned.fit.point, points) = and_without_each(problem, &learned.fit, &points, judge.taught);
+        (learned.fit.point, points) = and_without_each(problem, &learned.fit, &points, judge.fitted_part);
     }
     let car = problem.car(&learned.fit.point, None);
     let one = |(recording, point): (&Recording, &Point)| {
@@ -268,7 +268,7 @@ fn tried(problem: &Problem, places: &[Subsystem], laws: &[Subsystem], mut learne
     Tried {
         places: places.to_vec(),
         laws: laws.to_vec(),
-        left_out: judge.taught.recordings.par_iter().zip(&points).map(one).collect(),
+        left_out: judge.fitted_part.recordings.par_iter().zip(&points).map(one).collect(),
         learned,
         vehicle: car.vehicle,
         effects: car.effects,

@@ -28,7 +28,7 @@ pub fn most_rows(campaign: &Campaign) -> usize {
 pub(super) fn enough_of(campaign: &Campaign, ready: &Ready, most: usize) -> Option<(Campaign, String)> {
     let judge = &campaign.recordings[ready.split.judge].name;
     let tracks = &ready.problem.tracks;
-    let taken = enough(&ready.problem, tracks.iter().position(|t| t.name == *judge), most)?;
+    let taken = most_informative(&ready.problem, tracks.iter().position(|t| t.name == *judge), most)?;
     let is_taken = |name: &str| name == judge || taken.iter().any(|&r| tracks[r].name == name);
     let (used, unused): (Vec<_>, Vec<_>) = campaign.recordings.iter().cloned().partition(|r| is_taken(&r.name));
     // The note has the shorter of the two lists.
@@ -47,11 +47,12 @@ pub(super) fn enough_of(campaign: &Campaign, ready: &Ready, most: usize) -> Opti
 
 /// Indices of the most informative recordings that have at most `most` samples together, `first` among them, and at least one recording in any case. None if all recordings
 /// together have no more samples, or if the information of one of them cannot be computed.
-fn enough(problem: &Problem, first: Option<usize>, most: usize) -> Option<Vec<usize>> {
+fn most_informative(problem: &Problem, first: Option<usize>, most: usize) -> Option<Vec<usize>> {
     if problem.samples() <= most {
         return None;
     }
-    let said: Vec<DMatrix<f64>> = (0..problem.tracks.len()).into_par_iter().map(|r| says(problem, r)).collect::<Option<_>>()?;
+    let said: Vec<DMatrix<f64>> =
+        (0..problem.tracks.len()).into_par_iter().map(|r| information_of_recording(problem, r)).collect::<Option<_>>()?;
     let samples = |r: usize| problem.filters[r].samples.max(1);
     let log_det = |m: &DMatrix<f64>| -> f64 { m.clone().cholesky().map_or(0.0, |l| 2.0 * l.l_dirty().diagonal().map(f64::ln).sum()) };
     let (mut taken, mut room) = (Vec::new(), most);
@@ -83,7 +84,7 @@ fn enough(problem: &Problem, first: Option<usize>, most: usize) -> Option<Vec<us
 
 /// Information matrix of a recording on tolerances, in their standard deviations, and on the start values of effects, in units of these; the recording's own unknowns are
 /// eliminated.
-fn says(problem: &Problem, r: usize) -> Option<DMatrix<f64>> {
+fn information_of_recording(problem: &Problem, r: usize) -> Option<DMatrix<f64>> {
     let alone = problem.of_recording(r);
     let anchor = Anchor::new(&alone, &alone.nominal(), &[], None, None)?;
     Some(information_of_starts(&alone, &anchor))
@@ -106,22 +107,22 @@ mod tests {
         let all: Vec<_> = example.campaign.recordings.iter().collect();
         let (problem, _) = example.problem(&all);
         let samples = |of: &[usize]| of.iter().map(|&r| problem.filters[r].samples).sum::<usize>();
-        assert_eq!(enough(&problem, None, problem.samples()), None);
-        let said: Vec<DMatrix<f64>> = (0..all.len()).map(|r| says(&problem, r).unwrap()).collect();
+        assert_eq!(most_informative(&problem, None, problem.samples()), None);
+        let said: Vec<DMatrix<f64>> = (0..all.len()).map(|r| information_of_recording(&problem, r).unwrap()).collect();
         let worth = |of: &[usize]| {
             let none = DMatrix::identity(said[0].nrows(), said[0].nrows());
             of.iter().fold(none, |sum, &r| sum + &said[r]).cholesky().unwrap().l().diagonal().map(f64::ln).sum()
         };
         let most = problem.samples() / 3;
-        let taken = enough(&problem, None, most).unwrap();
+        let taken = most_informative(&problem, None, most).unwrap();
         let choices = (1..1_usize << all.len()).map(|bits| (0..all.len()).filter(|r| bits >> r & 1 == 1).collect::<Vec<_>>());
         let best = choices.filter(|c| samples(c) <= most).map(|c| worth(&c)).fold(0.0, f64::max);
         assert!(samples(&taken) <= most && worth(&taken) > 0.95 * best, "{taken:?}: {} of {best}", worth(&taken));
         // The recording that judges is kept in any case; without one, the most informative recording per sample is kept.
-        assert_eq!(enough(&problem, Some(2), 1).unwrap(), [2]);
+        assert_eq!(most_informative(&problem, Some(2), 1).unwrap(), [2]);
         let densest =
             (0..all.len()).max_by(|a, b| (worth(&[*a]) / samples(&[*a]) as f64).total_cmp(&(worth(&[*b]) / samples(&[*b]) as f64)));
-        assert_eq!(enough(&problem, None, 1).unwrap(), [densest.unwrap()]);
+        assert_eq!(most_informative(&problem, None, 1).unwrap(), [densest.unwrap()]);
     }
 
     /// The part keeps the recording that judges, and the note lists the recordings that are used or those that are not, whichever are fewer.

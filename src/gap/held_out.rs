@@ -8,7 +8,7 @@ use crate::campaign::Recording;
 /// Division of the recordings into those of the fit and the held-out data.
 pub struct Split {
     /// Recordings of the fit.
-    pub taught: Vec<Recording>,
+    pub fitted_part: Vec<Recording>,
     /// Index of the recording that judges, which contains the held-out data.
     pub judge: usize,
     /// Whether only its last engagement is held out; the rows before that are part of the fit.
@@ -26,13 +26,13 @@ pub fn split(recordings: &[Recording], judge: Option<&str>) -> Split {
     let named = recordings.iter().position(|r| judge == Some(&r.name));
     let judge = named.or_else(of_drives).unwrap_or_else(|| of_bench(recordings));
     if let Some(last) = of_drive(&recordings[judge]).pop().filter(|_| engagements[judge] >= 2) {
-        let mut taught = recordings.to_vec();
-        taught[judge] = recordings[judge].part(0..last.start);
+        let mut fitted_part = recordings.to_vec();
+        fitted_part[judge] = recordings[judge].part(0..last.start);
         let name = format!("the engagement at {:.1} s of {}", recordings[judge].time[last.start], recordings[judge].name);
-        return Split { taught, judge, last_engagement: true, name };
+        return Split { fitted_part, judge, last_engagement: true, name };
     }
-    let taught = recordings.iter().enumerate().filter(|(k, _)| *k != judge).map(|(_, r)| r.clone()).collect();
-    Split { taught, judge, last_engagement: false, name: recordings[judge].name.clone() }
+    let fitted_part = recordings.iter().enumerate().filter(|(k, _)| *k != judge).map(|(_, r)| r.clone()).collect();
+    Split { fitted_part, judge, last_engagement: false, name: recordings[judge].name.clone() }
 }
 
 /// Index of the recording that judges a bench campaign: of the manoeuvre with the most recordings, the one whose start temperature is in the middle; or the last recording, if no
@@ -77,7 +77,7 @@ mod tests {
     }
 
     fn names(split: &Split) -> Vec<&str> {
-        split.taught.iter().map(|r| r.name.as_str()).collect()
+        split.fitted_part.iter().map(|r| r.name.as_str()).collect()
     }
 
     #[test]
@@ -90,7 +90,7 @@ mod tests {
         // Of two recordings of a manoeuvre, none is in the middle: the last recording of the campaign judges.
         let few = super::split(&all[..3], None);
         assert_eq!((few.judge, names(&few)), (2, vec!["a", "b"]));
-        assert!(super::split(&all[..1], None).taught.is_empty());
+        assert!(super::split(&all[..1], None).fitted_part.is_empty());
     }
 
     /// Without a name, another drive or another bench recording may judge a part of the campaign than the whole of it.
@@ -116,7 +116,7 @@ mod tests {
             assert!(columns.iter().all(|c| c.len() == columns[0].len()) && r.brake.as_ref().unwrap().len() == columns[0].len());
             columns[0].len()
         };
-        assert_eq!(split.taught.iter().map(rows).collect::<Vec<_>>(), [300, 700, 900, 600]);
+        assert_eq!(split.fitted_part.iter().map(rows).collect::<Vec<_>>(), [300, 700, 900, 600]);
         // If all drives have a single engagement, one of them is held out as a whole.
         let single = super::split(&[drive("a", 1), drive("b", 1)], None);
         assert_eq!((single.judge, single.last_engagement, names(&single)), (1, false, vec!["a"]));

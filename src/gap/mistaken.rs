@@ -47,7 +47,7 @@ impl Mistake {
     }
 
     /// The recordings with the mistake undone; none if they do not have the channel. A position is mirrored within the range of its command.
-    fn mended(self, recordings: &[Recording]) -> Option<Vec<Recording>> {
+    fn with_mistake_undone(self, recordings: &[Recording]) -> Option<Vec<Recording>> {
         let mut all = recordings.to_vec();
         match self {
             Self::Speeds => all.iter_mut().for_each(|r| std::mem::swap(&mut r.omega_f, &mut r.omega_c)),
@@ -80,12 +80,12 @@ pub(super) fn mistaken(
     searched: &dyn Fn(&Problem, Option<&Search>) -> Search,
 ) -> Result<Option<Mistaken>, DiagnosisError> {
     let powers = ready.problem.powers;
-    let nominal = |r: &Ready| -0.5 * sensors::minus_log_likelihood(&r.problem, &r.problem.nominal(), &r.with);
+    let nominal = |r: &Ready| -0.5 * sensors::minus_two_log_likelihood(&r.problem, &r.problem.nominal(), &r.with);
     let (as_mapped, explained) = (nominal(ready), believed(&ready.problem, found));
     let mut read: Vec<(Mistake, ByAccuracy<f64>)> = Vec::new();
     for mistake in Mistake::ALL {
-        let Some(mended) = mistake.mended(&ready.split.taught) else { continue };
-        let mut other = ready.with_channels(mended, campaign, vehicle)?;
+        let Some(with_mistake_undone) = mistake.with_mistake_undone(&ready.split.fitted_part) else { continue };
+        let mut other = ready.with_channels(with_mistake_undone, campaign, vehicle)?;
         if mean(irregular::probability(&ready.problem, nominal(&other) - as_mapped)) < 0.5 {
             continue;
         }
@@ -135,7 +135,7 @@ mod tests {
         let right = &example.campaign.recordings;
         assert!(of(right.clone()).is_none());
         for mistake in Mistake::ALL {
-            let found = of(mistake.mended(right).unwrap()).unwrap_or_else(|| panic!("{mistake:?} is not known"));
+            let found = of(mistake.with_mistake_undone(right).unwrap()).unwrap_or_else(|| panic!("{mistake:?} is not known"));
             assert!(found.mistake == mistake && found.probability > 0.9, "{mistake:?}: {found:?}");
         }
     }

@@ -3,9 +3,8 @@
 //! The modules, in the order in which the data pass through them:
 //!
 //! 1. [`held_out`]: the data that take no part in selection or fitting, and by which the result is judged
-//! 2. [`ready`]: a campaign prepared for the fit, without stale samples and with inputs as its control unit makes them; [`divide`] and [`enough`]: the part of a long campaign that
-//! is
-//!    fitted; [`model`]: recordings as tracks of real samples; noise; tolerances as priors; a replay corrected by a Kalman filter, whose innovations (measurement minus prediction)
+//! 2. [`ready`]: a campaign prepared for the fit, without stale samples and with inputs as its control unit makes them; [`divide`] and [`enough`]: the part of a long campaign
+//!    that is fitted; [`model`]: recordings as tracks of real samples; noise; tolerances as priors; a replay corrected by a Kalman filter, whose innovations (measurement minus prediction)
 //!    are white where the model is right; smooth laws that no effect of the library covers
 //! 3. [`infer`]: one joint density of recordings and unknowns; its mode and evidence; the search over sets of effects; the posterior over these sets and over
 //!    missing laws
@@ -13,8 +12,8 @@
 //!    filter; [`measure`]: how far off they are, before and after retuning; [`drive`]: when the driver of a recorded drive braked and the clutch engaged
 //! 5. [`plan`]: what to measure to settle what is open, and how small an effect would still show; [`advice`]: the same in words
 //! 6. [`retune`]: the numbers of the car that is handed back
-//! 7. [`empirical`]: laws learned from the recordings for what the library does not explain; [`domain`]: where the retuned plant was validated, and how well its clutch torque is
-//! known
+//! 7. [`empirical`]: laws learned from the recordings for what the library does not explain; [`domain`]: where the retuned plant was validated, and how well its
+//!    clutch torque is known
 //! 8. [`compose`]: the [`answer`]; [`sentence`], [`notes`] and [`prose`]: its words; [`joint`]: the posterior itself, for pooling many cars
 //!
 //! [`diagnosis`] runs all of it, and [`progress`] reports how far it is.

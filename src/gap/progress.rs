@@ -68,10 +68,10 @@ const STAGES: [(&str, f64); 10] = [
 ];
 
 /// Number of stages, from the first on, that may be repeated, and the number of passes that are expected for this: about one campaign in four is searched twice.
-const AGAIN: (usize, f64) = (6, 400.0);
+const REPEATED_STAGES: (usize, f64) = (6, 400.0);
 
 /// Interval at which progress is reported.
-const LOOK: Duration = Duration::from_millis(100);
+const REPORT_INTERVAL: Duration = Duration::from_millis(100);
 
 /// The current stage, and the state of work and bar at its beginning.
 #[derive(Debug)]
@@ -115,7 +115,7 @@ impl Watch<'_> {
         let done = (self.work.rows() - now.begun_at) as f64 / self.pass;
         let expected = STAGES[now.stage].1;
         let after: f64 = STAGES[now.stage + 1..].iter().map(|(_, passes)| passes).sum();
-        let after = after + if now.stage < AGAIN.0 { AGAIN.1 } else { 0.0 };
+        let after = after + if now.stage < REPEATED_STAGES.0 { REPEATED_STAGES.1 } else { 0.0 };
         now.share + (1.0 - now.share) * done / (done + expected * (-done / expected).exp() + after)
     }
 }
@@ -127,7 +127,7 @@ pub fn watched<T>(tell: &(dyn Fn(&str, f64) + Sync), work: &Work, rows: usize, r
     let watch = &watch;
     thread::scope(|scope| {
         let looks = move || {
-            while waits.recv_timeout(LOOK) == Err(RecvTimeoutError::Timeout) {
+            while waits.recv_timeout(REPORT_INTERVAL) == Err(RecvTimeoutError::Timeout) {
                 watch.say();
             }
         };

@@ -39,21 +39,26 @@ impl Ready {
 
     fn judged_by(judge: Option<&str>, campaign: &Campaign, vehicle: &Vehicle, work: &Work) -> Result<Self, DiagnosisError> {
         let split = split(&campaign.recordings, judge);
-        if split.taught.is_empty() {
+        if split.fitted_part.is_empty() {
             return Err(DiagnosisError::TooFew(campaign.recordings.len()));
         }
-        Self::taught(split, campaign, vehicle, work)
+        Self::prepared(split, campaign, vehicle, work)
     }
 
-    /// Prepares `taught`: the same rows of the campaign's recordings with other values in their channels.
-    pub(super) fn with_channels(&self, taught: Vec<Recording>, campaign: &Campaign, vehicle: &Vehicle) -> Result<Self, DiagnosisError> {
+    /// Prepares `fitted_part`: the same rows of the campaign's recordings with other values in their channels.
+    pub(super) fn with_channels(
+        &self,
+        fitted_part: Vec<Recording>,
+        campaign: &Campaign,
+        vehicle: &Vehicle,
+    ) -> Result<Self, DiagnosisError> {
         let Split { judge, last_engagement, ref name, .. } = self.split;
-        Self::taught(Split { taught, judge, last_engagement, name: name.clone() }, campaign, vehicle, &self.problem.work)
+        Self::prepared(Split { fitted_part, judge, last_engagement, name: name.clone() }, campaign, vehicle, &self.problem.work)
     }
 
-    fn taught(split: Split, campaign: &Campaign, vehicle: &Vehicle, work: &Work) -> Result<Self, DiagnosisError> {
-        let taught: Vec<&Recording> = split.taught.iter().collect();
-        let (tracks, tolerances) = prepare::read(&taught, &campaign.vehicle_json)?;
+    fn prepared(split: Split, campaign: &Campaign, vehicle: &Vehicle, work: &Work) -> Result<Self, DiagnosisError> {
+        let fitted_part: Vec<&Recording> = split.fitted_part.iter().collect();
+        let (tracks, tolerances) = prepare::read(&fitted_part, &campaign.vehicle_json)?;
         let with = prepare::disturbances(&tracks, &tolerances);
         let problem = Problem { work: work.clone(), ..prepare::problem(tracks, vehicle, &tolerances, &with) };
         Ok(Self { split, problem, tolerances, with })
@@ -61,7 +66,7 @@ impl Ready {
 }
 
 /// A campaign without its stale samples, and the search that was done with it.
-pub(super) struct Fresh {
+pub(super) struct WithoutStaleSamples {
     pub(super) campaign: Campaign,
     pub(super) ready: Ready,
     pub(super) found: Search,
@@ -76,7 +81,7 @@ pub(super) fn read_without_stale(
     vehicle: &Vehicle,
     ready: Ready,
     searched: &dyn Fn(&Problem, Option<&Search>) -> Search,
-) -> Result<Fresh, DiagnosisError> {
+) -> Result<WithoutStaleSamples, DiagnosisError> {
     let (mut campaign, mut ready, mut stale) = (campaign.clone(), ready, Vec::new());
     let (mut found, mut earlier): (Option<Search>, Option<Search>) = (None, None);
     for speed in [Channel::OmegaF, Channel::OmegaC] {
@@ -84,7 +89,7 @@ pub(super) fn read_without_stale(
         let without = standstill.left_out_of(&campaign);
         let other = ready.of(&campaign, &without, vehicle)?;
         let nominal = ready.problem.nominal();
-        let cost = |r: &Ready| sensors::minus_log_likelihood(&r.problem, &nominal, &r.with);
+        let cost = |r: &Ready| sensors::minus_two_log_likelihood(&r.problem, &nominal, &r.with);
         // The car of the file does not explain anything yet, so that only the gain that would remain at the lowest of the accuracies counts.
         let least =
             irregular::probability(&ready.problem, 0.5 * (cost(&ready) - cost(&other)) + standstill.log_density)[ACCURACIES.len() - 1];
@@ -110,7 +115,7 @@ pub(super) fn read_without_stale(
     }
     earlier.iter_mut().for_each(Search::let_go_of_all);
     let found = found.unwrap_or_else(|| searched(&ready.problem, earlier.as_ref()));
-    Ok(Fresh { campaign, ready, found, stale })
+    Ok(WithoutStaleSamples { campaign, ready, found, stale })
 }
 
 /// Places at which a speed may stand still, i.e. repeat its last value.
@@ -118,7 +123,7 @@ struct Standstill {
     speed: Channel,
     white: f64,
     /// Samples that may be stale, by recording of the fit.
-    taught: Vec<Stale>,
+    by_recording: Vec<Stale>,
     /// Logarithm of the density of these samples and of the prior probability of the places.
     log_density: f64,
     /// Number of samples of the speed.
@@ -128,11 +133,11 @@ struct Standstill {
 impl Standstill {
     fn of(ready: &Ready, speed: Channel) -> Option<Self> {
         let (tracks, white) = (&ready.problem.tracks, ready.with.noise[speed as usize].white);
-        let taught: Vec<Stale> = tracks.iter().map(|t| stale(&t.time, &t.measured[speed as usize], white)).collect();
-        let times: usize = taught.iter().map(Stale::times).sum();
+        let by_recording: Vec<Stale> = tracks.iter().map(|t| stale(&t.time, &t.measured[speed as usize], white)).collect();
+        let times: usize = by_recording.iter().map(Stale::times).sum();
         let samples = tracks.iter().map(|t| t.measured[speed as usize].iter().filter(|v| v.is_finite()).count()).sum();
-        let own: f64 = tracks.iter().zip(&taught).map(|(t, s)| s.minus_log_density(t, speed, white)).sum();
-        (times > 0).then(|| Self { speed, white, taught, log_density: log_prior(times, samples) - 0.5 * own, samples })
+        let own: f64 = tracks.iter().zip(&by_recording).map(|(t, s)| s.minus_log_density(t, speed, white)).sum();
+        (times > 0).then(|| Self { speed, white, by_recording, log_density: log_prior(times, samples) - 0.5 * own, samples })
     }
 
     /// The campaign without the stale samples. They are looked for in the whole recordings, so that those in the held-out data are left out as well.
@@ -148,7 +153,7 @@ impl Standstill {
 
     /// How often the speed stands still, and the number of samples for which it does.
     fn extent(&self) -> [f64; 2] {
-        let sum = |of: fn(&Stale) -> usize| self.taught.iter().map(of).sum::<usize>() as f64;
+        let sum = |of: fn(&Stale) -> usize| self.by_recording.iter().map(of).sum::<usize>() as f64;
         [sum(Stale::times), sum(Stale::samples)]
     }
 
@@ -190,11 +195,11 @@ pub(super) fn read_with_control_unit(
 ) -> Result<Read, DiagnosisError> {
     if let Some(interval) = sensors::other_control_interval(&ready.problem.tracks) {
         let other = ready.of(campaign, &commanded_every(campaign, interval), vehicle)?;
-        if sensors::worth_another(&other.problem, &ready.problem, found.best()) {
+        if sensors::other_control_unit_is_worth_a_search(&other.problem, &ready.problem, found.best()) {
             let mut there = searched(&other.problem, Some(&found));
             exchange(&ready.problem, &mut found);
             exchange(&other.problem, &mut there);
-            if sensors::rather_other((&other.problem, there.best()), (&ready.problem, found.best())) {
+            if sensors::prefers_other_control_unit((&other.problem, there.best()), (&ready.problem, found.best())) {
                 return Ok(Read { ready: other, found: there, control_interval_s: Some(interval) });
             }
         }

@@ -14,7 +14,7 @@
 use super::free::Freely;
 use super::infer::coordinate::Coordinate;
 use super::infer::density::{Point, Problem};
-use super::infer::fit::{Fit, KEEPS_ITS_WORD};
+use super::infer::fit::{Fit, TRUSTED_GAIN_RATIO};
 use crate::campaign::Recording;
 use crate::effects::{self, PARAMETERS};
 use nalgebra::{DMatrix, DVector};
@@ -105,7 +105,7 @@ impl<'a> Nearby<'a> {
         let kept: Vec<usize> = (0..shared.len()).filter(|&k| is_free(shared[k])).collect();
         // The mean that the form of an effect may have, which these recordings do not show, widens the covariance as it widens the intervals.
         let of_form = |c: Coordinate| match c {
-            Coordinate::Effect(k) if effects::owner(k).is_some() => fit.mean_of_form(k).powi(2),
+            Coordinate::Effect(k) if effects::owner(k).is_some() => fit.sigma_of_form_mean(k).powi(2),
             _ => 0.0,
         };
         let of = |i: usize, j: usize| covariance[(kept[i], kept[j])] + if i == j { of_form(shared[kept[i]]) } else { 0.0 };
@@ -184,7 +184,7 @@ impl<'a> Nearby<'a> {
                 (now, fresh) = (self.place(now.z, now.errors), true);
                 continue;
             };
-            fresh = !KEEPS_ITS_WORD.contains(&word);
+            fresh = !TRUSTED_GAIN_RATIO.contains(&word);
             now = if fresh { self.place(to, errors) } else { now.follow(to, errors) };
             if fallen < LEAST {
                 break;
@@ -247,11 +247,11 @@ mod tests {
         let gap = |point: &Point| {
             let (car, null) = (problem.car(point, None), effects::null());
             let one = |r: &Recording| Closed::of(&measure::evaluate(r, (&vehicle, &null), (&car.vehicle, &car.effects))).after;
-            split.taught.iter().map(one).sum::<f64>() / split.taught.len() as f64
+            split.fitted_part.iter().map(one).sum::<f64>() / split.fitted_part.len() as f64
         };
         let found = |fit: &Fit, floor: f64| {
-            let floors = vec![floor; split.taught.len()];
-            retuned(&problem, fit, &off, Followed { recordings: &split.taught, floors: &floors })
+            let floors = vec![floor; split.fitted_part.len()];
+            retuned(&problem, fit, &off, Followed { recordings: &split.fitted_part, floors: &floors })
         };
         let with = |floor: f64| found(&fit, floor);
         let near = with(0.2);
@@ -263,11 +263,11 @@ mod tests {
         let unknown = Fit { mean_covariance: None, ..fit.clone() };
         assert_eq!(found(&unknown, 0.2).effects, off.effects);
         // If a single recording can be followed closely, nothing is learned without it.
-        let mut floors = vec![1e4; split.taught.len()];
+        let mut floors = vec![1e4; split.fitted_part.len()];
         floors[0] = 0.2;
         let modes = vec![off.clone(); floors.len()];
         let at_off = Fit { point: off.clone(), ..fit.clone() };
-        let (_, without_each) = and_without_each(&problem, &at_off, &modes, Followed { recordings: &split.taught, floors: &floors });
+        let (_, without_each) = and_without_each(&problem, &at_off, &modes, Followed { recordings: &split.fitted_part, floors: &floors });
         let moved = |p: &Point| (p.effects[slope] - off.effects[slope]).abs() / sigma;
         assert!(
             moved(&without_each[0]) < 1e-3 && moved(&without_each[1]) > 0.5,

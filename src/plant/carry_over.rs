@@ -2,7 +2,7 @@
 
 use super::State;
 use super::actuation::Presliding;
-use super::clutch::{Branch, Found};
+use super::clutch::{Branch, FaceCache};
 use super::config::Config;
 use super::motion::{self, index};
 use super::{events, sensed};
@@ -11,7 +11,7 @@ use crate::physics::driveline;
 /// Torque in N·m that the old, rigid driveline transmits behind the disc's share of the inertia in the new configuration.
 fn carried_behind_disc(old: &Config, new: &Config, state: &State) -> f64 {
     let (d, y) = (&old.constants.driveline, &state.y);
-    let t_fc = events::clutch_torque(old, &Found::NOTHING, state);
+    let t_fc = events::clutch_torque(old, &FaceCache::EMPTY, state);
     let acceleration =
         driveline::driveline_acceleration(d.J_c, t_fc, motion::resistance(old, y, state.inputs.t_load, state.rest.braking()));
     let acceleration = if state.rest.car { 0.0 } else { acceleration };

@@ -51,7 +51,7 @@ pub fn position_of(config: &Config, closing: f64, theta: f64) -> f64 {
     contact.x_cnt + (config.xi_0 + closing * (1.0 - config.xi_0)) * (contact.x_cls - contact.x_cnt)
 }
 
-/// As [`Found::engaged`], at the bearing position `x` in mm and the disc temperature `theta` in °C, before any friction work of the run.
+/// As [`FaceCache::engaged`], at the bearing position `x` in mm and the disc temperature `theta` in °C, before any friction work of the run.
 #[inline]
 pub fn engaged(config: &Config, x: f64, theta: f64) -> bool {
     engaged_after(config, x, theta, 0.0)
@@ -66,7 +66,7 @@ pub fn engaged_after(config: &Config, x: f64, theta: f64, work: f64) -> bool {
 /// Cache of normalised position and equivalent radius, each with the arguments that it was computed for. At the end of a step its outputs need these values, and so does the
 /// beginning of the next step.
 #[derive(Clone, Copy, Debug)]
-pub struct Found {
+pub struct FaceCache {
     /// Bearing position, mm.
     x: f64,
     /// Disc temperature, °C.
@@ -82,15 +82,15 @@ pub struct Found {
 }
 
 /// Always equal: the cache follows from the rest of a plant, so two plants never differ by it alone.
-impl PartialEq for Found {
+impl PartialEq for FaceCache {
     fn eq(&self, _: &Self) -> bool {
         true
     }
 }
 
-impl Found {
+impl FaceCache {
     /// An empty cache: its arguments are NaN, which no number equals.
-    pub const NOTHING: Self = Self { x: f64::NAN, theta: f64::NAN, work: f64::NAN, xi: f64::NAN, slip: f64::NAN, radius: f64::NAN };
+    pub const EMPTY: Self = Self { x: f64::NAN, theta: f64::NAN, work: f64::NAN, xi: f64::NAN, slip: f64::NAN, radius: f64::NAN };
 
     /// Returns the cache with the normalised position at `x` mm and the temperature and wear of `y`; a radius for another temperature becomes invalid.
     #[inline]
@@ -150,7 +150,7 @@ pub fn advance_branch(config: &Config, memory: Branch, x: f64) -> Branch {
 
 /// Force on the faces in N at bearing position `x` mm, hysteresis memory `memory` and the disc temperature of `y`.
 #[inline]
-pub fn force(config: &Config, found: &Found, x: f64, memory: Branch, y: &Motion) -> f64 {
+pub fn force(config: &Config, found: &FaceCache, x: f64, memory: Branch, y: &Motion) -> f64 {
     let theta = y[index::THETA_C];
     let xi = found.position(config, x, theta, y[index::E_D]);
     let mut force = cushion::force(&config.vehicle.cushion_spring, config.xi_0, xi);
@@ -175,7 +175,7 @@ fn face_temperature(config: &Config, y: &Motion) -> f64 {
 
 /// Torque capacity in N·m under a force in N at slip speed `slip` ≥ 0 rad/s, eq. (1).
 #[inline]
-pub fn capacity_under(config: &Config, found: &Found, force: f64, slip: f64, y: &Motion) -> f64 {
+pub fn capacity_under(config: &Config, found: &FaceCache, force: f64, slip: f64, y: &Motion) -> f64 {
     if force == 0.0 {
         return 0.0;
     }
@@ -207,7 +207,7 @@ pub fn capacity_under(config: &Config, found: &Found, force: f64, slip: f64, y: 
 /// Torque capacity in N·m at bearing position `x` mm and slip speed `slip` ≥ 0 rad/s, eq. (1).
 #[inline]
 pub fn capacity(config: &Config, x: f64, memory: Branch, slip: f64, y: &Motion) -> f64 {
-    let found = &Found::NOTHING;
+    let found = &FaceCache::EMPTY;
     capacity_under(config, found, force(config, found, x, memory, y), slip, y)
 }
 
@@ -236,7 +236,7 @@ pub fn along(direction: f64, slip: f64) -> f64 {
 
 /// Torques of a clutch that slips in `direction` ±1; `slip` is signed, rad/s.
 #[inline]
-pub fn slipping(config: &Config, found: &Found, x: f64, memory: Branch, direction: f64, slip: f64, y: &Motion) -> Slipping {
+pub fn slipping(config: &Config, found: &FaceCache, x: f64, memory: Branch, direction: f64, slip: f64, y: &Motion) -> Slipping {
     let force = force(config, found, x, memory, y);
     let drag: f64 = config.drag.iter().map(|effect| effect(&config.parameters, slip, force)).sum();
     Slipping { friction: direction * capacity_under(config, found, force, along(direction, slip), y), drag }

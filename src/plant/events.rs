@@ -11,7 +11,7 @@
 //! other direction.
 
 use super::actuation::{self, Chain, Way};
-use super::clutch::{self, Found};
+use super::clutch::{self, FaceCache};
 use super::config::{Config, Coupling};
 use super::history::Signal;
 use super::motion::{self, Motion, Setting, index};
@@ -82,7 +82,7 @@ fn decide_at_zero_slip(config: &Config, state: &mut State) {
 }
 
 /// Current clutch torque, N·m.
-pub fn clutch_torque(config: &Config, found: &Found, s: &State) -> f64 {
+pub fn clutch_torque(config: &Config, found: &FaceCache, s: &State) -> f64 {
     if s.stuck {
         motion::sticking_torque(config, &s.y, s.engine.value, s.inputs.t_load, &s.rest)
     } else if let Some(Coupling::Torque(torque)) = config.coupling {
@@ -93,7 +93,7 @@ pub fn clutch_torque(config: &Config, found: &Found, s: &State) -> f64 {
 }
 
 /// Current phase.
-pub fn phase(config: &Config, found: &Found, s: &State) -> Phase {
+pub fn phase(config: &Config, found: &FaceCache, s: &State) -> Phase {
     if s.stuck {
         Phase::Locked
     } else if config.coupling.is_some() || found.with_position(config, s.bearing, &s.y).engaged(config) {
@@ -158,11 +158,11 @@ pub fn substeps(plant: &Plant, h: f64) -> f64 {
 }
 
 /// Position and radius of the faces for the outputs and the next substep; empty for a stuck clutch, for which neither is needed.
-fn look(config: &Config, s: &State) -> Found {
+fn look(config: &Config, s: &State) -> FaceCache {
     if s.stuck {
-        return Found::NOTHING;
+        return FaceCache::EMPTY;
     }
-    let found = Found::NOTHING.with_position(config, s.bearing, &s.y);
+    let found = FaceCache::EMPTY.with_position(config, s.bearing, &s.y);
     if found.engaged(config) { found.with_radius(config, clutch::along(s.direction, motion::slip(&s.y))) } else { found }
 }
 
@@ -226,7 +226,7 @@ fn until_contact(config: &Config, state: &State, x_cmd: f64, h: f64, way: &Way, 
     high
 }
 
-fn setting(config: &Config, state: &State, found: &Found, way: &Way) -> Setting {
+fn setting(config: &Config, state: &State, found: &FaceCache, way: &Way) -> Setting {
     let found = found.with_position(config, way.middle.drive().x, &state.y);
     Setting {
         stuck: state.stuck,
@@ -253,7 +253,7 @@ const MOMENT: f64 = 1e-6;
 /// accelerations come from an integration step of length [`MOMENT`], because another copy of the balances would slow down every plant.
 #[cold]
 #[inline(never)]
-fn filter_speeds(config: &Config, state: &mut State, found: &Found, way: &Way, (y, end): (&Motion, &Chain), h: f64) {
+fn filter_speeds(config: &Config, state: &mut State, found: &FaceCache, way: &Way, (y, end): (&Motion, &Chain), h: f64) {
     let setting = setting(config, state, found, way);
     let at = |y: &Motion, chain: Chain| {
         let later = integrate(
@@ -285,7 +285,7 @@ fn accept(config: &Config, state: &mut State, y: Motion, chain: &Chain, h: f64) 
 fn smooth_piece(
     config: &Config,
     state: &mut State,
-    found: &Found,
+    found: &FaceCache,
     x_cmd: f64,
     h: f64,
     way: &Way,

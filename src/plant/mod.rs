@@ -34,7 +34,7 @@ use crate::effects::Parameters;
 use crate::physics::lag::LagState;
 pub use crate::physics::phase::Phase;
 use crate::vehicle::Vehicle;
-use clutch::Found;
+use clutch::FaceCache;
 use config::{Config, Coupling};
 use history::{History, SIGNALS, Signal};
 use motion::{Motion, index};
@@ -146,7 +146,7 @@ pub struct Plant {
     config: Box<Config>,
     state: State,
     /// Cached position and radius of the faces at the end of the last substep, valid for this configuration.
-    found: Found,
+    found: FaceCache,
     history: History,
     max_substep: f64,
     iterations: u64,
@@ -163,7 +163,7 @@ impl Plant {
         let mut plant = Self {
             config,
             state: events::initial(start, inputs),
-            found: Found::NOTHING,
+            found: FaceCache::EMPTY,
             history: History::new(),
             max_substep: MAX_SUBSTEP,
             iterations: 0,
@@ -213,7 +213,7 @@ impl Plant {
         config.pace.check()?;
         carry_over::carry_over(&self.config, &config, &mut self.state);
         *self.config = config;
-        self.found = Found::NOTHING;
+        self.found = FaceCache::EMPTY;
         let held = self.state.inputs.x_to;
         self.start_delay_lines(held);
         Ok(())

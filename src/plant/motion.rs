@@ -4,7 +4,7 @@
 //! them together. Work and losses are integrated as states, so that every run carries its energy balance.
 
 use super::actuation::Drive;
-use super::clutch::{self, Branch, Found, Slipping};
+use super::clutch::{self, Branch, FaceCache, Slipping};
 use super::config::{Config, Coupling};
 use super::rest::Rest;
 use crate::effects::empirical;
@@ -62,7 +62,7 @@ pub struct Setting {
     /// Whether the faces touch.
     pub engaged: bool,
     /// Cached position and radius of the faces for the first stage.
-    pub found: Found,
+    pub found: FaceCache,
     /// Memory of the force hysteresis.
     pub memory: Branch,
     /// Standstill of car and engine, and the brakes.
@@ -180,7 +180,7 @@ pub fn slip(y: &Motion) -> f64 {
 
 /// Clutch torques while slipping in `direction`, eq. (1).
 #[inline]
-pub fn slipping(config: &Config, found: &Found, y: &Motion, direction: f64, memory: Branch, x: f64) -> Slipping {
+pub fn slipping(config: &Config, found: &FaceCache, y: &Motion, direction: f64, memory: Branch, x: f64) -> Slipping {
     clutch::slipping(config, found, x, memory, direction, slip(y), y)
 }
 
@@ -212,7 +212,7 @@ pub fn torque_to(config: &Config, y: &Motion, t_e: f64, omega_f: f64, h: f64) ->
 
 /// Rates of all states.
 #[inline(always)]
-fn rates(config: &Config, set: &Setting, found: &Found, y: &Motion, drive: Drive) -> Motion {
+fn rates(config: &Config, set: &Setting, found: &FaceCache, y: &Motion, drive: Drive) -> Motion {
     let c = &config.constants;
     let d = &c.driveline;
     let rest = &set.rest;
@@ -271,7 +271,7 @@ fn rates(config: &Config, set: &Setting, found: &Found, y: &Motion, drive: Drive
 pub fn runge_kutta(config: &Config, set: &Setting, y: &Motion, drive: [Drive; 3], h: f64) -> Motion {
     let at = |k: &Motion, f: f64| -> Motion { std::array::from_fn(|i| y[i] + f * k[i]) };
     let k1 = rates(config, set, &set.found, y, drive[0]);
-    let later = &Found::NOTHING;
+    let later = &FaceCache::EMPTY;
     let k2 = rates(config, set, later, &at(&k1, 0.5 * h), drive[1]);
     let k3 = rates(config, set, later, &at(&k2, 0.5 * h), drive[1]);
     let k4 = rates(config, set, later, &at(&k3, h), drive[2]);

@@ -7,7 +7,7 @@
 //! plant that would be unstable even then is [`TooFast`].
 
 use super::MAX_SUBSTEP;
-use super::clutch::{self, Branch, Found};
+use super::clutch::{self, Branch, FaceCache};
 use super::config::Config;
 use super::motion;
 use crate::effects::empirical;
@@ -146,7 +146,7 @@ fn steepest_friction(config: &Config) -> f64 {
     for theta in TEMPERATURES {
         let y = motion::warm(theta);
         let closed = crate::physics::map::contact(&config.vehicle.actuator, theta).x_cls;
-        let found = Found::NOTHING.with_position(config, closed, &y);
+        let found = FaceCache::EMPTY.with_position(config, closed, &y);
         let torque = |slip| clutch::slipping(config, &found, closed, Branch { x: closed, z: 1.0 }, 1.0, slip, &y).total();
         let tabled = config.empirical.friction.then(|| empirical::slips_and_speeds().0);
         for slip in SLIPS.into_iter().chain(tabled.into_iter().flatten()) {

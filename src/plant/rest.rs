@@ -7,7 +7,7 @@
 
 use super::State;
 use super::actuation::Chain;
-use super::clutch::Found;
+use super::clutch::FaceCache;
 use super::config::Config;
 use super::motion::{self, Motion, index};
 
@@ -57,7 +57,7 @@ fn torques(config: &Config, state: &State, y: &Motion, chain: &Chain) -> Torques
         // While stuck, engine and disc can only start to move together.
         return Torques { engine: t_e - behind, car: if config.compliant() { behind } else { t_e } - load };
     } else {
-        motion::slipping(config, &Found::NOTHING, y, state.direction, state.memory, drive.x).total()
+        motion::slipping(config, &FaceCache::EMPTY, y, state.direction, state.memory, drive.x).total()
     };
     Torques { engine: t_e - t_fc, car: if config.compliant() { behind } else { t_fc } - load }
 }

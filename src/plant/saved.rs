@@ -1,6 +1,6 @@
 //! Saving and restoring the state of a plant, for roll-back and for continuing in another process.
 
-use super::clutch::Found;
+use super::clutch::FaceCache;
 use super::config::Config;
 use super::history::History;
 use super::{Plant, State};
@@ -22,7 +22,7 @@ impl Plant {
     pub fn take_up(&mut self, vehicle: &Vehicle, effects: &Parameters, state: &State) {
         if !equal(&self.config.parameters, effects) || self.config.vehicle != *vehicle {
             *self.config = Config::new(vehicle, effects);
-            self.found = Found::NOTHING;
+            self.found = FaceCache::EMPTY;
         }
         self.state = *state;
     }

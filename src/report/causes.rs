@@ -145,7 +145,7 @@ fn ranked(diagnosis: &Value) -> String {
          <div class=\"scroll\" role=\"region\" aria-label=\"Candidates\" tabindex=\"0\"><table class=\"ranked\"><thead><tr><th scope=\"col\">Effect</th>\
          <th scope=\"col\" class=\"num\">Nats</th><th scope=\"col\">{}</th><th scope=\"col\">Verdict</th><th scope=\"col\">Why</th></tr></thead><tbody>{rows}</tbody></table></div>\n{}",
         ruler(),
-        trifles(&rest, law)
+        rejected_by_reason(&rest, law)
     )
 }
 
@@ -178,7 +178,7 @@ fn ruler() -> String {
 }
 
 /// Rejected candidates by reason: names with their nats.
-fn trifles(rest: &[&Value], law: Option<&str>) -> String {
+fn rejected_by_reason(rest: &[&Value], law: Option<&str>) -> String {
     let mut groups: Vec<(String, Vec<String>)> = Vec::new();
     for c in rest {
         let name = format!(

@@ -2,7 +2,7 @@
 //!
 //! The measured curve is stored as differences between successive samples, and the models' curves as differences of (measured − model); both are in units of a quantum `q`
 //! below the noise, encoded as bytes of variable length in base 64. Up to [`WHOLE`] samples are all stored. Longer data are decimated: of each stretch of time the least and
-//! the greatest measured value and the sample with the greatest gap of the nominal model are kept, so that no peak is lost.
+//! the greatest measured value and the samples with the greatest gap of the nominal and of the retuned model are kept, so that no peak is lost.
 
 use serde_json::{Value, json};
 

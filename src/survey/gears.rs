@@ -11,7 +11,7 @@ const HALF_S: f64 = 0.15;
 /// Largest distance of x from a level, i.e. largest relative deviation of a ratio.
 const WITHIN: f64 = 0.045;
 /// Shortest stretch from which a gear is learned, s.
-const TEACHES_S: f64 = 1.2;
+const MIN_LEARNING_S: f64 = 1.2;
 /// Shortest stretch in a known gear, s.
 const SHORTEST_S: f64 = 0.6;
 /// Least number of samples in a stretch: slow logs have few.
@@ -66,17 +66,17 @@ impl Gears {
 /// Finds the gears of a log.
 pub fn find(engine: Trace<'_>, road: Trace<'_>, known: &Known, shaft: bool, remarks: &mut Vec<String>) -> Gears {
     let (time, x) = levels_over_time(engine, road);
-    let teachers = stretches(&time, &x, TEACHES_S, None);
+    let learning_stretches = stretches(&time, &x, MIN_LEARNING_S, None);
     let mut gears = Gears { given: !known.ratios.is_empty(), ..Gears::default() };
     if gears.given {
-        let Some(common) = common_factor(&teachers, known, shaft) else {
+        let Some(common) = common_factor(&learning_stretches, known, shaft) else {
             remarks.push("no stretch with a steady ratio of engine to road speed: the given ratios cannot be matched to anything".into());
             return gears;
         };
         gears.common = Some(common);
         gears.levels = known.ratios.iter().map(|i| i * common).collect();
     } else {
-        gears.levels = learned(&teachers);
+        gears.levels = learned(&learning_stretches);
     }
     let logs: Vec<f64> = gears.levels.iter().map(|l| l.ln()).collect();
     gears.stretches = stretches(&time, &x, SHORTEST_S, Some(&logs))
@@ -140,9 +140,9 @@ fn stretches(time: &[f64], x: &[f64], shortest: f64, levels: Option<&[f64]>) -> 
 }
 
 /// Ratios learned from the stretches, the highest (first gear) first. Levels within 6 % of each other are one gear.
-fn learned(teachers: &[Steady]) -> Vec<f64> {
+fn learned(learning_stretches: &[Steady]) -> Vec<f64> {
     let mut levels: Vec<(f64, f64)> = Vec::new();
-    for s in teachers {
+    for s in learning_stretches {
         let seconds = s.to - s.from;
         match levels.iter_mut().find(|(level, _)| (*level - s.level).abs() < 0.06) {
             Some((level, weight)) => {
@@ -157,7 +157,7 @@ fn learned(teachers: &[Steady]) -> Vec<f64> {
 }
 
 /// The common factor with which the given ratios match the levels for most of the time.
-fn common_factor(teachers: &[Steady], known: &Known, shaft: bool) -> Option<f64> {
+fn common_factor(learning_stretches: &[Steady], known: &Known, shaft: bool) -> Option<f64> {
     if known.ratios == [1.0] && shaft {
         return Some(1.0);
     }
@@ -166,9 +166,9 @@ fn common_factor(teachers: &[Steady], known: &Known, shaft: bool) -> Option<f64>
     }
     let logs: Vec<f64> = known.ratios.iter().map(|i| i.ln()).collect();
     let off = |c: f64, s: &Steady| logs.iter().map(|l| s.level - l - c).min_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(f64::INFINITY);
-    let score = |c: f64| teachers.iter().map(|s| (s.to - s.from) * (-0.5 * (off(c, s) / 0.015).powi(2)).exp()).sum::<f64>();
-    let candidates = teachers.iter().flat_map(|s| logs.iter().map(move |l| s.level - l));
+    let score = |c: f64| learning_stretches.iter().map(|s| (s.to - s.from) * (-0.5 * (off(c, s) / 0.015).powi(2)).exp()).sum::<f64>();
+    let candidates = learning_stretches.iter().flat_map(|s| logs.iter().map(move |l| s.level - l));
     let best = candidates.max_by(|a, b| score(*a).total_cmp(&score(*b)))?;
-    let near: Vec<f64> = teachers.iter().map(|s| off(best, s)).filter(|o| o.abs() < WITHIN).collect();
+    let near: Vec<f64> = learning_stretches.iter().map(|s| off(best, s)).filter(|o| o.abs() < WITHIN).collect();
     Some((best + median(near)).exp())
 }

@@ -5,7 +5,7 @@ use crate::thinned::every;
 use kisspoint::campaign::{self, Campaign, Recording};
 use kisspoint::effects;
 use kisspoint::gap::diagnosis::diagnose;
-use kisspoint::gap::infer::sensors::{minus_log_likelihood, refined};
+use kisspoint::gap::infer::sensors::{minus_two_log_likelihood, refined};
 use kisspoint::gap::model::noise::Noise;
 use kisspoint::gap::model::prepare;
 use kisspoint::gap::model::tolerance::Car;
@@ -301,10 +301,10 @@ fn a_memory_has_to_show_and_to_be_worth_its_price() {
             [1.0, 0.8].map(|share| {
                 let (mut changed, white) = (with, with.noise[0].white);
                 changed.noise[0] = Noise { white: share * white, coloured: size * white, memory_s };
-                minus_log_likelihood(&problem, &point, &changed)
+                minus_two_log_likelihood(&problem, &point, &changed)
             })
         });
-        let nats = 0.5 * (minus_log_likelihood(&problem, &point, &with) - costs.fold(f64::INFINITY, f64::min));
+        let nats = 0.5 * (minus_two_log_likelihood(&problem, &point, &with) - costs.fold(f64::INFINITY, f64::min));
         let taken = refined(&problem, &point, &residuals, &with).is_some_and(|found| found.noise[0].coloured > 0.0);
         assert_eq!(taken, correlation >= 0.08 && nats > 8.0, "{names:?}, {size} rad/s: {correlation}, {nats} nats");
         weak += u32::from(taken && correlation < 0.24);

@@ -34,7 +34,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Sizes at which effects are drawn, as multiples of the limit of detection.
-const TIMES: [f64; 5] = [0.0, 0.5, 1.0, 2.0, 4.0];
+const SIZES_IN_LIMITS: [f64; 5] = [0.0, 0.5, 1.0, 2.0, 4.0];
 
 /// Manoeuvres of the planned campaign, by name: an everyday campaign.
 const CAMPAIGN: [&str; 5] = ["launch", "launch_hot", "creep", "open_rev", "tip_in"];
@@ -43,13 +43,13 @@ const CAMPAIGN: [&str; 5] = ["launch", "launch_hot", "creep", "open_rev", "tip_i
 const LAUNCHES: usize = 3;
 
 /// Ratio of the number of cars in the first part to that in the second, because most cars of the first part are not left open.
-const MORE: usize = 3;
+const SPLIT_CARS_PER_LIMIT_CAR: usize = 3;
 
 /// Size of the effects in the first part, as a share of the usual size; larger effects leave few cars open.
 const SMALL: f64 = 0.3;
 
 /// A car of the first part whose cause was left open, and what became of it.
-struct Told {
+struct Split {
     effect: &'static str,
     rivals: Vec<(Vec<usize>, f64)>,
     /// Trials with the recommended manoeuvre and with one drawn at random.
@@ -94,13 +94,13 @@ pub struct Options<'a> {
 pub fn run(o: &Options, pool: &rayon::ThreadPool) -> Result<(), CommandError> {
     let bar = Progress::new();
     let done = AtomicUsize::new(0);
-    let all = (1 + MORE) * o.cars;
+    let all = (1 + SPLIT_CARS_PER_LIMIT_CAR) * o.cars;
     let tell = |what: &str| {
         let count = 1 + done.fetch_add(1, Ordering::Relaxed);
         bar.tell(&format!("{what}, {count} of {all}"), count as f64 / all as f64);
     };
     let one_told = |k: usize| {
-        let told = told_apart(o.seed, k);
+        let told = test_split(o.seed, k);
         tell("telling apart");
         told
     };
@@ -109,10 +109,14 @@ pub fn run(o: &Options, pool: &rayon::ThreadPool) -> Result<(), CommandError> {
         tell("limits");
         found
     };
-    let (told, found): (Vec<Option<Told>>, Vec<Vec<Found>>) =
-        pool.install(|| ((0..MORE * o.cars).into_par_iter().map(one_told).collect(), (0..o.cars).into_par_iter().map(one_limit).collect()));
+    let (told, found): (Vec<Option<Split>>, Vec<Vec<Found>>) = pool.install(|| {
+        (
+            (0..SPLIT_CARS_PER_LIMIT_CAR * o.cars).into_par_iter().map(one_told).collect(),
+            (0..o.cars).into_par_iter().map(one_limit).collect(),
+        )
+    });
     bar.finish();
-    let told: Vec<Told> = told.into_iter().flatten().collect();
+    let told: Vec<Split> = told.into_iter().flatten().collect();
     let found: Vec<Found> = found.into_iter().flatten().collect();
     if let Some(path) = o.curve {
         crate::cli::files::write_new(path, &curve(&found), true)?;
@@ -202,7 +206,7 @@ fn shares(d: &Diagnosis, rivals: &[(Vec<usize>, f64)]) -> Option<Vec<f64>> {
     (sum > 0.0).then(|| all.iter().map(|p| p / sum).collect())
 }
 
-fn told_apart(seed: u64, k: usize) -> Option<Told> {
+fn test_split(seed: u64, k: usize) -> Option<Split> {
     let effect = turn(seed, k);
     let car = draw_car_sized(Place::Bench, seed, k, Kind::Single(effect), SMALL);
     let vehicle = vehicle_of(&car);
@@ -231,7 +235,7 @@ fn told_apart(seed: u64, k: usize) -> Option<Told> {
         });
         Some(Trial { name: what.name.clone(), nats: w.nats, predicted: w.splits, told, right })
     };
-    Some(Told { effect, tried: [trial(best, 50)?, trial(random, 51)?], rivals })
+    Some(Split { effect, tried: [trial(best, 50)?, trial(random, 51)?], rivals })
 }
 
 /// A pseudo-random generator for choices, splitmix64.
@@ -273,7 +277,7 @@ fn limits(seed: u64, k: usize) -> Vec<Found> {
     // One more launch is driven, to serve as the held-out recording.
     let mut driven_plan = plan;
     driven_plan.extend(driven_plan.iter().find(|m| m.name == "launch").cloned().map(|m| Manoeuvre { name: "again".to_owned(), ..m }));
-    TIMES.iter().filter_map(|&times| one_size(&car_of, &driven_plan, &vehicle, effect, limit, times)).collect()
+    SIZES_IN_LIMITS.iter().filter_map(|&times| one_size(&car_of, &driven_plan, &vehicle, effect, limit, times)).collect()
 }
 
 /// An effect at `times` its limit, diagnosed; `None` if the generator cannot express the size of its effect in the library's terms, or cannot reach the wanted size.
@@ -328,10 +332,10 @@ fn share(hits: usize, count: usize) -> String {
     format!("{hits:>3} of {count:<3} {:>5.1} % ({:.0} to {:.0} %)", 100.0 * hits as f64 / count.max(1) as f64, 100.0 * low, 100.0 * high)
 }
 
-fn as_text(o: &Options, told: &[Told], found: &[Found]) -> String {
+fn as_text(o: &Options, told: &[Split], found: &[Found]) -> String {
     let mut text = format!(
         "{} cars with one small effect each, seed {}, generator {}: {LAUNCHES} launches leave {} of them open.\n",
-        MORE * o.cars,
+        SPLIT_CARS_PER_LIMIT_CAR * o.cars,
         o.seed,
         realcar::VERSION,
         told.len()
@@ -354,7 +358,7 @@ fn as_text(o: &Options, told: &[Told], found: &[Found]) -> String {
     }
     text += &format!("\nEffects at multiples of the limit that was planned from the vehicle file ({} manoeuvres):\n", CAMPAIGN.len());
     text += &format!("{:>8}  {:<34} {:<34} {:>10}\n", "limits", "gap found", "effect named", "theory");
-    for times in TIMES {
+    for times in SIZES_IN_LIMITS {
         let (hits, named, count, predicted) = by_size(found, times);
         let theory = if times == 0.0 { "–".to_owned() } else { format!("{:.1} %", 100.0 * predicted / count.max(1) as f64) };
         text += &format!("{times:>8}  {:<34} {:<34} {theory:>10}\n", share(hits, count), share(named, count));
@@ -373,7 +377,7 @@ fn set_name(set: &[usize]) -> String {
     if set.is_empty() { "none".to_owned() } else { set.iter().map(|&e| REGISTRY[e].id).collect::<Vec<_>>().join("+") }
 }
 
-fn as_json(o: &Options, told: &[Told], found: &[Found]) -> Value {
+fn as_json(o: &Options, told: &[Split], found: &[Found]) -> Value {
     let trial = |t: &Trial| json!({"manoeuvre": t.name, "nats": t.nats, "predicted": t.predicted, "told_apart": t.told, "right": t.right});
     let open: Vec<Value> = told
         .iter()
@@ -386,7 +390,7 @@ fn as_json(o: &Options, told: &[Told], found: &[Found]) -> Value {
             json!({"effect": t.effect, "rivals": rivals, "recommended": trial(&t.tried[0]), "random": trial(&t.tried[1])})
         })
         .collect();
-    let sizes: Vec<Value> = TIMES
+    let sizes: Vec<Value> = SIZES_IN_LIMITS
         .iter()
         .map(|&times| {
             let (hits, named, count, predicted) = by_size(found, times);
@@ -403,7 +407,7 @@ fn as_json(o: &Options, told: &[Told], found: &[Found]) -> Value {
 
 /// Plot of the share found over the size in limits: drawn cars with their intervals, and the theory.
 fn curve(found: &[Found]) -> String {
-    let of = |get: &dyn Fn(f64) -> f64| TIMES.iter().map(|&t| (t, 100.0 * get(t))).collect::<Vec<_>>();
+    let of = |get: &dyn Fn(f64) -> f64| SIZES_IN_LIMITS.iter().map(|&t| (t, 100.0 * get(t))).collect::<Vec<_>>();
     let rate = |t: f64| by_size(found, t);
     let bound = |side: usize| move |t: f64| wilson(rate_of(found, t).0, rate_of(found, t).1)[side];
     let series = |name: &str, points, dashed| Series { name: name.to_owned(), points, dashed };

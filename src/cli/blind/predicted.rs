@@ -5,7 +5,7 @@
 //! counted separately.
 
 use super::closed;
-use crate::plant::clutch::{self, Branch, Found};
+use crate::plant::clutch::{self, Branch, FaceCache};
 use crate::plant::config::Config;
 use crate::plant::motion::{Motion, index};
 use crate::validated::{Place, Validated};
@@ -142,7 +142,7 @@ fn of(r: &Recording, mut car: realcar::Motion, config: &Config, known: &Validate
         y[index::THETA_C] = car.theta[0];
         y[index::ANGLE] += slip * h;
         y[index::E_D] += car.t_fc * slip * h;
-        let torque = clutch::slipping(config, &Found::NOTHING, car.x, memory, slip.signum(), slip, &y).total();
+        let torque = clutch::slipping(config, &FaceCache::EMPTY, car.x, memory, slip.signum(), slip, &y).total();
         if slip.abs() < LEAST_SLIP || torque.abs().max(car.t_fc.abs()) < LEAST_TORQUE {
             continue;
         }

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! where e are the whitened innovations of the corrected replay, ρ is Huber's loss, all nuisances are in units of their standard deviation, and p_0 and s_p are the null value of
-//! an effect parameter and the size that it has in a noticeable effect. [`STRAINS`] and [`BENDS`] add terms that couple some of the parameters.
+//! an effect parameter and the size that it has in a noticeable effect. [`COUPLED_PRIORS`] and [`BENDS`] add terms that couple some of the parameters.
 
 use super::belief::ByAccuracy;
 use crate::effects::empirical::{CURVES, Curve};
@@ -307,7 +307,7 @@ pub fn prior(point: &Point) -> f64 {
     let square = |x: &f64| x * x;
     let nuisances: f64 = point.shared.iter().chain(point.own.iter().flatten()).chain(&point.missing).map(square).sum();
     let effects: f64 = (0..PARAMETERS.len()).map(|k| ((point.effects[k] - PARAMETERS[k].null) / size(k)).powi(2)).sum();
-    let strains = STRAINS.iter().map(|t| t.strain(&point.effects).powi(2)).sum::<f64>();
+    let strains = COUPLED_PRIORS.iter().map(|t| t.strain(&point.effects).powi(2)).sum::<f64>();
     let bends = BENDS.iter().map(|b| b.strain(&point.effects).powi(2)).sum::<f64>();
     nuisances + effects + strains + bends
 }
@@ -319,7 +319,7 @@ pub fn size(k: usize) -> f64 {
 
 /// Prior that couples two parameters of an effect: the follower is expected to be a share of the leader.
 #[derive(Clone, Copy, Debug)]
-pub struct Strain {
+pub struct CoupledPrior {
     /// Index of the leading parameter.
     pub leader: usize,
     /// Index of the parameter that follows it.
@@ -332,14 +332,14 @@ pub struct Strain {
 
 /// If the contact point moves, the clutch is worn or was adjusted, and its closed point moves in the same direction, by all, some or none of the distance. A closed point that
 /// moved on its own would be a different stiffness.
-pub const STRAINS: [Strain; 1] = [Strain {
+pub const COUPLED_PRIORS: [CoupledPrior; 1] = [CoupledPrior {
     leader: effects::param::kiss_point_offset::offset,
     follower: effects::param::kiss_point_offset::closed_offset,
     share: 0.5,
     sigma: 0.05,
 }];
 
-impl Strain {
+impl CoupledPrior {
     /// Deviation of the follower from its expected value, in standard deviations.
     pub fn strain(&self, effects: &Parameters) -> f64 {
         (effects[self.follower] - self.share * effects[self.leader]) / self.sigma
@@ -420,11 +420,11 @@ mod tests {
         assert!((of(param::vehicle_mass::factor, -1.5) - 2.25).abs() < 1e-9 && (of(param::judder::sine, 2.0) - 4.0).abs() < 1e-9);
         // The closed point is expected to follow the contact point by half of its move, ± 0.05 mm.
         let mut moved = effects::null();
-        (moved[STRAINS[0].leader], moved[STRAINS[0].follower]) = (0.3, 0.25);
-        assert!((STRAINS[0].strain(&moved) - 2.0).abs() < 1e-9);
+        (moved[COUPLED_PRIORS[0].leader], moved[COUPLED_PRIORS[0].follower]) = (0.3, 0.25);
+        assert!((COUPLED_PRIORS[0].strain(&moved) - 2.0).abs() < 1e-9);
         let own = |p: usize| (moved[p] / size(p)).powi(2);
         let point = Point { shared: Vec::new(), own: Vec::new(), effects: moved, missing: Vec::new() };
-        assert!((prior(&point) - own(STRAINS[0].leader) - own(STRAINS[0].follower) - 4.0).abs() < 1e-9);
+        assert!((prior(&point) - own(COUPLED_PRIORS[0].leader) - own(COUPLED_PRIORS[0].follower) - 4.0).abs() < 1e-9);
         assert!((cost(&point, &[vec![2.0]]) - prior(&point) - 4.0).abs() < 1e-12);
     }
 

@@ -85,7 +85,7 @@ impl Fit {
 
     /// Standard deviation of the mean of an effect's form, as a change of one of the effect's parameters. These recordings do not show such a mean, because a constant form is the
     /// same as a change of size.
-    pub fn mean_of_form(&self, parameter: usize) -> f64 {
+    pub fn sigma_of_form_mean(&self, parameter: usize) -> f64 {
         FORM * self.form_size * (self.point.effects[parameter] - PARAMETERS[parameter].null)
     }
 
@@ -161,7 +161,7 @@ const STRAINED: f64 = 2.0;
 const TRIES: usize = 7;
 const SHRINK: f64 = 20.0;
 /// Range of the ratio of a step's gain to the gain that the linear model predicted within which derivatives along nuisances are reused.
-pub const KEEPS_ITS_WORD: std::ops::Range<f64> = 0.7..1.5;
+pub const TRUSTED_GAIN_RATIO: std::ops::Range<f64> = 0.7..1.5;
 /// Gain of a step below which a fit ends, in the cost scaled by [`Problem::power`].
 const LEAST_GAIN: f64 = 0.3;
 
@@ -248,10 +248,10 @@ pub fn along(problem: &Problem, frame: Frame, basis: Option<&Basis>, start: &Poi
         let gain = before - now;
         let looks = iterations <= LOOK;
         // A full fit ends only where new derivatives lead to no further gain. A look also ends where reused derivatives promise no gain, or predicted it badly.
-        if gain < least && (!kept || looks && promised < least) || (kept && looks && !KEEPS_ITS_WORD.contains(&(gain / promised))) {
+        if gain < least && (!kept || looks && promised < least) || (kept && looks && !TRUSTED_GAIN_RATIO.contains(&(gain / promised))) {
             break;
         }
-        let keeps_its_word = gain >= least && KEEPS_ITS_WORD.contains(&(gain / promised));
+        let keeps_its_word = gain >= least && TRUSTED_GAIN_RATIO.contains(&(gain / promised));
         // A step with reused derivatives that predicted its gain badly does not count as an iteration.
         done += usize::from(keeps_its_word || !kept);
         kept = keeps_its_word;

@@ -42,7 +42,7 @@ const DEGREE_OF_CHANGE: i32 = 2;
 
 /// Largest relative error (root mean square) with which the response to what an effect does may reproduce what the effect changes in the innovations; beyond it, the form is
 /// derived from these changes.
-const UNTOLD: f64 = 0.5;
+const LARGEST_MISMATCH: f64 = 0.5;
 
 /// States on which the action of a subsystem can depend.
 fn depends_on(subsystem: Subsystem) -> &'static [usize] {
@@ -94,10 +94,10 @@ fn of_effect(problem: &Problem, point: &Point, effect: usize, with: &[Course]) -
     of_causes(problem, &changes[0], &causes, with, (effect, &along))
 }
 
-/// Whether `told` predicts the change of the innovations to within the relative error [`UNTOLD`].
+/// Whether `told` predicts the change of the innovations to within the relative error [`LARGEST_MISMATCH`].
 fn accounts_for(told: &[Residuals], change: &[Residuals]) -> bool {
     let untold: Vec<Residuals> = change.iter().zip(told).map(|(a, b)| difference(a, b)).collect();
-    square(&untold) <= UNTOLD.powi(2) * square(change)
+    square(&untold) <= LARGEST_MISMATCH.powi(2) * square(change)
 }
 
 /// The functions of the form of a missing law at a point, from the change of the innovations by the first `amplitudes` functions of the basis. Since nobody knows the law, its form

@@ -6,7 +6,7 @@
 
 use super::belief::{ByAccuracy, overall};
 use super::density::{PHASES, Point, Problem, Residuals, misfit};
-use super::sensors::minus_log_likelihood;
+use super::sensors::minus_two_log_likelihood;
 use super::unknown::PLACE_PRIOR;
 use crate::effects::Subsystem;
 use crate::gap::model::filter::Disturbances;
@@ -123,7 +123,7 @@ pub fn probability(problem: &Problem, gain: f64) -> ByAccuracy<f64> {
 }
 
 /// Gain in log likelihood, nats, if the innovations of each phase of the clutch may have a variance of their own, with the likelihood raised to the powers that steer the search.
-fn dispersed(problem: &Problem, residuals: &[Residuals]) -> f64 {
+fn overdispersion_gain(problem: &Problem, residuals: &[Residuals]) -> f64 {
     let mut samples = [0.0; PHASES];
     for (r, residuals) in residuals.iter().enumerate() {
         residuals.iter().enumerate().filter(|(_, x)| **x != 0.0).for_each(|(i, _)| samples[problem.phase(r, i)] += 1.0);
@@ -136,15 +136,15 @@ fn dispersed(problem: &Problem, residuals: &[Residuals]) -> f64 {
 /// innovations are no larger than their covariance allows, or if no disturbance is worth its price.
 pub fn irregular(problem: &Problem, point: &Point, residuals: &[Residuals], with: &Disturbances) -> Option<Irregular> {
     let price = -(PLACE_PRIOR / (1.0 - PLACE_PRIOR)).ln();
-    if dispersed(problem, residuals) < price {
+    if overdispersion_gain(problem, residuals) < price {
         return None;
     }
     let point = &Point { missing: Vec::new(), ..point.clone() };
     // The explanation is credited with its forms and laws, whereas a disturbance is weighed without them.
     let log_det = problem.filters.iter().map(|f| f.log_det).sum::<f64>();
-    let without = minus_log_likelihood(problem, point, with).min(misfit(residuals) + log_det);
+    let without = minus_two_log_likelihood(problem, point, with).min(misfit(residuals) + log_det);
     let power = problem.power();
-    let gain = |changed: &Disturbances| 0.5 * power * (without - minus_log_likelihood(problem, point, changed));
+    let gain = |changed: &Disturbances| 0.5 * power * (without - minus_two_log_likelihood(problem, point, changed));
     let of = |at: At| {
         let all = at.sizes().into_iter().flat_map(move |size| MEMORIES_S.map(|memory| (at, at.added(size, memory, with), memory)));
         all.filter(move |(_, changed, _)| at.is_more(changed, with))
@@ -189,13 +189,13 @@ mod tests {
             let Some(found) = irregular(&problem, &point, &problem.all_residuals(&point, None), &with) else { continue };
             let least = |at: At| {
                 let costs = at.sizes().into_iter().flat_map(|size| MEMORIES_S.map(|memory| at.added(size, memory, &with)));
-                costs.map(|changed| minus_log_likelihood(&problem, &point, &changed)).fold(f64::INFINITY, f64::min)
+                costs.map(|changed| minus_two_log_likelihood(&problem, &point, &changed)).fold(f64::INFINITY, f64::min)
             };
             let costs = ALL.map(least);
             let best = costs.iter().copied().fold(f64::INFINITY, f64::min);
             // Odds that something is irregular in this place: the prior odds, shared by nine combinations of size and correlation time, times the likelihood ratio.
             let before = PLACE_PRIOR / (1.0 - PLACE_PRIOR) / 9.0;
-            let odds = before * (0.5 * problem.power() * (minus_log_likelihood(&problem, &point, &with) - best)).exp();
+            let odds = before * (0.5 * problem.power() * (minus_two_log_likelihood(&problem, &point, &with) - best)).exp();
             assert!(odds >= 1.0 && (found.probability - odds / (1.0 + odds)).abs() < 1e-6, "{}: {odds} {}", r.name, found.probability);
             doubtful += u32::from(found.probability < 0.99);
             for (at, cost) in ALL.into_iter().zip(costs) {

@@ -10,7 +10,7 @@
 //! so that the work is linear in the number of recordings.
 
 use super::coordinate::Coordinate;
-use super::density::{BENDS, Baseline, Basis, ByPhase, Point, Problem, Residuals, STRAINS, TEMPERATURES, weight};
+use super::density::{BENDS, Baseline, Basis, ByPhase, COUPLED_PRIORS, Point, Problem, Residuals, TEMPERATURES, weight};
 use crate::gap::model::column::Column;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
@@ -249,7 +249,7 @@ pub fn assemble(point: &Point, frame: &Frame, parts: &[Products], damping: f64) 
         curvature[(k, k)] += (1.0 + damping) * c.precision();
         gradient[k] += c.precision() * (c.get(point, 0) - c.centre());
     }
-    for t in &STRAINS {
+    for t in &COUPLED_PRIORS {
         let place = |parameter: usize| frame.shared.iter().position(|c| *c == Coordinate::Effect(parameter));
         if let (Some(leader), Some(follower)) = (place(t.leader), place(t.follower)) {
             let slopes = [(leader, -t.share / t.sigma), (follower, 1.0 / t.sigma)];
@@ -365,7 +365,7 @@ mod tests {
         let point = Point { shared: vec![0.0; 2], own: Vec::new(), effects: effects::null(), missing: Vec::new() };
         let of = |shared: Vec<Coordinate>| assemble(&point, &Frame { shared, own: Vec::new() }, &[], 0.0).unwrap().log_det_prior;
         let [a, b] = [along[1], along[3]].map(Coordinate::precision);
-        let s = STRAINS[0].sigma.powi(-2);
+        let s = COUPLED_PRIORS[0].sigma.powi(-2);
         let expected = ((a + 0.25 * s) * (b + s) - 0.25 * s * s).ln();
         assert!((of(along.to_vec()) - expected).abs() < 1e-9);
         assert!((of(along[..3].to_vec()) - a.ln()).abs() < 1e-12 && of(vec![along[0]]) == 0.0);

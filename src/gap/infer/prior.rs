@@ -1,7 +1,7 @@
 //! Prior of a set of effects: the odds of their number, and the moment prior, under which none of them is small.
 
 use super::coordinate::Coordinate;
-use super::density::{STRAINS, size};
+use super::density::{COUPLED_PRIORS, size};
 use super::fit::Fit;
 use crate::effects::{PARAMETERS, REGISTRY};
 
@@ -27,7 +27,7 @@ pub fn moments(fit: &Fit, effects: &[usize]) -> f64 {
     };
     let one = |e: &usize| {
         // A parameter that only follows another one does not make the effect.
-        let leads = |k: &&usize| STRAINS.iter().all(|s| s.follower != **k);
+        let leads = |k: &&usize| COUPLED_PRIORS.iter().all(|s| s.follower != **k);
         let squares: Vec<f64> = REGISTRY[*e].effect.amplitudes.iter().filter(leads).map(|k| square(*k)).collect();
         moment(squares.iter().sum::<f64>() / squares.len() as f64)
     };

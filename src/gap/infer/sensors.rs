@@ -34,16 +34,16 @@ pub fn other_control_interval(tracks: &[Track]) -> Option<f64> {
 }
 
 /// Whether the inputs of another control unit are worth a search: the recordings must be more likely with them already beside the effects that suit the usual unit's inputs best.
-pub fn worth_another(other: &Problem, usual: &Problem, best: &Hypothesis) -> bool {
+pub fn other_control_unit_is_worth_a_search(other: &Problem, usual: &Problem, best: &Hypothesis) -> bool {
     // Nuisances of the timing are converted: their standard deviations depend on the logger, and differ between the two readings.
     let mut start = best.fit.point.clone();
     start.shared.iter_mut().zip(usual.shared.iter().zip(&other.shared)).for_each(|(z, (of, to))| *z *= of.sigma / to.sigma);
     let fitted = Hypothesis::fitted(other, best.effects.clone(), &start, TOLD_APART, None);
-    rather_other((other, &fitted), (usual, best))
+    prefers_other_control_unit((other, &fitted), (usual, best))
 }
 
 /// Whether the recordings are more likely with the inputs of another control unit, each reading with a set of effects of its own.
-pub fn rather_other(other: (&Problem, &Hypothesis), usual: (&Problem, &Hypothesis)) -> bool {
+pub fn prefers_other_control_unit(other: (&Problem, &Hypothesis), usual: (&Problem, &Hypothesis)) -> bool {
     log_likelihood(other.0, other.1) > log_likelihood(usual.0, usual.1) + WORTH_NATS
         && (!other.0.tracks.iter().any(Track::misses_commands) || explains_more(other, usual))
 }
@@ -78,11 +78,11 @@ pub fn refined(problem: &Problem, point: &Point, residuals: &[Residuals], with: 
         let tried = SIZES.iter().flat_map(|size| memories.iter().map(move |m| Noise { white, coloured: size * white, memory_s: *m }));
         // Part of what looked white belongs to the coloured noise.
         let tried = tried.flat_map(|n| [1.0, 0.8].map(|share| Noise { white: share * white, ..n }));
-        let mut most = minus_log_likelihood(problem, point, &best) - 2.0 * WORTH_NATS;
+        let mut most = minus_two_log_likelihood(problem, point, &best) - 2.0 * WORTH_NATS;
         for noise in tried {
             let mut changed = best;
             changed.noise[c] = noise;
-            let cost = minus_log_likelihood(problem, point, &changed);
+            let cost = minus_two_log_likelihood(problem, point, &changed);
             if cost < most {
                 (most, found) = (cost, Some(changed));
             }
@@ -114,7 +114,7 @@ fn of_channel<'a>(filter: &Filter, residuals: &'a Residuals, c: usize) -> impl I
 }
 
 /// Minus twice the log likelihood of the recordings at `point` under filters for the disturbances `with`, up to a constant.
-pub fn minus_log_likelihood(problem: &Problem, point: &Point, with: &Disturbances) -> f64 {
+pub fn minus_two_log_likelihood(problem: &Problem, point: &Point, with: &Disturbances) -> f64 {
     let filters: Vec<_> = problem.tracks.par_iter().map(|t| prepare::filter_of(t, &problem.vehicle, with)).collect();
     let changed = Problem { filters, ..problem.clone() };
     misfit(&changed.all_residuals(point, None)) + changed.filters.iter().map(|f| f.log_det).sum::<f64>()
@@ -188,7 +188,7 @@ mod tests {
         let mut wider = usual.clone();
         wider.filters[0].log_det += 20.0;
         let of = |log_evidence: f64| Hypothesis::made_up(&[], Fit { log_evidence, ..Fit::made_up(Vec::new()) });
-        let other = |problem: &Problem, by: f64| rather_other((problem, &of(100.0 + by)), (&usual, &of(100.0)));
+        let other = |problem: &Problem, by: f64| prefers_other_control_unit((problem, &of(100.0 + by)), (&usual, &of(100.0)));
         assert_eq!([other(&usual, 7.9), other(&usual, 8.1), other(&wider, 17.9), other(&wider, 18.1)], [false, true, false, true]);
     }
 

@@ -113,7 +113,7 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
             *promise = promised(promise.unknown.law.place);
         }
         let Promised { unknown: u, size, known } = promise;
-        let begun = Begun::new(problem, &of.effects, &u.law, &of.fit.point, Some(Known::Law(known)));
+        let begun = FitWithoutOwnForm::new(problem, &of.effects, &u.law, &of.fit.point, Some(Known::Law(known)));
         // These derivatives take more memory than anything else, and are no longer needed.
         *known = Vec::new();
         *u = begun.finished(problem, &of.effects, &u.law);
@@ -200,17 +200,17 @@ fn promised(problem: &Problem, of: &Hypothesis, courses: &[Course], [sharp, coar
 
 /// Fits a missing law beside a set of effects, including the forms of both, from a point. `known` are derivatives at this point.
 pub fn beside(problem: &Problem, effects: &[usize], law: &Law, start: &Point, known: Option<Known>) -> Unknown {
-    Begun::new(problem, effects, law, start, known).finished(problem, effects, law)
+    FitWithoutOwnForm::new(problem, effects, law, start, known).finished(problem, effects, law)
 }
 
 /// A fit of a missing law without the law's own form.
-struct Begun {
+struct FitWithoutOwnForm {
     /// Functions of the law and of the effects' forms.
     basis: Basis,
     fit: Fit,
 }
 
-impl Begun {
+impl FitWithoutOwnForm {
     fn new(problem: &Problem, effects: &[usize], law: &Law, start: &Point, known: Option<Known>) -> Self {
         let count = law.basis.len();
         let of_effects = forms(problem, start, effects);

@@ -19,7 +19,7 @@ use super::replay::{self, Missing, SUBSTEP_S, Steps, added, at, carried};
 use super::tolerance::{Car, Signal};
 use super::track::Track;
 use super::unseen::interval;
-use crate::plant::clutch::{Branch, Found, slipping};
+use crate::plant::clutch::{Branch, FaceCache, slipping};
 use crate::plant::config::Config;
 use crate::plant::events::common_speed;
 use crate::plant::motion::{Motion, engine_torque, index, spring_torque, twist_under, vehicle_resistance};
@@ -128,10 +128,10 @@ impl<'a> Course<'a> {
             let sticks = here.stuck || there.stuck;
             let mut there = Instant { direction: here.direction, ..*there };
             KINEMATICS.into_iter().for_each(|k| there.y[k] = here.y[k]);
-            let (a, b) = (here.doing(&self.config, sticks), there.doing(config, sticks));
+            let (a, b) = (here.quantities(&self.config, sticks), there.quantities(config, sticks));
             std::array::from_fn(|i| a[i] - b[i])
         };
-        let differences: Vec<[f64; DOINGS]> = self.instants.iter().zip(instants).map(of).collect();
+        let differences: Vec<[f64; QUANTITIES]> = self.instants.iter().zip(instants).map(of).collect();
         // A torque acts until the next observation and changes in between, so the mean of both observations is taken.
         let torque = |k: usize, i: usize| 0.5 * (differences[k][i] + differences[(k + 1).min(differences.len() - 1)][i]);
         let shown = |k: usize, i: usize| differences[k][i];
@@ -379,16 +379,16 @@ impl Delayed {
 
 /// Number of quantities in which two cars are compared: torques of engine, car and clutch, N·m, errors of both speeds as read, rad/s, position of the bearing, mm, temperature of
 /// the disc, °C.
-const DOINGS: usize = 7;
+const QUANTITIES: usize = 7;
 
 impl Instant {
     /// Torque in N·m of a slipping clutch at this slip in rad/s.
     fn slipping(&self, config: &Config, slip: f64) -> f64 {
-        slipping(config, &Found::NOTHING, self.bearing, self.memory, self.direction, slip, &self.y).total()
+        slipping(config, &FaceCache::EMPTY, self.bearing, self.memory, self.direction, slip, &self.y).total()
     }
 
     /// What a car with this configuration does in this state. The clutch torque is that of a slipping clutch, or 0 if the clutch `sticks`.
-    fn doing(&self, config: &Config, sticks: bool) -> [f64; DOINGS] {
+    fn quantities(&self, config: &Config, sticks: bool) -> [f64; QUANTITIES] {
         let speeds = SPEEDS.map(|k| self.y[k]);
         let engine = engine_torque(config, &self.y, engine_target(config, self.report));
         // A resistance that holds a standing car would also hold it against more torque, so resistance does not count at standstill.

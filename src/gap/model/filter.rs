@@ -18,7 +18,7 @@
 
 use super::lock_up::{self, LOCKED, LOCKED_MEAN, slip_noise};
 use super::noise::Noise;
-use super::replay::{HIDDEN, rests};
+use super::replay::{SENSOR_THRESHOLD, rests};
 use super::tolerance::Wander;
 use super::track::{Channel, Track};
 use super::unseen::{self, interval, unseen};
@@ -184,7 +184,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     let unknown = track.unknown_clutch.as_ref();
     let closed = |k: usize| unknown.is_some() || lock_up::closed(track, vehicle, k);
     let locked = unknown.map_or_else(|| lock_up::locked(&then, with, |k| track.time[track.rows_of(k).start], closed), |u| u.locked.clone());
-    let blur = if unknown.is_some() { vec![0.0; n] } else { lock_up::blur(track, &then, &locked) };
+    let lock_up_slip_sigma = if unknown.is_some() { vec![0.0; n] } else { lock_up::lock_up_slip_sigma(track, &then, &locked) };
     let [j_f, j_c] = [vehicle.driveline.J_f, vehicle.driveline.J_c];
     let total = j_f + j_c;
     let variance = |c: usize, samples: usize| with.noise[c].white.powi(2) / samples as f64;
@@ -193,7 +193,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     let at_start = [Channel::OmegaF, Channel::OmegaC].map(|c| track.speed_at(c, 0).map(|s| s.1));
     let hidden = |c: usize| {
         let seen = speeds[c].iter().map(|s| s.0).find(|v| v.is_finite()).unwrap_or(0.0);
-        if at_start[c].is_none() && seen.abs() < HIDDEN { 0.5 * seen } else { 0.0 }
+        if at_start[c].is_none() && seen.abs() < SENSOR_THRESHOLD { 0.5 * seen } else { 0.0 }
     };
     let start = |c: usize| {
         at_start[c].unwrap_or(1.0) * with.noise[c].white.powi(2)
@@ -240,7 +240,7 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
             let (speed, noise) = [(OMEGA_F, NOISE_F), (OMEGA_C, NOISE_C)][c];
             let share = if c == 0 { j_c / total } else { j_f / total };
             let stamp = unseen::of_stamps(track, with.stamps, &speeds[c], k);
-            let mut r = variance(c, count) + (share * blur[k]).powi(2) + stamp.powi(2) + if pinned { followed } else { 0.0 };
+            let mut r = variance(c, count) + (share * lock_up_slip_sigma[k]).powi(2) + stamp.powi(2) + if pinned { followed } else { 0.0 };
             let mut h = SVector::<f64, STATES>::zeros();
             (h[speed], h[noise]) = (1.0, 1.0);
             if let Some((of_flywheel, all)) = flywheel.filter(|_| stamp != 0.0 && track.has_one_clock()) {

@@ -97,20 +97,20 @@ pub fn slip_noise(with: &Disturbances) -> f64 {
 }
 
 /// Standard deviation of the slip around measured lock-ups and openings due to the error of their timing, rad/s, by observation: rate of change of the slip times `TIMING_S`.
-pub fn blur(track: &Track, speeds: &[Vec<(f64, usize)>; 2], locked: &[bool]) -> Vec<f64> {
+pub fn lock_up_slip_sigma(track: &Track, speeds: &[Vec<(f64, usize)>; 2], locked: &[bool]) -> Vec<f64> {
     let slip = |k: usize| speeds[0][k].0 - speeds[1][k].0;
     let n = locked.len();
-    let mut blur: Vec<f64> = vec![0.0; n];
+    let mut lock_up_slip_sigma: Vec<f64> = vec![0.0; n];
     for k in (1..n).filter(|&k| locked[k] != locked[k - 1]) {
         let (a, b) = if locked[k] { (k.saturating_sub(OBSERVATIONS + 1), k - 1) } else { (k, (k + OBSERVATIONS).min(n - 1)) };
         let time = |k: usize| track.time[track.rows_of(k).start];
         let pace = (slip(b) - slip(a)) / (time(b) - time(a)).max(1e-3);
         if pace.is_finite() {
             let reach = k.saturating_sub(OBSERVATIONS)..(k + OBSERVATIONS).min(n);
-            blur[reach].iter_mut().for_each(|b| *b = b.max(pace.abs() * TIMING_S));
+            lock_up_slip_sigma[reach].iter_mut().for_each(|b| *b = b.max(pace.abs() * TIMING_S));
         }
     }
-    blur
+    lock_up_slip_sigma
 }
 
 #[cfg(test)]

@@ -26,7 +26,7 @@ pub fn channels(tracks: &[Track]) -> [Noise; 5] {
     let stamps = stamps(tracks);
     std::array::from_fn(|c| {
         let parts = parts_of(tracks, c);
-        let white = if stamps > 0.0 { left_of(&parts).white(stamps) } else { white(&parts) };
+        let white = if stamps > 0.0 { residuals_of(&parts).white(stamps) } else { white(&parts) };
         let white = white.max(LEAST_NOISE[c]).max(0.29 * quantum(parts.iter().map(|p| p.1)));
         Noise { white, coloured: 0.0, memory_s: 1.0 }
     })
@@ -47,7 +47,7 @@ pub fn stamps(tracks: &[Track]) -> f64 {
     }
     let (mut products, mut squares) = (0.0, 0.0);
     for c in 0..2 {
-        let all = left_of(&parts_of(tracks, c));
+        let all = residuals_of(&parts_of(tracks, c));
         let (steady, fast) = (all.steady(), all.fast());
         if steady.is_empty() || fast.is_empty() {
             continue;
@@ -132,22 +132,22 @@ fn quantum<'a>(columns: impl Iterator<Item = &'a [f64]>) -> f64 {
 /// Absolute residual of a sample from the cubic through its two neighbours on either side, scaled so that white noise keeps its standard deviation, and the absolute slope of the
 /// signal there.
 #[derive(Clone, Copy)]
-struct Left {
+struct Residual {
     size: f64,
     pace: f64,
 }
 
 /// Residuals in ascending order of the slope.
-struct ByPace(Vec<Left>);
+struct ByPace(Vec<Residual>);
 
 impl ByPace {
     /// The eighth with the smallest slopes.
-    fn steady(&self) -> &[Left] {
+    fn steady(&self) -> &[Residual] {
         &self.0[..self.0.len() / 8]
     }
 
     /// The quarter with the greatest slopes.
-    fn fast(&self) -> &[Left] {
+    fn fast(&self) -> &[Residual] {
         &self.0[self.0.len() - self.0.len() / 4..]
     }
 
@@ -158,12 +158,12 @@ impl ByPace {
     }
 }
 
-fn mean_square_pace(of: &[Left]) -> f64 {
+fn mean_square_pace(of: &[Residual]) -> f64 {
     of.iter().map(|l| l.pace * l.pace).sum::<f64>() / of.len().max(1) as f64
 }
 
-fn left_of(parts: &[(&[f64], &[f64])]) -> ByPace {
-    let mut left: Vec<Left> = Vec::new();
+fn residuals_of(parts: &[(&[f64], &[f64])]) -> ByPace {
+    let mut left: Vec<Residual> = Vec::new();
     for (time, value) in parts {
         let known: Vec<usize> = (0..value.len()).filter(|&k| value[k].is_finite()).collect();
         for w in known.windows(5) {
@@ -172,7 +172,7 @@ fn left_of(parts: &[(&[f64], &[f64])]) -> ByPace {
             let weights = [0, 1, 3, 4].map(weight);
             let between: f64 = [0, 1, 3, 4].iter().zip(weights).map(|(&k, w)| w * v(k)).sum();
             let size = (v(2) - between).abs() / (1.0 + weights.iter().map(|w| w * w).sum::<f64>()).sqrt();
-            left.push(Left { size, pace: ((v(4) - v(0)) / (t(4) - t(0))).abs() });
+            left.push(Residual { size, pace: ((v(4) - v(0)) / (t(4) - t(0))).abs() });
         }
     }
     left.sort_by(|a, b| a.pace.total_cmp(&b.pace));
@@ -181,10 +181,10 @@ fn left_of(parts: &[(&[f64], &[f64])]) -> ByPace {
 
 /// Standard deviation of white noise on a smooth signal, from the median of the residuals from cubics through each sample's neighbours.
 fn white(parts: &[(&[f64], &[f64])]) -> f64 {
-    spread(&left_of(parts).0)
+    spread(&residuals_of(parts).0)
 }
 
-fn spread(of: &[Left]) -> f64 {
+fn spread(of: &[Residual]) -> f64 {
     if of.is_empty() {
         return 0.0;
     }

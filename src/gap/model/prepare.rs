@@ -88,7 +88,7 @@ pub fn read(recordings: &[&Recording], vehicle_json: &serde_json::Value) -> Resu
     let stamps = noise::stamps(&tracks);
     tracks.iter_mut().for_each(|t| t.sampled_loosely(stamps));
     let (white, quantum) = (noise::of_report(&tracks), noise::report_quantum(&tracks));
-    tracks.par_iter_mut().for_each(|t| t.believe(&noise::without_noise(&t.report_time, &t.reported, white, quantum)));
+    tracks.par_iter_mut().for_each(|t| t.set_engine_torque(&noise::without_noise(&t.report_time, &t.reported, white, quantum)));
     let sensors = noise::channels(&tracks);
     unknown_clutch::find(&mut tracks, &sensors);
     let tolerances = tolerance::read(vehicle_json, logger(&tracks))?;

@@ -125,15 +125,15 @@ pub fn at(values: &[f64], row: usize) -> f64 {
 const LOCKED_SLIP: f64 = 0.6;
 
 /// Upper bound for the threshold of a speed sensor, below which it shows nothing, rad/s.
-pub const HIDDEN: f64 = 10.0;
+pub const SENSOR_THRESHOLD: f64 = 10.0;
 
 /// Whether a wheel may be at rest, sample by sample of its speed in rad/s. A known speed counts as rest if it is `slow`. A missing one counts as rest if the last known speed may
-/// lie below the sensor's threshold ([`HIDDEN`]), and not if the sample was lost at a higher speed.
+/// lie below the sensor's threshold ([`SENSOR_THRESHOLD`]), and not if the sample was lost at a higher speed.
 pub fn rests(omega: impl Iterator<Item = f64> + Clone, slow: impl Fn(f64) -> bool) -> impl Iterator<Item = bool> {
     let mut last = omega.clone().find(|v| v.is_finite()).unwrap_or(0.0);
     omega.map(move |speed| {
         last = if speed.is_finite() { speed } else { last };
-        if speed.is_finite() { slow(speed.abs()) } else { last.abs() < HIDDEN }
+        if speed.is_finite() { slow(speed.abs()) } else { last.abs() < SENSOR_THRESHOLD }
     })
 }
 
@@ -150,7 +150,7 @@ fn start_read(track: &Track, car: &Car, row: usize, theta: [f64; 2], noise: f64,
         }
         // A slow wheel whose sensor shows nothing yet stands still, or nearly.
         let seen = track.measured[c as usize][row..].iter().copied().find(|v| v.is_finite()).unwrap_or(0.0);
-        if seen.abs() < HIDDEN { 0.0 } else { seen }
+        if seen.abs() < SENSOR_THRESHOLD { 0.0 } else { seen }
     };
     let (omega_f, omega_c) =
         (sensed::meant(&car.effects, 0, first(Channel::OmegaF)), sensed::meant(&car.effects, 1, first(Channel::OmegaC)));
@@ -199,7 +199,7 @@ fn stepped(
     missing: Option<&Missing>,
     mut each: impl FnMut(usize, &Outputs, &mut Plant, &mut Added),
 ) {
-    let seen = track.unknown_clutch.as_ref().map(|_| unknown_clutch::as_seen(car));
+    let seen = track.unknown_clutch.as_ref().map(|_| unknown_clutch::without_hidden_effects(car));
     let car = seen.as_ref().unwrap_or(car);
     let loaded = missing.filter(|m| m.rolling > 0.0).map(|m| {
         let mut car = *car;

@@ -141,7 +141,7 @@ impl Track {
     }
 
     /// Uses this engine torque in N·m, sample by sample, instead of the reported one.
-    pub fn believe(&mut self, torque: &[f64]) {
+    pub fn set_engine_torque(&mut self, torque: &[f64]) {
         self.between_samples(0, torque).into_iter().zip(&mut self.ticks).for_each(|(t_e, tick)| tick.t_e = t_e);
     }
 
@@ -430,7 +430,7 @@ mod tests {
             let (held, mut loose) = (Track::new(&held), Track::new(&held));
             assert!(held.jitters() && (held.unevenness() - off).abs() < 1e-4, "{}", held.unevenness());
             loose.sampled_loosely(0.0);
-            loose.believe(&x_to_cmd);
+            loose.set_engine_torque(&x_to_cmd);
             for k in 0..400 {
                 let mean = x_to_cmd[k] + 0.5 * share * (x_to_cmd[k + 1] - x_to_cmd[k]);
                 assert!((loose.ticks[k].x_to - mean).abs() < 0.3 && (loose.ticks[k].t_e - mean).abs() < 0.3, "{k}: {:?}", loose.ticks[k]);
@@ -455,7 +455,7 @@ mod tests {
                 assert!((tick.x_to - of(0.0009)).abs() < 1e-6 && (tick.t_e - of(0.0006)).abs() < 1e-6, "{tick:?}");
             }
             let mut believed = track.clone();
-            believed.believe(&track.reported.iter().map(|t| t + 5.0).collect::<Vec<_>>());
+            believed.set_engine_torque(&track.reported.iter().map(|t| t + 5.0).collect::<Vec<_>>());
             assert!(track.ticks.iter().zip(&believed.ticks).all(|(a, b)| (b.t_e - a.t_e - 5.0).abs() < 1e-9 && b.x_to == a.x_to));
         }
     }

@@ -37,10 +37,10 @@ const LAGS_S: (f64, f64) = (0.1, 0.02);
 const COARSE: f64 = 0.5;
 
 /// Speed in rad/s below which a gain hardly shows.
-const MOVES: f64 = 10.0;
+const MOVING_SPEED: f64 = 10.0;
 
 /// How much longer both speeds must agree with a gain and lag for these to be pursued instead of 1 and 0: a factor on the time, and further seconds.
-const GAINS_BY: (f64, f64) = (1.1, 0.5);
+const REQUIRED_GAIN: (f64, f64) = (1.1, 0.5);
 
 /// Prior standard deviations of gain and lag (s), since a drive at constant speed says nothing about a lag.
 const PRIOR: [f64; 2] = [0.02, 0.02];
@@ -81,7 +81,7 @@ pub fn age_of_flywheel(car: &Car) -> f64 {
 }
 
 /// The same car without the effects and the command's latency, which would show only in its clutch torque.
-pub fn as_seen(car: &Car) -> Car {
+pub fn without_hidden_effects(car: &Car) -> Car {
     let mut seen = *car;
     for entry in REGISTRY.iter().filter(|e| HIDDEN.contains(&e.effect.subsystem)) {
         entry.parameters.clone().for_each(|k| seen.effects[k] = PARAMETERS[k].null);
@@ -92,7 +92,7 @@ pub fn as_seen(car: &Car) -> Car {
 
 /// Whether two cars cannot be told apart by a recording without a position.
 pub fn look_alike(a: &Car, b: &Car) -> bool {
-    let (a, b) = (as_seen(a), as_seen(b));
+    let (a, b) = (without_hidden_effects(a), without_hidden_effects(b));
     a.effects == b.effects && a.late == b.late && a.vehicle.driveline == b.vehicle.driveline
 }
 
@@ -220,12 +220,12 @@ fn runs(of: &[bool]) -> impl Iterator<Item = std::ops::Range<usize>> {
 
 impl Sensors {
     /// Estimates gain and lag from the recordings. The least-squares refinement starts from sensors that agree, unless the speeds stay together for clearly longer with others
-    /// (`GAINS_BY`).
+    /// (`REQUIRED_GAIN`).
     fn of(all: &[Speeds]) -> Self {
         let time = |sensors: Sensors| -> f64 {
             let one = |s: &Speeds| {
                 let together = s.together(sensors, COARSE);
-                let moves = |r: &std::ops::Range<usize>| r.clone().filter(|&k| s.value[1][k] > MOVES).count();
+                let moves = |r: &std::ops::Range<usize>| r.clone().filter(|&k| s.value[1][k] > MOVING_SPEED).count();
                 let pace = s.pace();
                 runs(&together).map(|r| moves(&r) as f64 * pace).filter(|t| *t > LEAST_S).sum::<f64>()
             };
@@ -239,7 +239,7 @@ impl Sensors {
         let alike = time(ALIKE);
         let others = steps(GAINS).flat_map(|g| steps(LAGS_S).map(move |lag| Sensors { gain: 1.0 + g, lag }));
         let (longest, best) = others.map(|s| (time(s), s)).fold((0.0, ALIKE), |a, b| if b.0 > a.0 { b } else { a });
-        let from = if longest > GAINS_BY.0 * alike + GAINS_BY.1 { best } else { ALIKE };
+        let from = if longest > REQUIRED_GAIN.0 * alike + REQUIRED_GAIN.1 { best } else { ALIKE };
         from.refined(all, COARSE).refined(all, 0.0)
     }
 
@@ -253,7 +253,7 @@ impl Sensors {
                 for k in run.start + SLOPE..run.end.saturating_sub(SLOPE) {
                     let slope = (omega_f[k + SLOPE] - omega_f[k - SLOPE]) / (s.time[k + SLOPE] - s.time[k - SLOPE]);
                     let row = Vector2::new(omega_f[k], -slope);
-                    if row.iter().all(|x| x.is_finite()) && omega_c[k] > MOVES {
+                    if row.iter().all(|x| x.is_finite()) && omega_c[k] > MOVING_SPEED {
                         normal += row * row.transpose() / variance;
                         right += row * (omega_c[k] - omega_f[k]) / variance;
                     }

@@ -30,7 +30,7 @@ const GOVERNED_INERTIA: f64 = 0.19;
 const OPEN_MM: f64 = 0.8;
 const CLOSED_MM: f64 = 0.3;
 /// Slip below which a launch counts as locked, rad/s, and the time for which it must stay there, s.
-const MET: f64 = 3.0;
+const LOCKED_SLIP: f64 = 3.0;
 const MET_S: f64 = 0.03;
 
 /// Driver of one manoeuvre.
@@ -155,7 +155,7 @@ impl<'a> Driver<'a> {
     fn at(&mut self, x_to: f64, speed: f64, omega_f: f64, omega_c: f64) -> Command {
         let slip = omega_f - omega_c;
         // Once the car has caught up, the torque of the clutch is no longer fed forward, and the engine is governed to at least 5 rad/s above the disc.
-        let taken = if slip > MET { self.carried(x_to, slip) } else { 0.0 };
+        let taken = if slip > LOCKED_SLIP { self.carried(x_to, slip) } else { 0.0 };
         Command { t_e: self.governed(speed.max(omega_c + 5.0), omega_f, taken), x_to, brake: false }
     }
 
@@ -168,7 +168,7 @@ impl<'a> Driver<'a> {
             let speed = if rolling { omega_f } else { IDLE + 0.3 * top * smooth(t / 0.8) };
             let x_to = if t < fill { a.x_cnt - OPEN_MM * (1.0 - smooth(t / fill)) } else { self.position(plan.max(0.5), slip) };
             let t_e = if rolling { 0.6 * plan } else { self.governed(speed, omega_f, plan) };
-            self.near_s = if slip < MET && t > fill { self.near_s + self.dt } else { 0.0 };
+            self.near_s = if slip < LOCKED_SLIP && t > fill { self.near_s + self.dt } else { 0.0 };
             if self.near_s > MET_S || t > 0.75 * self.what.seconds {
                 self.closing = Some((t, x_to, t_e));
             }

@@ -63,7 +63,7 @@ pub fn rehearse(what: &Manoeuvre, car: &Car, file: &Vehicle, logger: &Logger) ->
         // The brake balances the clutch torque, and opposes the remaining speed.
         let parts = if command.brake { (dt / 1e-3).ceil().max(1.0) as usize } else { 1 };
         for _ in 0..parts {
-            let held = if command.brake { now_held(&plant, car) } else { 0.0 };
+            let held = if command.brake { brake_torque(&plant, car) } else { 0.0 };
             plant.step(&inputs(command.t_e, command.x_to, held), dt / parts as f64);
         }
     }
@@ -74,7 +74,7 @@ pub fn rehearse(what: &Manoeuvre, car: &Car, file: &Vehicle, logger: &Logger) ->
     r
 }
 
-fn now_held(plant: &Plant, car: &Car) -> f64 {
+fn brake_torque(plant: &Plant, car: &Car) -> f64 {
     let now = plant.outputs();
     now.t_fc + HOLD * car.vehicle.driveline.J_c * now.omega_c
 }
