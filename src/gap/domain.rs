@@ -21,6 +21,7 @@ use super::infer::learned::Learned;
 use super::infer::posterior::Posterior;
 use super::model::prepare;
 use super::model::replay;
+use super::model::track::Channel;
 use crate::effects::{self, REGISTRY};
 use crate::plant::Phase;
 use crate::plant::clutch::{self, Branch, FaceCache};
@@ -102,7 +103,14 @@ fn visited(problem: &Problem, point: &Point, config: &Config, k: usize) -> Visit
     let n = track.observations();
     let mut places: Vec<Place> = Vec::with_capacity(n);
     let mut slips = vec![false; n];
-    let innovations = replay::corrected(track, filter, &car, problem.temperatures(point, k), None, |row, now, plant| {
+    // Errors of the plant's own torque: the innovations are those of a torque that the filter has corrected.
+    let mut errors = vec![(0.0, 0_usize); n];
+    let measured = &track.measured[Channel::TFc as usize];
+    replay::corrected(track, filter, &car, problem.temperatures(point, k), None, |row, now, plant| {
+        if let Some(error) = measured.get(row).map(|torque| torque - now.t_fc).filter(|e| e.is_finite()) {
+            let (sum, count) = &mut errors[track.observation_of(row)];
+            (*sum, *count) = (*sum + error, *count + 1);
+        }
         if places.len() < n && row == track.rows_of(places.len()).start {
             slips[places.len()] = now.phase == Phase::Slipping;
             let closing = clutch::closing(config, now.x_to_actual, now.theta_c);
@@ -110,12 +118,10 @@ fn visited(problem: &Problem, point: &Point, config: &Config, k: usize) -> Visit
         }
     });
     let transducer = &filter.bench[1];
-    let whitened = innovations.get(2 * n + filter.bench[0].len()..).unwrap_or_default();
     let (mut excess, mut squares) = (0.0, 0.0);
-    for (((place, gain), e), slips) in places.iter().zip(transducer).zip(whitened).zip(slips) {
-        let w = gain.weight;
-        if slips && w > 0.0 && e.is_finite() && place.torque.is_finite() {
-            excess += (e * e - 1.0) / (w * w);
+    for (((place, gain), (sum, count)), slips) in places.iter().zip(transducer).zip(errors).zip(slips) {
+        if slips && gain.weight > 0.0 && count > 0 && place.torque.is_finite() {
+            excess += (sum / count as f64).powi(2) - gain.weight.powi(-2);
             squares += place.torque * place.torque;
         }
     }
