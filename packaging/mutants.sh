@@ -87,7 +87,7 @@ for area in "$@"; do
     # src/fmi2/sources.rs is compiled only for WebAssembly, and no test here runs it.
     # cargo mutants exits with 2 for survivors and 3 for time-outs, which are judged below; 124 means that the given time is over.
     status=0
-    env "${building[@]}" timeout --signal=INT "$left" cargo mutants --no-config --dir "$copy" --gitignore false --jobs 1 --minimum-test-timeout 20 --output "$out/$area" "${diff[@]}" \
+    env "${building[@]}" timeout --signal=INT "$left" cargo mutants --no-config --dir "$copy" --in-place --minimum-test-timeout 20 --output "$out/$area" "${diff[@]}" \
         --file "src/$area/**" --exclude src/fmi2/sources.rs "${arguments[@]}" || status=$?
     case $status in 0 | 2 | 3 | 124 | 130) ;; *) echo "mutants.sh: cargo-mutants failed on $area" >&2 && exit 1 ;; esac
     tried+=("$out/$area/mutants.out")
