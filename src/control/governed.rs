@@ -70,9 +70,6 @@ const UNDELIVERED_SHARE: f64 = 0.25;
 /// Least share of its bandwidth that the torque feedback keeps, and of its rate of rise that the torque request keeps, while the bearing is not there.
 pub(super) const LEAST_DELIVERY: f64 = 0.1;
 
-/// Share of the deviation between observed and expected torque that the load observer attributes to the clutch, not to a load.
-const BELIEVED: f64 = 1.0;
-
 /// Acceleration retained for the landing over `reference_slope`, and the share of the corresponding torque that the clutch must carry for the feedback not to raise it.
 const LANDING: f64 = 3.0;
 const ENOUGH: f64 = 0.13;
@@ -207,8 +204,8 @@ impl Controller {
         let omega = g.speed.advance(inputs.omega_c, [f; 2]);
         g.slip.advance(slip, [filter::share(SLIP_FILTER * s.filter_time, h); 2]);
         let t = g.carried.advance(torque, [a, a, f, f]);
-        // Torque that the bearing has not delivered yet must not count as a load.
-        let departs = if state.mode == Mode::Engaging { BELIEVED * (state.estimate.t_fc - g.expected.out()) } else { 0.0 };
+        // Torque that the bearing has not delivered yet must not count as a load: the deviation between observed and expected torque is the clutch's.
+        let departs = if state.mode == Mode::Engaging { state.estimate.t_fc - g.expected.out() } else { 0.0 };
         let t = (t + departs).min(state.estimate.t_fc.max(0.0) + UNDELIVERED + UNDELIVERED_SHARE * t);
         g.engaged_for = if state.mode == Mode::Open { 0.0 } else { g.engaged_for + h };
         g.free_for = if state.mode == Mode::Open { 0.0 } else { g.free_for + h };

@@ -50,8 +50,6 @@ pub enum Refusal {
     NotOffered(&'static str),
     #[error("{0}")]
     NothingToReport(&'static str),
-    #[error("called while another call on the same instance is running")]
-    Busy,
     #[error("internal error, please report it; reset, or set a saved state")]
     Panic,
 }

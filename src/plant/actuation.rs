@@ -297,7 +297,7 @@ pub fn smooth_for(config: &Config, state: &State, x_cmd: f64, max_substep: f64) 
     let under_way = |lag: &lag::Lag, at: LagState, target: f64| {
         let tau = lag.time_constant * (1.0 - lag.asymmetry.abs());
         let moves = (target - at.value).abs() > ARRIVED || (at.rate * tau).abs() > ARRIVED;
-        let piece = || PIECE_OF_A_LAG * tau * lag.curvature.clamp(0.05, 1.0).min(0.25).sqrt() * 2.0;
+        let piece = || PIECE_OF_A_LAG * tau * lag.curvature.clamp(0.05, 0.25).sqrt() * 2.0;
         if lag.time_constant > 0.0 && moves { piece() } else { f64::MAX }
     };
     let target = engine_target(config, state.inputs.t_e_ref);

@@ -352,7 +352,7 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
             all.push(s.warmed(&|_| DISC));
             for tau in [0.3, 1.5] {
                 let heat = lagged(&power, s.dt, tau);
-                all.push(s.clutch(&|k| 0.08 * s.torque[k] * heat[k] / 3e3));
+                all.push(s.clutch(&|k| CLUTCH * s.torque[k] * heat[k] / 3e3));
             }
         }
         Subsystem::Driveline => {

@@ -43,13 +43,12 @@ pub struct Driver<'a> {
     near_s: f64,
     /// Time at which the clutch began to close, s, and the position, mm, and engine torque, N·m, at that time.
     closing: Option<(f64, f64, f64)>,
-    last: Command,
 }
 
 impl<'a> Driver<'a> {
     /// A driver who knows the nominal car and issues a command every `dt` seconds.
     pub fn new(what: &'a Manoeuvre, vehicle: &'a Vehicle, dt: f64) -> Self {
-        Self { what, vehicle, dt, sum: 0.0, near_s: 0.0, closing: None, last: Command::default() }
+        Self { what, vehicle, dt, sum: 0.0, near_s: 0.0, closing: None }
     }
 
     /// Speeds of flywheel and disc at the start, rad/s.
@@ -70,7 +69,7 @@ impl<'a> Driver<'a> {
         let (top, a) = (what.torque_nm, self.contact());
         let open = a.x_cnt - OPEN_MM;
         let shut = a.x_cls + CLOSED_MM;
-        self.last = match what.kind {
+        match what.kind {
             Kind::OpenRev => {
                 let level = steps(t, &[(0.0, 0.4), (0.5, 1.3), (1.6, -0.2), (2.8, 0.5)]);
                 Command { t_e: level * top, x_to: open, brake: false }
@@ -111,8 +110,7 @@ impl<'a> Driver<'a> {
                 self.at(open + (x - open) * smooth(t / 0.3), SLIPPING, omega_f, omega_c)
             }
             Kind::Launch | Kind::Reengage => self.launch(t, omega_f, omega_c),
-        };
-        self.last
+        }
     }
 
     fn contact(&self) -> map::Contact {
@@ -162,7 +160,7 @@ impl<'a> Driver<'a> {
     fn launch(&mut self, t: f64, omega_f: f64, omega_c: f64) -> Command {
         let (top, slip, a) = (self.what.torque_nm, omega_f - omega_c, self.contact());
         let (fill, ramp) = (0.2, 0.5);
-        if self.closing.is_none() {
+        let Some((since, from, torque)) = self.closing else {
             let plan = top * smooth((t - fill) / ramp);
             let rolling = self.what.kind == Kind::Reengage;
             let speed = if rolling { omega_f } else { IDLE + 0.3 * top * smooth(t / 0.8) };
@@ -173,8 +171,7 @@ impl<'a> Driver<'a> {
                 self.closing = Some((t, x_to, t_e));
             }
             return Command { t_e, x_to, brake: false };
-        }
-        let (since, from, torque) = self.closing.unwrap_or((t, self.last.x_to, self.last.t_e));
+        };
         let s = t - since;
         let x_to = from + (a.x_cls + CLOSED_MM - from) * smooth(s / 0.35);
         let base = 0.6 * top;
