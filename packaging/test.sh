@@ -60,7 +60,7 @@ else
 fi
 group "Rust: fuzzing, 10 s each" bash packaging/fuzz.sh 10
 # Lists the mutants of the last commit that no test would notice, for information; it never fails the run.
-group "Rust: mutants of the last commit" bash -c 'MINUTES=5 bash packaging/mutants.sh --changed || echo "ended with $?"'
+group "Rust: mutants of the last commit" bash -c 'MINUTES=10 bash packaging/mutants.sh --changed || echo "ended with $?"'
 # Made again each time, because otherwise sources of another version might be tested.
 if command -v wasm2c >/dev/null && rustup target add wasm32-unknown-unknown >/dev/null 2>&1; then
     group "C sources of the FMUs" bash packaging/sources.sh
