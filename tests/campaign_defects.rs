@@ -242,6 +242,18 @@ fn units_that_cannot_be_right() {
     }
 }
 
+/// Recordings of one logger share their units: where most of them are impossible, none is used.
+#[test]
+fn a_unit_that_cannot_be_right_in_most_recordings_is_wrong_in_all() {
+    let percent = |share: f64| column(4, |_, v| (v * 12.0 * share).to_string());
+    let folder = Folder::with(&percent(1.0));
+    folder.file("recordings.json", &format!(r#"{{"r01": {ENTRY}, "r02": {ENTRY}, "r03": {ENTRY}}}"#));
+    folder.file("r03.csv", &percent(1.01));
+    let fault = folder.fault();
+    assert!(fault.contains("no recording is usable") && fault.contains("r02.csv, channel x_to_cmd_mm"), "{fault}");
+    assert!(fault.contains("r01.csv: in most recordings the unit of x_to_cmd_mm can't be right, see r02"), "{fault}");
+}
+
 #[test]
 fn stated_units() {
     let rpm = column(1, |_, v| (v * 30.0 / std::f64::consts::PI).to_string());

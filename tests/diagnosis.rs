@@ -88,6 +88,20 @@ fn a_torque_that_counts_the_other_way_is_a_mistake_in_the_map() {
     assert!(answer.which.effects.is_empty() && answer.place.primary.is_none() && answer.confidence.0 > 0.9, "{:?}", answer.confidence);
 }
 
+/// So is a wheel's speed that is mapped as the disc's. Its map lacks the ratio, which the locked clutch shows.
+#[test]
+fn the_speed_of_another_shaft_is_a_mistake_in_the_map() {
+    let mut campaign = Folder::of("shaft", &with_only(everyday(Kind::Healthy), &[0, 1, 2])).read();
+    campaign.recordings.iter_mut().flat_map(|r| &mut r.omega_c).for_each(|w| *w *= 0.08);
+    let answer = diagnose(&campaign, &|_, _| {}).unwrap().answer;
+    assert!(
+        answer.sentence.starts_with("These inputs do not fit this vehicle: with a disc speed 12.5 times as high"),
+        "{}",
+        answer.sentence
+    );
+    assert!(answer.which.effects.is_empty() && answer.place.primary.is_none() && answer.confidence.0 > 0.9, "{:?}", answer.confidence);
+}
+
 #[test]
 fn a_healthy_car_has_no_gap() {
     let found = answer(&Folder::of("healthy", &everyday(Kind::Healthy)).read()).json;

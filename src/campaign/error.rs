@@ -284,6 +284,10 @@ pub enum Defect {
     UnitContradiction { first: &'static str, first_unit: String, second: &'static str, second_unit: String },
     #[error("the unit can't be right: {what}. {remedy}")]
     UnitCannotBeRight { what: String, remedy: String },
+    #[error(
+        "in most recordings the unit of {channel} can't be right, see {recording}; this one comes from the same logger. Correct the channel map, or move the recordings with another unit away"
+    )]
+    SameUnitCannotBeRight { recording: String, channel: String },
     #[error("the clock runs back from {} s to {} s. Remove or re-sort the rows, or split the file there", seconds(.from), seconds(.to))]
     ClockBack { from: f64, to: f64 },
     #[error("the time {} s occurs twice. Remove the repeated row", seconds(.0))]

@@ -66,6 +66,7 @@ pub fn read_telling(dir: &Path, options: &ReadOptions, tell: &dyn Fn(&str, f64))
     }
     reading.again()?;
     reading.leave_out_still_torques()?;
+    reading.leave_out_the_same_unit()?;
     if reading.read.is_empty() {
         return Err(CampaignError::NothingUsable { dir: dir.to_path_buf(), left_out: reading.left_out });
     }
@@ -127,6 +128,8 @@ struct Reading<'a> {
     map: std::borrow::Cow<'a, ChannelMap>,
     read: Vec<(PathBuf, Entry, Assembled)>,
     left_out: Vec<LeftOut>,
+    /// Recordings that were left out because the unit of a channel can't be right, each with the channel as its file calls it.
+    wrong_units: Vec<(String, String)>,
     /// File, recording and window of each recording so far.
     used: Vec<(String, String, Option<[f64; 2]>)>,
     /// Digests by file name; a map, so that the order of the directory does not matter.
@@ -143,6 +146,7 @@ impl<'a> Reading<'a> {
             map,
             read: Vec::new(),
             left_out: Vec::new(),
+            wrong_units: Vec::new(),
             used: Vec::new(),
             digests: BTreeMap::new(),
         }
@@ -162,7 +166,12 @@ impl<'a> Reading<'a> {
         match read {
             Ok((path, assembled)) => self.read.push((path, entry.clone(), assembled)),
             Err(error) if self.strict => return Err(error),
-            Err(error) => self.left_out.push(LeftOut { recording: entry.name.clone(), reason: error.to_string() }),
+            Err(error) => {
+                if let (Defect::UnitCannotBeRight { .. }, Some(channel)) = (&*error.defect, &error.place.channel) {
+                    self.wrong_units.push((entry.name.clone(), channel.clone()));
+                }
+                self.left_out.push(LeftOut { recording: entry.name.clone(), reason: error.to_string() });
+            }
         }
         Ok(())
     }
@@ -189,6 +198,18 @@ impl<'a> Reading<'a> {
             if let Some(error) = assembled.still_torque {
                 self.keep(&entry, Err(error))?;
             }
+        }
+        Ok(())
+    }
+
+    /// Leaves out everything if in most recordings the unit of a channel can't be right. What the others hold does not contradict that unit, but they come from the same logger.
+    fn leave_out_the_same_unit(&mut self) -> Result<(), RecordingError> {
+        let Some((first, channel)) = self.wrong_units.first().filter(|_| self.wrong_units.len() > self.read.len()).cloned() else {
+            return Ok(());
+        };
+        for (path, entry, _) in std::mem::take(&mut self.read) {
+            let error = Defect::SameUnitCannotBeRight { recording: first.clone(), channel: channel.clone() }.in_file(&file_name(&path));
+            self.keep(&entry, Err(error))?;
         }
         Ok(())
     }

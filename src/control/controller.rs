@@ -338,6 +338,19 @@ mod tests {
         assert_eq!(c.outputs().fault, Fault::Frozen);
     }
 
+    /// New settings replace the old ones and the observer's gains; the states stay as they are.
+    #[test]
+    fn settings_are_replaced_while_the_controller_runs() {
+        let first = Settings::robust();
+        let mut c = Controller::new(&Vehicle::paper(), &first);
+        let told = Inputs { omega_f: 100.0, engage: true, ..c.state.guard.good };
+        (0..50).for_each(|_| c.step(&told, 1e-3));
+        let (mode, x) = (c.state.mode, c.outputs().x_to);
+        c.set_settings(&Settings { rate_close: 0.5 * first.rate_close, l_1: 2.0 * first.l_1, ..first });
+        assert!(c.settings().rate_close == 0.5 * first.rate_close && c.settings().l_1 == 2.0 * first.l_1);
+        assert_eq!((c.state.mode, c.outputs().x_to), (mode, x));
+    }
+
     #[test]
     fn the_facings_touch_where_the_plant_has_them_touch() {
         use crate::plant::{clutch, config::Config};

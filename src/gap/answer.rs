@@ -310,6 +310,8 @@ pub struct Effect {
     pub ambiguous_with: Vec<&'static str>,
     /// The manoeuvre that best distinguishes the effect from those that may be present instead; empty if there are none.
     pub separated_by: String,
+    /// How large the effect is, in sizes of a noticeable one.
+    pub sizes: Real,
     /// Its parameters.
     pub parameters: BTreeMap<&'static str, Interval>,
 }

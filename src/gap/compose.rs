@@ -7,7 +7,7 @@ use super::answer::{
 };
 use super::empirical::{Refusal, Tried};
 use super::infer::coordinate::Coordinate;
-use super::infer::density::{Problem, size};
+use super::infer::density::{Problem, size, sizes};
 use super::infer::fit::Fit;
 use super::infer::posterior::{Explanation, Posterior};
 use super::infer::prior::log_prior;
@@ -260,6 +260,7 @@ fn effect(f: &Findings, e: usize) -> Effect {
         probability: Real(f.posterior.of_effect(e)),
         ambiguous_with: group.iter().map(|&k| REGISTRY[k].id).collect(),
         separated_by: split,
+        sizes: Real(sizes(&fit.point, e)),
         parameters: entry.parameters.clone().map(|k| (PARAMETERS[k].name, interval(fit, k))).collect(),
     }
 }

@@ -1,4 +1,4 @@
-//! Whether the channels of the recordings are mapped wrongly: the speeds exchanged, or a torque or a position that counts the other way.
+//! Whether the channels of the recordings are mapped wrongly: the speeds exchanged, a torque or a position that counts the other way, or a disc speed that is another shaft's.
 //!
 //! Each mistake is a further explanation: another reading of the channels, with the prior of a missing law. Its likelihood is that of the same samples, so that it can be compared
 //! with the best explanation of the recordings as they are mapped, with both likelihoods raised to the same powers. Only a reading under which the car of the file follows the
@@ -6,16 +6,19 @@
 
 use super::diagnosis::DiagnosisError;
 use super::infer::belief::{ByAccuracy, overall};
-use super::infer::density::Problem;
+use super::infer::density::{PHASES, Problem, size};
 use super::infer::search::Search;
 use super::infer::weigh::log_sum;
 use super::infer::{irregular, sensors};
+use super::prose::three_digits;
 use super::ready::Ready;
+use super::verdict::BEYOND_A_CAR;
 use crate::campaign::{Campaign, Recording};
+use crate::effects::{PARAMETERS, param};
 use crate::vehicle::Vehicle;
 
 /// A mistake in the channel map.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Mistake {
     /// The speeds of flywheel and disc are exchanged.
     Speeds,
@@ -23,6 +26,8 @@ pub enum Mistake {
     Torque,
     /// The position counts the other way: it increases where it should decrease.
     Position,
+    /// The disc speed is the speed of another shaft, on which the disc turns by this ratio faster.
+    Shaft(f64),
 }
 
 /// A mistake that explains the recordings, and its probability.
@@ -35,14 +40,28 @@ pub struct Mistaken {
 }
 
 impl Mistake {
-    const ALL: [Self; 3] = [Self::Speeds, Self::Torque, Self::Position];
+    /// The mistakes that these recordings may contain.
+    fn possible(recordings: &[Recording]) -> Vec<Self> {
+        [Self::Speeds, Self::Torque, Self::Position].into_iter().chain(ratio(recordings).map(Self::Shaft)).collect()
+    }
 
     /// The change of the channels that undoes the mistake, in words.
-    pub fn words(self) -> &'static str {
+    pub fn words(self) -> String {
         match self {
-            Self::Speeds => "with flywheel and disc speed exchanged",
-            Self::Torque => "with the opposite sign of the engine torque",
-            Self::Position => "with a position that counts the other way",
+            Self::Speeds => "with flywheel and disc speed exchanged".to_owned(),
+            Self::Torque => "with the opposite sign of the engine torque".to_owned(),
+            Self::Position => "with a position that counts the other way".to_owned(),
+            Self::Shaft(ratio) => format!("with a disc speed {} times as high", three_digits(ratio)),
+        }
+    }
+
+    /// What to do about the mistake.
+    pub fn remedy(self) -> &'static str {
+        match self {
+            Self::Shaft(_) => {
+                "Check the channel map: omega_c_rad_s is the speed of the disc on the gearbox input; the speed of another shaft, or of a wheel, needs its ratio."
+            }
+            _ => "Check the channel map.",
         }
     }
 
@@ -62,9 +81,39 @@ impl Mistake {
                     |r: &mut Recording| r.x_to_cmd.iter_mut().chain(r.x_to.iter_mut().flatten()).for_each(|x| *x = least + most - *x);
                 all.iter_mut().for_each(turn);
             }
+            Self::Shaft(ratio) => all.iter_mut().flat_map(|r| &mut r.omega_c).for_each(|w| *w *= ratio),
         }
         Some(all)
     }
+}
+
+/// Flywheel speed above which the engine runs, rad/s.
+const RUNNING: f64 = 40.0;
+/// Relative width of the ratios that count as one: a locked driveline rings by less.
+const ONE_RATIO: f64 = 0.02;
+
+/// Ratio of flywheel to disc speed that the recordings hold for longest, as a locked clutch does; none if the disc speed would be off by no more than a sensor may be, which is an
+/// effect's to explain.
+fn ratio(recordings: &[Recording]) -> Option<f64> {
+    let top = recordings.iter().flat_map(|r| &r.omega_c).copied().fold(0.0, f64::max);
+    let mut ratios: Vec<f64> = Vec::new();
+    for r in recordings {
+        // Channels with their own clocks have no sample in the rows of the others.
+        let mut latest = [f64::NAN; 2];
+        for (f, c) in r.omega_f.iter().zip(&r.omega_c) {
+            [(f, 0), (c, 1)].into_iter().filter(|(w, _)| w.is_finite()).for_each(|(w, k)| latest[k] = *w);
+            let [f, c] = latest;
+            if f > RUNNING && c > 0.1 * top {
+                ratios.push(f / c);
+            }
+        }
+    }
+    ratios.sort_by(f64::total_cmp);
+    let held = |first: usize| first..ratios.partition_point(|r| *r <= (1.0 + ONE_RATIO) * ratios[first]);
+    let longest = (0..ratios.len()).map(held).max_by_key(ExactSizeIterator::len)?;
+    let ratio = ratios[longest.start.midpoint(longest.end)];
+    let gain = param::clutch_speed_gain::gain;
+    ((1.0 / ratio - PARAMETERS[gain].null).abs() > BEYOND_A_CAR * size(gain)).then_some(ratio)
 }
 
 /// The mistake that is more probable than not, if there is one. A mistake is considered if the recordings with it undone are more likely at the car of the file (with a probability
@@ -83,14 +132,14 @@ pub(super) fn mistaken(
     let nominal = |r: &Ready| -0.5 * sensors::minus_two_log_likelihood(&r.problem, &r.problem.nominal(), &r.with);
     let (as_mapped, explained) = (nominal(ready), believed(&ready.problem, found));
     let mut read: Vec<(Mistake, ByAccuracy<f64>)> = Vec::new();
-    for mistake in Mistake::ALL {
+    for mistake in Mistake::possible(&ready.split.fitted_part) {
         let Some(with_mistake_undone) = mistake.with_mistake_undone(&ready.split.fitted_part) else { continue };
         let mut other = ready.with_channels(with_mistake_undone, campaign, vehicle)?;
         if mean(irregular::probability(&ready.problem, nominal(&other) - as_mapped)) < 0.5 {
             continue;
         }
-        // Both readings are of the same samples, so that their likelihoods are raised to the same powers.
-        other.problem.powers = powers;
+        // Both readings are of the same samples, so that their likelihoods are raised to the same powers: to the overall ones, since a phase of one reading is another in the other.
+        other.problem.powers = powers.map(|power| [overall(power); PHASES]);
         read.push((mistake, believed(&other.problem, &searched(&other.problem, None))));
     }
     let probability = |mistake: Mistake, of: &ByAccuracy<f64>| {
@@ -134,9 +183,14 @@ mod tests {
         };
         let right = &example.campaign.recordings;
         assert!(of(right.clone()).is_none());
-        for mistake in Mistake::ALL {
+        let made = [Mistake::Speeds, Mistake::Torque, Mistake::Position, Mistake::Shaft(0.28), Mistake::Shaft(2.5)];
+        for mistake in made {
             let found = of(mistake.with_mistake_undone(right).unwrap()).unwrap_or_else(|| panic!("{mistake:?} is not known"));
-            assert!(found.mistake == mistake && found.probability > 0.9, "{mistake:?}: {found:?}");
+            let same = match (mistake, found.mistake) {
+                (Mistake::Shaft(made), Mistake::Shaft(ratio)) => (made * ratio - 1.0).abs() < 0.01,
+                (made, found) => made == found,
+            };
+            assert!(same && found.probability > 0.9, "{mistake:?}: {found:?}");
         }
     }
 }

@@ -53,9 +53,9 @@ fn of_verdict(f: &Findings, closed: f64) -> String {
         return format!("The most probable explanation ({}) is {names}, which {closes} {share}{rest}.", percent(c.probability));
     }
     if let Some(mistake) = c.mistake {
-        let words = mistake.words();
+        let (words, remedy) = (mistake.words(), mistake.remedy());
         return format!(
-            "These inputs do not fit this vehicle: {words}, the recordings are explained far better than as they are mapped. Check the channel map."
+            "These inputs do not fit this vehicle: {words}, the recordings are explained far better than as they are mapped. {remedy}"
         );
     }
     match c.verdict {

@@ -1,12 +1,12 @@
 //! From the posterior to a verdict: which explanation stands, what may stand in its place, and where the gap lies.
 
-use super::infer::density::{Problem, misfit, prior, size};
+use super::infer::density::{Problem, misfit, prior, sizes};
 use super::infer::fit::Fit;
 use super::infer::irregular::Irregular;
 use super::infer::posterior::{Explanation, Posterior};
 use super::infer::search::Search;
 use super::mistaken::{Mistake, Mistaken};
-use crate::effects::{PARAMETERS, REGISTRY, Subsystem};
+use crate::effects::{REGISTRY, Subsystem};
 use serde::Serialize;
 
 /// Verdict on a campaign, as the answer's schema names it.
@@ -211,12 +211,11 @@ fn is_strange(mean_loss: f64) -> bool {
 /// Whether an effect of engine or sensors, which may stand for another input, or of the vehicle mass, which may stand for another gear, is larger than in any car.
 fn is_beyond_a_car(best: &Explanation) -> bool {
     let Some(fit) = &best.fit else { return false };
-    let far = |k: &usize| (fit.point.effects[*k] - PARAMETERS[*k].null).abs() > BEYOND_A_CAR * size(*k);
     let input = |e: &usize| {
         let entry = &REGISTRY[*e];
         matches!(entry.effect.subsystem, Subsystem::Engine | Subsystem::Sensors) || entry.id == "vehicle_mass"
     };
-    best.effects.iter().filter(|e| input(e)).any(|&e| REGISTRY[e].effect.amplitudes.iter().any(far))
+    best.effects.iter().filter(|e| input(e)).any(|&e| sizes(&fit.point, e) > BEYOND_A_CAR)
 }
 
 /// Cost of an explanation without the prior terms of its law and of the forms of its effects; infinite if it was not fitted.
@@ -275,6 +274,7 @@ fn shares(search: &Search, posterior: &Posterior, best: &Explanation) -> Vec<(Su
 mod tests {
     use super::*;
     use crate::effects::find;
+    use crate::gap::infer::density::size;
     use crate::gap::model::filter::Disturbances;
     use crate::gap::model::noise::Noise;
     use crate::gap::model::tolerance::Wander;

@@ -468,6 +468,23 @@ mod tests {
         }
     }
 
+    /// A standing engine or, without elastic shafts between, a standing car leaves the locked driveline at rest.
+    #[test]
+    fn what_stands_keeps_a_locked_driveline_at_rest() {
+        use param::driveline_compliance::{compliance, disc_share};
+        let speed = |engine: bool, car: bool, set: &[(usize, f64)]| {
+            let mut plant = plant([10.0, 6.0], 8.0, set);
+            (plant.state.rest.engine, plant.state.rest.car) = (engine, car);
+            join(&plant.config, &mut plant.state);
+            plant.state.y[index::OMEGA_F]
+        };
+        assert_eq!([speed(true, false, &[]), speed(false, true, &[])], [0.0; 2]);
+        assert!((speed(false, false, &[]) - 7.0).abs() < 1e-12);
+        let elastic = [(compliance, 1e-3), (disc_share, 0.5)];
+        assert_eq!(speed(true, false, &elastic), 0.0);
+        assert!((speed(false, true, &elastic) - 7.6).abs() < 1e-12, "the disc does not stand with the car");
+    }
+
     /// The clutch is settled as it is after more switches than one substep allows.
     #[test]
     fn a_settled_clutch_neither_breaks_away_nor_slips_past_zero() {

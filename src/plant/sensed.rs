@@ -154,6 +154,15 @@ mod tests {
     }
 
     #[test]
+    fn a_sensor_shows_the_speed_that_it_is_meant_for() {
+        let mut effects = crate::effects::null();
+        effects[param::clutch_speed_gain::gain] = 0.8;
+        assert_eq!([meant(&effects, 0, 80.0), meant(&effects, 1, 80.0)], [80.0, 100.0]);
+        let config = Config::new(&crate::vehicle::Vehicle::paper(), &effects);
+        assert_eq!([0, 1].map(|k| shown(&config, k, meant(&effects, k, 80.0))), [80.0; 2]);
+    }
+
+    #[test]
     fn a_ramp_trails_by_the_time_constant() {
         assert!((ramp(5.0, 0.02) - 4.98).abs() < 1e-12 && ramp(0.3, 0.0) == 0.3 && ramp(0.0, 0.02) == 0.0);
         assert!((ramp(1e-4, 0.02) - 0.5e-8 / 0.02).abs() < 1e-9);

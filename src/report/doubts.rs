@@ -32,6 +32,9 @@ impl Doubt {
 const FEW: usize = 4;
 /// Departure in standard deviations above which a number of the vehicle file is reported as far off.
 const FAR: f64 = 3.0;
+/// Size of an effect, in sizes of a noticeable one, above which an input may not be what it is said to be. In a car so large an effect is improbable, and a wrong unit or scale
+/// looks alike.
+const OUTSIZED: f64 = 5.0;
 /// Uninterrupted time outside the noise band from which a residual is reported, s.
 const LONG_S: f64 = 0.2;
 
@@ -43,6 +46,7 @@ pub fn of(input: &Input) -> Vec<Doubt> {
     for effect in list(&d["which"], "effects") {
         tell(true, rivals(effect));
     }
+    tell(true, outsized(d));
     tell(true, taken_back(d));
     tell(true, elsewhere(d));
     tell(true, thin(input));
@@ -62,6 +66,22 @@ fn rivals(effect: &Value) -> Option<String> {
     let how =
         text(effect, "separated_by").map_or_else(String::new, |how| format!(" To tell them apart: {}.", escape(how.trim_end_matches('.'))));
     Some(format!("These recordings cannot tell <b>{own}</b> from {}.{how}", alternatives(&rivals)))
+}
+
+/// Effects larger than [`OUTSIZED`], for which the inputs may be to blame.
+fn outsized(d: &Value) -> Option<String> {
+    let large = |e: &&Value| real(e, "sizes").is_some_and(|sizes| sizes > OUTSIZED);
+    let named: Vec<String> = list(&d["which"], "effects")
+        .iter()
+        .filter(large)
+        .filter_map(|e| Some(format!("<b>{}</b>", escape(&names::effect(text(e, "id")?)))))
+        .collect();
+    (!named.is_empty()).then(|| {
+        format!(
+            "More than {OUTSIZED} times as large as is usual: {}. Check the channel map first: units, scales, and which quantity each channel holds.",
+            enumeration(&named)
+        )
+    })
 }
 
 /// Effects that were withdrawn, because free replays are farther off with them than without.
@@ -181,5 +201,22 @@ mod tests {
     fn a_terminal_gets_the_sentence_without_markup() {
         let doubt = Doubt { grave: true, html: "Not <b>a &amp; b</b> &lt; <code>c</code>. <a href=\"#x\">More</a>".to_owned() };
         assert_eq!(doubt.text(), "Not a & b < c.");
+    }
+
+    /// Effects of five usual sizes pass; of larger ones the inputs are doubted.
+    #[test]
+    fn inputs_are_doubted_if_an_effect_is_larger_than_in_any_car() {
+        let with = |sizes: [f64; 2]| {
+            outsized(&serde_json::json!({"which": {"effects": [
+                {"id": "engine_torque_gain", "sizes": sizes[0]}, {"id": "friction_level", "sizes": sizes[1]}]}}))
+        };
+        assert!(with([4.9, 5.0]).is_none());
+        let doubt = Doubt { grave: true, html: with([10.0, 1.0]).unwrap() };
+        assert!(
+            doubt.text().starts_with("More than 5 times as large as is usual: scale error of the engine torque. Check"),
+            "{}",
+            doubt.text()
+        );
+        assert!(with([10.0, 6.0]).unwrap().contains("<b>friction level</b>"));
     }
 }

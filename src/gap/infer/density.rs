@@ -317,6 +317,12 @@ pub fn size(k: usize) -> f64 {
     effects::owner(k).map_or(PARAMETERS[k].nominal, |entry| entry.scale(k))
 }
 
+/// Size of effect `e` in sizes of a noticeable one, by the amplitude that departs furthest from its null value.
+pub fn sizes(point: &Point, e: usize) -> f64 {
+    let departure = |&k: &usize| (point.effects[k] - PARAMETERS[k].null).abs() / size(k);
+    REGISTRY[e].effect.amplitudes.iter().map(departure).fold(0.0, f64::max)
+}
+
 /// Prior that couples two parameters of an effect: the follower is expected to be a share of the leader.
 #[derive(Clone, Copy, Debug)]
 pub struct CoupledPrior {
