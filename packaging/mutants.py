@@ -44,8 +44,12 @@ def main(baseline, *folders):
         noticed, tried = caught.total() + late.total(), caught.total() + late.total() + missed.total()
         possible = len(json.loads((folder / "mutants.json").read_text(encoding="utf-8"))) if (folder / "mutants.json").exists() else tried
         new = missed - known
-        share = f"{100 * noticed / tried:.1f} %" if tried else "–"
-        print(f"{folder.parent.name}: {noticed} of {tried} noticed ({share}); {possible} are possible; {new.total()} survivors are new")
+        # Known survivors make no difference that a test could notice, so they do not count.
+        alike = (missed & known).total()
+        share = f"{100 * noticed / (tried - alike):.1f} %" if tried > alike else "–"
+        print(
+            f"{folder.parent.name}: {noticed} of {tried - alike} noticed ({share}), and {alike} known to survive; {possible} are possible; {new.total()} survivors are new"
+        )
         for mutant, count in sorted(new.items()):
             failed = True
             print(f"  survived: {mutant}" + (f" ({count} times)" if count > 1 else ""))

@@ -102,6 +102,7 @@ fn a_vehicle_file_that_changes_between_instances_is_read_again() {
     for _ in 0..2 {
         assert_eq!(inertia(&of_other, Some(&location)), Some(OTHER_J_C));
     }
+    assert_eq!(inertia(&guid(&MODELS[0], &Vehicle::paper()), Some(&location)), None, "the cached file is that of another car");
     let file = folder.join("vehicle.json");
     let text = fs::read_to_string(&file).unwrap();
     fs::write(&file, format!("{}\n", Vehicle::paper().to_value())).unwrap();

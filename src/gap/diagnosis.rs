@@ -190,7 +190,7 @@ fn diagnosed(
         }
     }
     if let Some(left) = &left {
-        conclusion.leave(left);
+        conclusion.add_irregular(left);
         notes.push(format!("whatever else is wrong, something irregular is left: {}; it is allowed for", left.what));
     }
     notes.extend(work.was_cut_short().then(notes::cut_short));
@@ -199,7 +199,7 @@ fn diagnosed(
         let few = if at_fault { "" } else { ", as few as a logger may lose" };
         notes.push(format!("stale samples: {}; they are left out{few}", left.what));
         if at_fault {
-            conclusion.leave(left);
+            conclusion.add_irregular(left);
         }
     }
     let point = &conclusion.explanation.fit.as_ref().expect("the best was fitted").point.clone();

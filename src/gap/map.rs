@@ -111,7 +111,7 @@ fn gather(problem: &Problem, point: &Point) -> Cells {
             phase[j] = now.phase as usize - 1;
             region[j] = 2 * usize::from(now.theta_c > HOT_DEGC) + usize::from(now.t_fc.abs() > HIGH_TORQUE_NM);
         });
-        let window = (WINDOW_S / track.pace()).round().max(1.0) as usize;
+        let window = (WINDOW_S / track.observation_interval()).round().max(1.0) as usize;
         let mut offset = 2 * n;
         for e in 0..5 {
             if e >= 2 && filter.bench[e - 2].is_empty() {

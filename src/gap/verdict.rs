@@ -149,7 +149,7 @@ impl Conclusion {
     }
 
     /// Records that an irregular disturbance is left.
-    pub fn leave(&mut self, irregular: &Irregular) {
+    pub fn add_irregular(&mut self, irregular: &Irregular) {
         let of = |e: &usize| REGISTRY[*e].effect.subsystem;
         if irregular.share > STAND_IN_SHARE {
             self.effects.retain(|e| !irregular.places.contains(&of(e)));
@@ -321,7 +321,7 @@ mod tests {
     #[test]
     fn something_irregular_is_a_gap_of_its_own() {
         let mut c = concluded(&[]);
-        c.leave(&left(&[Subsystem::Sensors], 1.0));
+        c.add_irregular(&left(&[Subsystem::Sensors], 1.0));
         assert_eq!((c.verdict, c.unexplained_at, c.probability), (Verdict::Unexplained, Some(Subsystem::Sensors), 0.9));
         assert_eq!(c.shares, [(Subsystem::Sensors, 1.0)]);
     }
@@ -347,7 +347,7 @@ mod tests {
     fn an_effect_stands_in_for_something_irregular_of_its_subsystem_only_if_that_is_the_larger_part() {
         for (share, named) in [(0.4, &["engine_torque_gain", "vehicle_mass"][..]), (0.6, &["vehicle_mass"])] {
             let mut c = concluded(&["engine_torque_gain", "vehicle_mass"]);
-            c.leave(&left(&[Subsystem::Engine], share));
+            c.add_irregular(&left(&[Subsystem::Engine], share));
             assert_eq!((c.verdict, c.unexplained_at), (Verdict::PartlyExplained, Some(Subsystem::Engine)));
             assert_eq!(c.effects.iter().map(|e| REGISTRY[*e].id).collect::<Vec<_>>(), named);
             assert!((c.shares.iter().map(|s| s.1).sum::<f64>() - 1.0).abs() < 1e-12);
@@ -357,11 +357,11 @@ mod tests {
     #[test]
     fn of_places_that_are_not_told_apart_the_one_with_an_effect_comes_first() {
         let mut c = concluded(&["actuator_delay"]);
-        c.leave(&left(&[Subsystem::Friction, Subsystem::ClutchForce, Subsystem::Actuator], 0.1));
+        c.add_irregular(&left(&[Subsystem::Friction, Subsystem::ClutchForce, Subsystem::Actuator], 0.1));
         assert_eq!((c.unexplained_at, c.or_at), (Some(Subsystem::Actuator), vec![Subsystem::Friction, Subsystem::ClutchForce]));
         // A subsystem that was doubted before is not listed twice.
         let mut c = Conclusion { or_at: vec![Subsystem::ClutchForce, Subsystem::Thermal], ..concluded(&["actuator_delay"]) };
-        c.leave(&left(&[Subsystem::Friction, Subsystem::ClutchForce, Subsystem::Actuator], 0.1));
+        c.add_irregular(&left(&[Subsystem::Friction, Subsystem::ClutchForce, Subsystem::Actuator], 0.1));
         assert_eq!(c.or_at, [Subsystem::ClutchForce, Subsystem::Thermal, Subsystem::Friction]);
     }
 

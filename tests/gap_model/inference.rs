@@ -119,7 +119,7 @@ fn an_effect_that_sets_in_later_differs_by_its_form_alone() {
     let functions = forms(&problem, &point, &[mass]);
     // Difference in the innovations of both speeds between the effect 20 ms late and the effect as it is.
     let (track, d) = (&problem.tracks[0], with[0].iter().zip(&without[0]).map(|(a, b)| a - b).collect::<Vec<_>>());
-    let late = (0.02 / track.pace()).round() as usize;
+    let late = (0.02 / track.observation_interval()).round() as usize;
     assert!(late >= 1);
     let n = 2 * track.observations();
     let missed: Vec<f64> = (0..n).map(|i| if i < 2 * late { -d[i] } else { d[i - 2 * late] - d[i] }).collect();

@@ -269,7 +269,7 @@ fn in_time(problem: &Problem, change: &[Residuals]) -> Vec<Vec<Residuals>> {
     let difference = |weights: [f64; 3]| -> Vec<Residuals> {
         let one = |(d, track): (&Residuals, &Track)| {
             let n = track.observations();
-            let by = (MOVED_S / track.pace()).round().max(1.0) as usize;
+            let by = (MOVED_S / track.observation_interval()).round().max(1.0) as usize;
             // Two speeds per observation, then the bench channels, one value each.
             let at = |i: usize, earlier: usize, later: usize| {
                 let (start, stride) = if i < 2 * n { (i % 2, 2) } else { (i - (i - 2 * n) % n, 1) };

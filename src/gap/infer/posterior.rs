@@ -71,14 +71,14 @@ pub fn posterior(problem: &Problem, search: &Search, known: Strained) -> Posteri
     let sets: Vec<&Hypothesis> = search.hypotheses.iter().filter(|h| !tolerated(&h.effects, &h.fit)).collect();
     let best = sets.first().copied().unwrap_or(search.base());
     let mut unknowns: Vec<Unknown> = known.laws_beside(problem, search, best);
-    unknowns.sort_by(|a, b| b.lead.total_cmp(&a.lead));
+    unknowns.sort_by(|a, b| b.exact_log_posterior.total_cmp(&a.exact_log_posterior));
     // The set that is most probable at the powers of the search may be smaller than the one that leads under the full likelihood.
     let believed = sets.iter().copied().max_by(|a, b| a.log_posterior.total_cmp(&b.log_posterior)).unwrap_or(best);
     if !believed.effects.is_empty() && believed.effects != best.effects {
-        unknowns.extend(places(problem, believed, believed.lead));
+        unknowns.extend(places(problem, believed, believed.exact_log_posterior));
     }
     // An effect may stand in for a missing law, and a missing law for an effect: both are tried, from the leading law.
-    if let Some(first) = unknowns.iter().find(|u| u.fit.is_some()).filter(|u| u.lead > best.lead).cloned() {
+    if let Some(first) = unknowns.iter().find(|u| u.fit.is_some()).filter(|u| u.exact_log_posterior > best.exact_log_posterior).cloned() {
         unknowns.extend(changed_beside(problem, search, first));
     }
     let mut left_out: Vec<(Vec<usize>, Subsystem)> = Vec::new();
@@ -110,7 +110,7 @@ pub fn posterior(problem: &Problem, search: &Search, known: Strained) -> Posteri
 
 /// Removes duplicate explanations: of two fits the better one is kept, and a fit takes precedence over a promise of the linear model.
 fn distinct(mut unknowns: Vec<Unknown>) -> Vec<Unknown> {
-    unknowns.sort_by(|a, b| b.fit.is_some().cmp(&a.fit.is_some()).then(b.lead.total_cmp(&a.lead)));
+    unknowns.sort_by(|a, b| b.fit.is_some().cmp(&a.fit.is_some()).then(b.exact_log_posterior.total_cmp(&a.exact_log_posterior)));
     let mut distinct: Vec<Unknown> = Vec::new();
     for u in unknowns {
         if !distinct.iter().any(|d| d.effects == u.effects && d.law.place == u.law.place) {
@@ -269,7 +269,7 @@ fn changed_beside(problem: &Problem, search: &Search, first: Unknown) -> Vec<Unk
         let others: Vec<Unknown> = others.iter().map(other).collect();
         // The set that is most probable at the powers of the search may be smaller than the one that leads under the full likelihood; a step that gains in either is taken.
         let by = |of: fn(&Unknown) -> f64| others.iter().max_by(|a, b| of(a).total_cmp(&of(b))).filter(|u| of(u) >= of(&current)).cloned();
-        let next = by(|u| u.log_posterior).or_else(|| by(|u| u.lead));
+        let next = by(|u| u.log_posterior).or_else(|| by(|u| u.exact_log_posterior));
         all.extend(others);
         let Some(next) = next else { break };
         current = next;
@@ -392,9 +392,9 @@ mod tests {
         let (problem, _) = example.problem(&[&example.campaign.recordings[0]]);
         let mut pair = ["friction_level", "vehicle_mass"].map(|id| crate::effects::find(id).unwrap()).to_vec();
         pair.sort_unstable();
-        let of = |set: &[usize], lead: f64, log_posterior: f64| {
+        let of = |set: &[usize], exact_log_posterior: f64, log_posterior: f64| {
             let fitted = Hypothesis::fitted(&problem, set.to_vec(), &problem.nominal(), 1, None);
-            Hypothesis { lead, log_posterior, ..fitted }
+            Hypothesis { exact_log_posterior, log_posterior, ..fitted }
         };
         // The sets are so far ahead that no law is fitted, only promised.
         let sets = vec![of(&pair, 3e9, 1.0), of(&pair[..1], 2e9, 2.0), of(&[], 1e9, 0.0)];

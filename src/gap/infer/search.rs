@@ -29,7 +29,7 @@ pub struct Hypothesis {
     /// Functions of the effects' forms.
     pub basis: Basis,
     /// Logarithm of the posterior probability under the full likelihood, nats, up to a constant that depends on the recordings alone. It decides where the search goes.
-    pub lead: f64,
+    pub exact_log_posterior: f64,
     /// The same with the likelihood raised to the powers that steer the search: what is believed.
     pub log_posterior: f64,
     /// Logarithm of the posterior probability for each accuracy that the explanation may have.
@@ -45,7 +45,7 @@ impl Hypothesis {
             let (evidence, fit) = formed.weighed(problem, &basis, 0, powers);
             (evidence + log_prior(effects.len()) + moments(&fit, &effects), fit)
         };
-        let (lead, sharp) = at(WHOLE);
+        let (exact_log_posterior, sharp) = at(WHOLE);
         let all = problem.powers.map(at);
         let by_accuracy = all.each_ref().map(|(believed, _)| *believed);
         let strains = all.each_ref().map(|(_, fit)| fit.strain);
@@ -53,7 +53,7 @@ impl Hypothesis {
         let mean_covariance = mean_covariance(all.map(|(_, fit)| fit));
         let exact = sharp.marginal().curvature;
         let fit = Fit { point: sharp.point, mean_covariance, exact, ..coarse }.marginal();
-        Self { effects, fit, formed, basis, lead, log_posterior, by_accuracy, strains }
+        Self { effects, fit, formed, basis, exact_log_posterior, log_posterior, by_accuracy, strains }
     }
 
     /// The same hypothesis with its derivatives and functions, fitted anew if they were released.
@@ -121,11 +121,11 @@ impl Search {
     }
     pub(super) fn add(&mut self, h: Hypothesis) {
         match self.hypotheses.iter_mut().find(|o| o.effects == h.effects) {
-            Some(o) if o.lead < h.lead => *o = h,
+            Some(o) if o.exact_log_posterior < h.exact_log_posterior => *o = h,
             Some(_) => {}
             None => self.hypotheses.push(h),
         }
-        self.hypotheses.sort_by(|a, b| b.lead.total_cmp(&a.lead));
+        self.hypotheses.sort_by(|a, b| b.exact_log_posterior.total_cmp(&a.exact_log_posterior));
         self.let_go();
     }
     fn let_go(&mut self) {
@@ -179,8 +179,17 @@ impl Hypothesis {
     /// A set with this fit that was not weighed.
     pub fn made_up(effects: &[usize], fit: Fit) -> Self {
         let (formed, none) = (fit.clone(), Default::default());
-        let (lead, log_posterior) = (0.0, 0.0);
-        Self { effects: effects.to_vec(), fit, formed, basis: Basis::new(), lead, log_posterior, by_accuracy: none, strains: none }
+        let (exact_log_posterior, log_posterior) = (0.0, 0.0);
+        Self {
+            effects: effects.to_vec(),
+            fit,
+            formed,
+            basis: Basis::new(),
+            exact_log_posterior,
+            log_posterior,
+            by_accuracy: none,
+            strains: none,
+        }
     }
 }
 
@@ -202,18 +211,18 @@ pub fn search(problem: &Problem, earlier: Option<&Search>, progress: &(dyn Fn(&s
     found.add(base);
     let mut frontier: Vec<Vec<usize>> = vec![Vec::new()];
     for size in 1..=MOST_EFFECTS {
-        let best = found.best().lead;
+        let best = found.best().exact_log_posterior;
         for set in frontier.iter().filter(|_| problem.work.may_go_on()) {
             progress(["effects", "pairs", "triples"][size - 1], 0.2 * size as f64);
             extend(problem, &mut found, set);
         }
         let mut of_size: Vec<&Hypothesis> = found.hypotheses.iter().filter(|h| h.effects.len() == size).collect();
-        if size == MOST_EFFECTS || of_size.first().is_none_or(|h| h.lead < best) {
+        if size == MOST_EFFECTS || of_size.first().is_none_or(|h| h.exact_log_posterior < best) {
             break;
         }
         of_size.truncate(BEAM[size - 1]);
-        let most = BEHIND_NATS + BEHIND_SHARE * (of_size[0].lead - best);
-        of_size.retain(|h| found.best().lead - h.lead < most);
+        let most = BEHIND_NATS + BEHIND_SHARE * (of_size[0].exact_log_posterior - best);
+        of_size.retain(|h| found.best().exact_log_posterior - h.exact_log_posterior < most);
         frontier = of_size.into_iter().map(|h| h.effects.clone()).collect();
     }
     if let Some(earlier) = earlier {
@@ -229,8 +238,8 @@ pub fn search(problem: &Problem, earlier: Option<&Search>, progress: &(dyn Fn(&s
 /// Fits sets that an earlier search, under another filter, found near its best and that this one did not fit, from the points that the earlier search found. If one of them leads
 /// now, it is extended as well.
 fn take_up(problem: &Problem, found: &mut Search, earlier: &Search) {
-    let least = earlier.best().lead - earlier.behind(earlier.best().fit.log_evidence);
-    let near = earlier.hypotheses.iter().take(FITTED).filter(|h| h.lead > least && found.of(&h.effects).is_none());
+    let least = earlier.best().exact_log_posterior - earlier.behind(earlier.best().fit.log_evidence);
+    let near = earlier.hypotheses.iter().take(FITTED).filter(|h| h.exact_log_posterior > least && found.of(&h.effects).is_none());
     let near: Vec<&Hypothesis> = near.filter(|h| problem.can_follow(&h.formed.point)).collect();
     let again = |h: &&Hypothesis| Hypothesis::fitted(problem, h.effects.clone(), &h.formed.point, STAY, None);
     let fitted: Vec<Hypothesis> = near.par_iter().map(again).collect();
@@ -414,12 +423,12 @@ mod tests {
         let [moves, heavy] = ["kiss_point_thermal", "vehicle_mass"].map(|id| crate::effects::find(id).unwrap());
         let fitted = |set: &[usize], iterations: usize| Hypothesis::fitted(&problem, set.to_vec(), &problem.nominal(), iterations, None);
         let base = fitted(&[], STAY);
-        let led = |set: &[usize], lead: f64| Hypothesis { lead, ..fitted(set, 1) };
+        let led = |set: &[usize], exact_log_posterior: f64| Hypothesis { exact_log_posterior, ..fitted(set, 1) };
         let earlier = Search::made_up(vec![led(&[moves], 0.0), led(&[heavy], -1e6), led(&[], -1e7)]);
         let mut found = Search::made_up(vec![base]);
         take_up(&problem, &mut found, &earlier);
         assert!(found.best().effects.contains(&moves) && found.of(&[heavy]).is_none());
-        assert!(found.of(&[moves]).unwrap().lead > found.base().lead + 1000.0);
+        assert!(found.of(&[moves]).unwrap().exact_log_posterior > found.base().exact_log_posterior + 1000.0);
         assert_eq!(found.screened.iter().map(|(set, _)| set.clone()).collect::<Vec<_>>(), [[moves]]);
     }
 
@@ -436,7 +445,7 @@ mod tests {
         none.work.add(1);
         let moves = vec![crate::effects::find("kiss_point_thermal").unwrap()];
         let fitted = |set: &[usize]| Hypothesis::fitted(&problem, set.to_vec(), &problem.nominal(), LOOK, None);
-        let single = Hypothesis { lead: 1e6, ..fitted(&moves) };
+        let single = Hypothesis { exact_log_posterior: 1e6, ..fitted(&moves) };
         let mut earlier = Search::made_up(vec![single, fitted(&[])]);
         earlier.promised = (0..REGISTRY.len()).map(|e| Some(e as f64)).collect();
         let mut found = search(&none, Some(&earlier), &|_, _| {});

@@ -47,14 +47,14 @@ impl Strained {
     /// The leading one of the laws that were fitted.
     fn leader(&self) -> Option<(&Unknown, &Fit)> {
         let fitted = self.laws.iter().flat_map(|b| &b.laws).filter_map(|u| u.fit.as_ref().map(|fit| (u, fit)));
-        fitted.max_by(|a, b| a.0.lead.total_cmp(&b.0.lead))
+        fitted.max_by(|a, b| a.0.exact_log_posterior.total_cmp(&b.0.exact_log_posterior))
     }
 
     /// Whether a law is so far ahead of all sets that another look at these is not worthwhile.
     pub fn is_far_ahead(&self, search: &Search) -> bool {
         let best = search.best();
-        let far = best.lead + search.behind(best.fit.log_evidence);
-        self.leader().is_some_and(|(law, _)| law.lead > far)
+        let far = best.exact_log_posterior + search.behind(best.fit.log_evidence);
+        self.leader().is_some_and(|(law, _)| law.exact_log_posterior > far)
     }
 
     /// The irregular disturbance, if the leading set strains its tolerances and the disturbance makes the recordings more likely than any law does: then the filter is wrong, and
@@ -74,9 +74,9 @@ impl Strained {
 
 /// Missing laws beside the set `best` and beside none; those already `known` are not computed again.
 fn beside_sets(problem: &Problem, search: &Search, best: &Hypothesis, mut known: Vec<Beside>) -> Vec<Beside> {
-    let mut sets = vec![(best, best.lead)];
+    let mut sets = vec![(best, best.exact_log_posterior)];
     if !best.effects.is_empty() {
-        sets.push((search.base(), best.lead - search.behind(best.fit.log_evidence)));
+        sets.push((search.base(), best.exact_log_posterior - search.behind(best.fit.log_evidence)));
     }
     let beside = |(set, least)| match known.iter().position(|b| b.is_beside(set)) {
         Some(place) => known.swap_remove(place),
@@ -97,13 +97,13 @@ mod tests {
         let mut base = Hypothesis::fitted(&problem, Vec::new(), &problem.nominal(), 1, None);
         let told = |set: &Hypothesis| {
             let mut beside = Beside::new(&problem, set, f64::INFINITY);
-            beside.laws.iter_mut().for_each(|l| l.lead = 1e6);
+            beside.laws.iter_mut().for_each(|l| l.exact_log_posterior = 1e6);
             beside
         };
         let known = told(&base);
         let leads = |known: Beside, set: &Hypothesis| {
             let [beside] = &beside_sets(&problem, &Search::made_up(vec![set.clone()]), set, vec![known])[..] else { panic!("of one set") };
-            beside.laws.iter().map(|l| l.lead).fold(f64::NEG_INFINITY, f64::max)
+            beside.laws.iter().map(|l| l.exact_log_posterior).fold(f64::NEG_INFINITY, f64::max)
         };
         assert_eq!(leads(known, &base), 1e6);
         let known = told(&base);

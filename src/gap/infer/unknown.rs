@@ -49,8 +49,8 @@ pub struct Unknown {
     pub effects: Vec<usize>,
     /// The law.
     pub law: Law,
-    /// Logarithm of the posterior probability under the full likelihood, nats, as [`Hypothesis::lead`].
-    pub lead: f64,
+    /// Logarithm of the posterior probability under the full likelihood, nats, as [`Hypothesis::exact_log_posterior`].
+    pub exact_log_posterior: f64,
     /// The same with the likelihood raised to the powers that steer the search.
     pub log_posterior: f64,
     /// The same for each accuracy that the explanation may have.
@@ -66,8 +66,8 @@ const FITTED_NATS: f64 = 15.0;
 const FITTED: usize = 2;
 const MOST_FITTED: usize = 4;
 
-fn is_near(best: f64, lead: f64) -> bool {
-    best - lead < FITTED_NATS
+fn is_near(best: f64, exact_log_posterior: f64) -> bool {
+    best - exact_log_posterior < FITTED_NATS
 }
 
 /// Sizes of the functions of time alone relative to those of states, all equally likely.
@@ -82,7 +82,7 @@ const FAR_APART_S: f64 = 2.0;
 /// Sizes of a missing law in units of a noteworthy fault, all equally likely.
 const SIZES: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
 
-/// Missing laws in every place beside a set of effects, the most probable first. Those near the best are fitted if the [`Unknown::lead`] that the best one promises is above
+/// Missing laws in every place beside a set of effects, the most probable first. Those near the best are fitted if the [`Unknown::exact_log_posterior`] that the best one promises is above
 /// `least`.
 pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
     let of = &of.whole(problem);
@@ -94,7 +94,7 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
     let mut found: Vec<Promised> = Vec::new();
     for place in Subsystem::ALL.into_iter().filter(|p| !hides(&problem.tracks, *p)) {
         found.push(promised(place));
-        found.sort_by(|a, b| b.unknown.lead.total_cmp(&a.unknown.lead));
+        found.sort_by(|a, b| b.unknown.exact_log_posterior.total_cmp(&a.unknown.exact_log_posterior));
         // The functions of all places would take more memory than anything else, so that only those of the leading places are kept: two places, or one if two already take too
         // much, as in long drives.
         let held = if found.iter().map(Promised::bytes).sum::<usize>() > MOST_BYTES { 1 } else { FITTED };
@@ -105,9 +105,9 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
     let straight = Point { effects: of.fit.point.effects, ..problem.nominal() };
     // A fit may fall short of its promise. Therefore, the most promising place is fitted next until the two leading places have been fitted.
     for _ in 0..MOST_FITTED {
-        found.sort_by(|a, b| b.unknown.lead.total_cmp(&a.unknown.lead));
-        let best = found[0].unknown.lead;
-        let worthwhile = |u: &Unknown| u.fit.is_none() && best > least && is_near(best, u.lead);
+        found.sort_by(|a, b| b.unknown.exact_log_posterior.total_cmp(&a.unknown.exact_log_posterior));
+        let best = found[0].unknown.exact_log_posterior;
+        let worthwhile = |u: &Unknown| u.fit.is_none() && best > least && is_near(best, u.exact_log_posterior);
         let Some(promise) = found.iter_mut().take(FITTED).find(|p| worthwhile(&p.unknown)) else { break };
         if promise.known.is_empty() {
             *promise = promised(promise.unknown.law.place);
@@ -122,14 +122,14 @@ pub fn places(problem: &Problem, of: &Hypothesis, least: f64) -> Vec<Unknown> {
             scale(&mut basis, *size);
             basis.extend(u.law.basis.iter().skip(basis.len()).cloned());
             let other = beside(problem, &of.effects, &Law { basis, ..u.law }, &straight, None);
-            if other.lead > u.lead {
+            if other.exact_log_posterior > u.exact_log_posterior {
                 *u = other;
             }
         }
     }
     found.iter_mut().filter(|p| p.unknown.fit.is_none()).for_each(Promised::let_go);
     let mut found: Vec<Unknown> = found.into_iter().map(|p| p.unknown).collect();
-    found.sort_by(|a, b| b.lead.total_cmp(&a.lead));
+    found.sort_by(|a, b| b.exact_log_posterior.total_cmp(&a.exact_log_posterior));
     found
 }
 
@@ -183,13 +183,21 @@ fn promised(problem: &Problem, of: &Hypothesis, courses: &[Course], [sharp, coar
     scale(&mut basis, best.states);
     scale(&mut timed, best.time);
     basis.extend(timed);
-    let (lead, log_posterior) = (of.lead + best.gain + log_odds, of.log_posterior + best.coarse + log_odds);
+    let (exact_log_posterior, log_posterior) = (of.exact_log_posterior + best.gain + log_odds, of.log_posterior + best.coarse + log_odds);
     // From one accuracy to another, the powers of all phases change by nearly the same factor.
     let by = DVector::from_fn(changes[0].len(), |f, _| if f < states { best.states } else { best.time });
     let gain = |powers: ByPhase<f64>| coarse.gain(&by, overall(powers) / problem.power());
     let by_accuracy = std::array::from_fn(|c| of.by_accuracy[c] + gain(problem.powers[c]) + log_odds);
     let law = Law { place, basis, log_odds, size: best.states };
-    let unknown = Unknown { effects: of.effects.clone(), law, lead, log_posterior, by_accuracy, strains: Default::default(), fit: None };
+    let unknown = Unknown {
+        effects: of.effects.clone(),
+        law,
+        exact_log_posterior,
+        log_posterior,
+        by_accuracy,
+        strains: Default::default(),
+        fit: None,
+    };
     let (own, kept) = (of.formed.own.len(), of.fit.shared.len());
     let known = mode.columns.iter().zip(&changes).map(|(free, law)| {
         let law = law[..states].iter().map(|c| c.times(best.states));
@@ -246,7 +254,7 @@ fn weighed(problem: &Problem, effects: &[usize], law: &Law, all: &Basis, fitted:
         let (evidence, fit) = fitted.weighed(problem, all, law.basis.len(), powers);
         (evidence + prior + moments(&fit, effects) + moment_of_law(&fit, law), fit)
     };
-    let (lead, sharp) = at(WHOLE);
+    let (exact_log_posterior, sharp) = at(WHOLE);
     let exact = sharp.marginal().curvature;
     let believed = problem.powers.map(at);
     let by_accuracy = believed.each_ref().map(|(believed, _)| *believed);
@@ -256,7 +264,7 @@ fn weighed(problem: &Problem, effects: &[usize], law: &Law, all: &Basis, fitted:
     // Functions are eliminated, and their derivatives are released, because there may be hundreds of them.
     let columns = Arc::new(fitted.columns.iter().map(|c| without_functions(c, &fitted.shared)).collect());
     let fit = Fit { columns, parts: Arc::default(), mean_covariance, exact, ..fitted.marginal() };
-    Unknown { effects: effects.to_vec(), law: law.clone(), lead, log_posterior, by_accuracy, strains, fit: Some(fit) }
+    Unknown { effects: effects.to_vec(), law: law.clone(), exact_log_posterior, log_posterior, by_accuracy, strains, fit: Some(fit) }
 }
 
 /// Change of the log evidence of a law, nats, by a moment prior like that of effects ([`moments`]), under which a missing law is not small. The size of a law is what it changes in

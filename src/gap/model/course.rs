@@ -167,7 +167,7 @@ impl<'a> Course<'a> {
             let mut errors = [0.0; 5];
             for row in rows.clone() {
                 let read = law.errors_of_reading(row);
-                let seen = |s: usize| state.speeds[s] - sensors[s].since - self.late[s] * state.pace[s];
+                let seen = |s: usize| state.speeds[s] - sensors[s].since - self.late[s] * state.accelerations[s];
                 let torque = model.carried(&state);
                 let shows = [
                     seen(0) + read[0],
@@ -184,7 +184,7 @@ impl<'a> Course<'a> {
                         let Some(innovation) = innovation else { continue };
                         let of = &gain.of[c];
                         let mut by = [of[0] * innovation, of[1] * innovation / speed_gain];
-                        let mut rate = filter.rate(k, of).map(|rate| rate * innovation);
+                        let mut rate = filter.accelerations(k, of).map(|rate| rate * innovation);
                         if stuck {
                             [by, rate] = [by, rate].map(|v| [common_speed(inertia, v); 2]);
                         }
@@ -192,7 +192,7 @@ impl<'a> Course<'a> {
                         (0..2).for_each(|s| sensors[s].correct(rate[s], since));
                         let [f, c] = [0, 1].map(|s| by[s] + rate[s] * since);
                         state.speeds.iter_mut().zip([f, c, c]).for_each(|(speed, by)| *speed += by);
-                        state.twist -= self.config.misread_twist(stuck) * filter.found(k, of, stuck) * innovation;
+                        state.twist -= self.config.misread_twist(stuck) * filter.load_torque(k, of, stuck) * innovation;
                     }
                     if filter.stands[k] {
                         model.hold_car(&mut state);
@@ -207,7 +207,7 @@ impl<'a> Course<'a> {
                 let u = [added.flywheel + law.torque(0, row), added.disc + law.torque(1, row) - law.rolling.max(0.0) * at(&law.way, row)];
                 let h = track.tick_end(track.tick_of_row[row + 1] - 1) - track.ticks[track.tick_of_row[row]].time;
                 model.step(&mut state, u, h);
-                (0..2).for_each(|s| sensors[s].pass(state.pace[s] * h, h));
+                (0..2).for_each(|s| sensors[s].pass(state.accelerations[s] * h, h));
             }
         }
         all.extend(bench.into_iter().flatten());
@@ -235,7 +235,7 @@ impl<'a> Course<'a> {
 struct State {
     speeds: Vector3<f64>,
     twist: f64,
-    pace: [f64; 2],
+    accelerations: [f64; 2],
     held: f64,
 }
 
@@ -328,8 +328,8 @@ impl Model {
             state.speeds = self.answer * momenta;
             state.twist += 0.5 * part * (twisted + state.speeds[1] - state.speeds[2]);
         }
-        state.pace = [0, 1].map(|s| (state.speeds[s] - begin[s]) / h);
-        state.held = on_f - self.inertia[0] * state.pace[0];
+        state.accelerations = [0, 1].map(|s| (state.speeds[s] - begin[s]) / h);
+        state.held = on_f - self.inertia[0] * state.accelerations[0];
     }
 
     /// Holds a standing car behind elastic shafts, which then carry the clutch torque alone.

@@ -155,14 +155,14 @@ pub struct Filter {
 
 impl Filter {
     /// Accelerations of flywheel and disc due to the torques that the gains `of` attribute to an innovation of 1 rad/s at observation `k`, 1/s.
-    pub fn rate(&self, k: usize, of: &[f64; STATES]) -> [f64; 2] {
+    pub fn accelerations(&self, k: usize, of: &[f64; STATES]) -> [f64; 2] {
         let torque = if self.pinned[k] { [0.0, of[ENGINE] + of[LOAD]] } else { [of[ENGINE] - of[CLUTCH], of[LOAD] + of[CLUTCH]] };
         [torque[0] / self.inertia[0], torque[1] / self.inertia[1]]
     }
 
     /// Torque on the car's side that the gains `of` attribute to an innovation of 1 rad/s, N·m·s/rad. While the clutch is `stuck`, or the flywheel follows its sensor, it includes
     /// the engine's.
-    pub fn found(&self, k: usize, of: &[f64; STATES], stuck: bool) -> f64 {
+    pub fn load_torque(&self, k: usize, of: &[f64; STATES], stuck: bool) -> f64 {
         if stuck || self.pinned[k] { of[LOAD] + of[ENGINE] } else { of[LOAD] }
     }
 }
@@ -176,9 +176,9 @@ pub fn filter(track: &Track, vehicle: &Vehicle, with: &Disturbances, torque: &[f
     let n = track.observations();
     let speeds: [Vec<(f64, usize)>; 2] = [Channel::OmegaF, Channel::OmegaC].map(|c| (0..n).map(|k| track.mean(c, k)).collect());
     // The clutch locks when the speeds meet. Sensors with a known latency show it later, so their speeds are shifted back.
-    let pace = track.pace();
+    let typical = track.observation_interval();
     let then: [Vec<(f64, usize)>; 2] = std::array::from_fn(|c| {
-        let ahead = (with.late[c] / pace).round() as usize;
+        let ahead = (with.late[c] / typical).round() as usize;
         (0..n).map(|k| speeds[c][(k + ahead).min(n - 1)]).collect()
     });
     let unknown = track.unknown_clutch.as_ref();
@@ -449,8 +449,8 @@ mod tests {
     /// flywheel speed.
     #[test]
     fn an_error_of_the_stamp_is_common_to_both_speeds() {
-        let (stamps, white, pace) = (2e-3, [0.1, 0.07], [80.0, 30.0]);
-        let speed = |c: usize| (0..60).map(|k| 100.0 * (1 - c) as f64 + 0.01 * pace[c] * f64::from(k)).collect::<Vec<_>>();
+        let (stamps, white, accelerations) = (2e-3, [0.1, 0.07], [80.0, 30.0]);
+        let speed = |c: usize| (0..60).map(|k| 100.0 * (1 - c) as f64 + 0.01 * accelerations[c] * f64::from(k)).collect::<Vec<_>>();
         let track = Track::new(&crate::campaign::Recording {
             sample_rate_hz: 100.0,
             time: (0..60).map(|k| 0.01 * f64::from(k)).collect(),
@@ -465,7 +465,7 @@ mod tests {
         let noise = |c: usize| Noise { white: white[c], coloured: 0.0, memory_s: 1.0 };
         let with = Disturbances { stamps, ..prepare::healthy([noise(0), noise(1), noise(0), noise(0), noise(0)], 0.0, 0.0, &tolerances) };
         let gain = filter(&track, &Vehicle::paper(), &with, &[]).gains[30];
-        let (own, shared) = (white[0].powi(2) + (stamps * pace[0]).powi(2), stamps.powi(2) * pace[0] * pace[1]);
+        let (own, shared) = (white[0].powi(2) + (stamps * accelerations[0]).powi(2), stamps.powi(2) * accelerations[0] * accelerations[1]);
         assert!((gain.common - shared / own).abs() < 1e-9, "{} is not {}", gain.common, shared / own);
         // An error of the stamp alone: the disc speed's innovation is its error less the part that the flywheel speed's error predicts.
         let without = Gain { of: [[0.0; STATES]; 2], ..gain };

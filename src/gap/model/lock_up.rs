@@ -3,7 +3,7 @@
 use super::filter::Disturbances;
 use super::tolerance::LATE_SIGMAS;
 use super::track::{Channel, Track};
-use super::unseen::{PACE_OBSERVATIONS, slope};
+use super::unseen::{SLOPE_OBSERVATIONS, slope};
 use crate::vehicle::Vehicle;
 
 /// Number of observations on either side of a measured lock-up or opening for which an error of its timing is tolerated, and the size of that error, s.
@@ -22,9 +22,9 @@ pub fn closed(track: &Track, vehicle: &Vehicle, k: usize) -> bool {
     track.ticks[track.tick_of_row[track.rows_of(k).start]].x_to > vehicle.actuator.x_cnt_0
 }
 
-/// Slope of the mean of both speeds around an observation, rad/s², from the first and the last known sample within [`PACE_OBSERVATIONS`] on either side; zero if a speed has fewer
+/// Slope of the mean of both speeds around an observation, rad/s², from the first and the last known sample within [`SLOPE_OBSERVATIONS`] on either side; zero if a speed has fewer
 /// than two there.
-fn pace(speeds: &[Vec<(f64, usize)>; 2], time: impl Fn(usize) -> f64, k: usize) -> f64 {
+fn acceleration(speeds: &[Vec<(f64, usize)>; 2], time: impl Fn(usize) -> f64, k: usize) -> f64 {
     slope(&speeds[0], &time, k).zip(slope(&speeds[1], &time, k)).map_or(0.0, |(f, c)| 0.5 * (f + c))
 }
 
@@ -42,20 +42,20 @@ pub fn skew(tracks: &[Track], with: &Disturbances, most: f64) -> f64 {
         let speeds = [Channel::OmegaF, Channel::OmegaC].map(|c| (0..n).map(|k| track.mean(c, k)).collect::<Vec<_>>());
         let time = |k: usize| track.time[track.rows_of(k).start];
         let slip = |k: usize| speeds[0][k].0 - speeds[1][k].0;
-        let paces: Vec<f64> = (0..n).map(|k| pace(&speeds, time, k)).collect();
+        let accelerations: Vec<f64> = (0..n).map(|k| acceleration(&speeds, time, k)).collect();
         // A missing sample does not end a stretch.
         let together =
-            |k: usize| !(slip(k).abs() > LOCKED * sigma + most * paces[k].abs()) && !track.rows_of(k).any(|row| track.brake[row]);
+            |k: usize| !(slip(k).abs() > LOCKED * sigma + most * accelerations[k].abs()) && !track.rows_of(k).any(|row| track.brake[row]);
         let mut begin = 0;
         for k in 0..=n {
             if k < n && together(k) {
                 continue;
             }
             if k > begin && time(k - 1) - time(begin) > TOGETHER_S {
-                let inside = begin + PACE_OBSERVATIONS..k.saturating_sub(PACE_OBSERVATIONS).max(begin + PACE_OBSERVATIONS);
+                let inside = begin + SLOPE_OBSERVATIONS..k.saturating_sub(SLOPE_OBSERVATIONS).max(begin + SLOPE_OBSERVATIONS);
                 let known = inside.filter(|&j| slip(j).is_finite());
-                products -= known.clone().map(|j| slip(j) * paces[j]).sum::<f64>();
-                squares += known.map(|j| paces[j].powi(2)).sum::<f64>();
+                products -= known.clone().map(|j| slip(j) * accelerations[j]).sum::<f64>();
+                squares += known.map(|j| accelerations[j].powi(2)).sum::<f64>();
             }
             begin = k + 1;
         }
@@ -73,7 +73,8 @@ pub fn locked(
     closed: impl Fn(usize) -> bool,
 ) -> Vec<bool> {
     let sigma = slip_noise(with);
-    let slip: Vec<f64> = (0..speeds[0].len()).map(|k| speeds[0][k].0 - speeds[1][k].0 + with.skew * pace(speeds, &time, k)).collect();
+    let slip: Vec<f64> =
+        (0..speeds[0].len()).map(|k| speeds[0][k].0 - speeds[1][k].0 + with.skew * acceleration(speeds, &time, k)).collect();
     let mean = |k: usize| {
         let near = &slip[k.saturating_sub(1)..(k + 2).min(slip.len())];
         near.iter().sum::<f64>() / near.len() as f64
@@ -104,10 +105,10 @@ pub fn lock_up_slip_sigma(track: &Track, speeds: &[Vec<(f64, usize)>; 2], locked
     for k in (1..n).filter(|&k| locked[k] != locked[k - 1]) {
         let (a, b) = if locked[k] { (k.saturating_sub(OBSERVATIONS + 1), k - 1) } else { (k, (k + OBSERVATIONS).min(n - 1)) };
         let time = |k: usize| track.time[track.rows_of(k).start];
-        let pace = (slip(b) - slip(a)) / (time(b) - time(a)).max(1e-3);
-        if pace.is_finite() {
+        let slope = (slip(b) - slip(a)) / (time(b) - time(a)).max(1e-3);
+        if slope.is_finite() {
             let reach = k.saturating_sub(OBSERVATIONS)..(k + OBSERVATIONS).min(n);
-            lock_up_slip_sigma[reach].iter_mut().for_each(|b| *b = b.max(pace.abs() * TIMING_S));
+            lock_up_slip_sigma[reach].iter_mut().for_each(|b| *b = b.max(slope.abs() * TIMING_S));
         }
     }
     lock_up_slip_sigma
@@ -124,7 +125,7 @@ mod tests {
     /// Two samples, half a second apart.
     #[test]
     fn a_stretch_of_few_samples_says_nothing_of_lateness() {
-        let count = PACE_OBSERVATIONS - 1;
+        let count = SLOPE_OBSERVATIONS - 1;
         let speed: Vec<f64> = (0..count).map(|k| 10.0 * k as f64).collect();
         let track = Track::new(&Recording {
             sample_rate_hz: 2.0,

@@ -35,7 +35,7 @@ struct Signals {
     report: Vec<f64>,
     theta: Vec<f64>,
     speed: [Vec<f64>; 2],
-    pace: [Vec<f64>; 2],
+    acceleration: [Vec<f64>; 2],
     /// ∂T/∂x, N·m/mm.
     stiffness: Vec<f64>,
     /// ∂T/∂θ, N·m/K.
@@ -56,7 +56,7 @@ fn signals(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Signal
         report: track.tick_of_row[..n].iter().map(|&k| track.ticks[k].t_e).collect(),
         theta: vec![0.0; n],
         speed: [vec![0.0; n], vec![0.0; n]],
-        pace: [Vec::new(), Vec::new()],
+        acceleration: [Vec::new(), Vec::new()],
         stiffness: vec![0.0; n],
         warmth: vec![0.0; n],
         travel: [car.vehicle.actuator.x_cnt_0, car.vehicle.actuator.x_cls_0],
@@ -87,7 +87,7 @@ fn signals(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Signal
     let reach = ((0.03 / s.dt).round() as usize).max(1);
     for side in 0..2 {
         let v = &s.speed[side];
-        s.pace[side] = (0..n)
+        s.acceleration[side] = (0..n)
             .map(|k| {
                 // Backward difference, for the same reason: later predictions have been corrected by the measurement at this row.
                 let a = k.saturating_sub(2 * reach);
@@ -361,10 +361,10 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
                 all.push(s.on_moving_car(&|k| bump(s.speed[1][k], centre, if centre < 20.0 { 15.0 } else { 40.0 })));
             }
             all.push(Missing { rolling: CAR, way: s.way(), ..Missing::default() });
-            all.push(s.on(1, &|k| 0.1 * car.vehicle.driveline.J_c * s.pace[1][k]));
+            all.push(s.on(1, &|k| 0.1 * car.vehicle.driveline.J_c * s.acceleration[1][k]));
             for tau in [0.05, 0.3] {
-                let slow = lagged(&s.pace[1], s.dt, tau);
-                all.push(s.on(1, &|k| 0.1 * car.vehicle.driveline.J_c * (s.pace[1][k] - slow[k])));
+                let slow = lagged(&s.acceleration[1], s.dt, tau);
+                all.push(s.on(1, &|k| 0.1 * car.vehicle.driveline.J_c * (s.acceleration[1][k] - slow[k])));
             }
             for tau in [0.5, 2.0, 8.0] {
                 all.push(s.on_moving_car(&|k| (-s.time[k] / tau).exp()));
@@ -374,9 +374,9 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
             // Functions of averaged speeds: a speed that a sample has just corrected would act like another gain of the filter.
             for side in 0..2 {
                 let speed = averaged(&s.speed[side], s.dt);
-                let pace = averaged(&s.pace[side], s.dt);
+                let acceleration = averaged(&s.acceleration[side], s.dt);
                 all.push(s.sensed(side, &|k| 0.01 * speed[k]));
-                all.push(s.sensed(side, &|k| -0.008 * pace[k]));
+                all.push(s.sensed(side, &|k| -0.008 * acceleration[k]));
                 // The signal of a pickup grows with speed, so an error near standstill vanishes within some rad/s.
                 for (centre, length) in [(0.0, 5.0), (12.0, 8.0), (60.0, 45.0), (130.0, 45.0), (220.0, 45.0)] {
                     all.push(s.sensed(side, &|k| bump(speed[k], centre, length)));
@@ -439,7 +439,7 @@ mod tests {
             report: rows([0.0; 5]),
             theta: rows([25.0; 5]),
             speed: [rows([0.0; 5]), rows([0.0; 5])],
-            pace: [Vec::new(), Vec::new()],
+            acceleration: [Vec::new(), Vec::new()],
             stiffness: rows([2.0; 5]),
             warmth: rows([0.5; 5]),
             travel: [1.0, 2.0],

@@ -52,9 +52,9 @@ pub fn stamps(tracks: &[Track]) -> f64 {
         if steady.is_empty() || fast.is_empty() {
             continue;
         }
-        let pace = mean_square_pace(fast) - mean_square_pace(steady);
-        products += (spread(fast).powi(2) - spread(steady).powi(2)) * pace;
-        squares += pace * pace;
+        let slope = mean_square_slope(fast) - mean_square_slope(steady);
+        products += (spread(fast).powi(2) - spread(steady).powi(2)) * slope;
+        squares += slope * slope;
     }
     let found = if squares > 0.0 { (products / squares).max(0.0).sqrt() } else { 0.0 };
     found.min(tracks.iter().map(Track::unevenness).fold(0.0, f64::max))
@@ -134,7 +134,7 @@ fn quantum<'a>(columns: impl Iterator<Item = &'a [f64]>) -> f64 {
 #[derive(Clone, Copy)]
 struct Residual {
     size: f64,
-    pace: f64,
+    slope: f64,
 }
 
 /// Residuals in ascending order of the slope.
@@ -154,12 +154,12 @@ impl ByPace {
     /// Standard deviation of the noise that remains once an error of the time stamps with the standard deviation `stamps`, s, is accounted for.
     fn white(&self, stamps: f64) -> f64 {
         let steady = self.steady();
-        (spread(steady).powi(2) - stamps.powi(2) * mean_square_pace(steady)).max(0.0).sqrt()
+        (spread(steady).powi(2) - stamps.powi(2) * mean_square_slope(steady)).max(0.0).sqrt()
     }
 }
 
-fn mean_square_pace(of: &[Residual]) -> f64 {
-    of.iter().map(|l| l.pace * l.pace).sum::<f64>() / of.len().max(1) as f64
+fn mean_square_slope(of: &[Residual]) -> f64 {
+    of.iter().map(|l| l.slope * l.slope).sum::<f64>() / of.len().max(1) as f64
 }
 
 fn residuals_of(parts: &[(&[f64], &[f64])]) -> ByPace {
@@ -172,10 +172,10 @@ fn residuals_of(parts: &[(&[f64], &[f64])]) -> ByPace {
             let weights = [0, 1, 3, 4].map(weight);
             let between: f64 = [0, 1, 3, 4].iter().zip(weights).map(|(&k, w)| w * v(k)).sum();
             let size = (v(2) - between).abs() / (1.0 + weights.iter().map(|w| w * w).sum::<f64>()).sqrt();
-            left.push(Residual { size, pace: ((v(4) - v(0)) / (t(4) - t(0))).abs() });
+            left.push(Residual { size, slope: ((v(4) - v(0)) / (t(4) - t(0))).abs() });
         }
     }
-    left.sort_by(|a, b| a.pace.total_cmp(&b.pace));
+    left.sort_by(|a, b| a.slope.total_cmp(&b.slope));
     ByPace(left)
 }
 

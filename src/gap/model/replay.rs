@@ -222,11 +222,11 @@ fn stepped(
     let speed_gain = car.effects[param::clutch_speed_gain::gain];
     let age = unknown_clutch::age_of_flywheel(car);
     let mut added = Added::default();
-    let mut pace = [0.0; 2];
-    let shown = |plant: &Plant, pace: [f64; 2]| {
+    let mut accelerations = [0.0; 2];
+    let shown = |plant: &Plant, accelerations: [f64; 2]| {
         let mut now = plant.outputs();
-        now.omega_f -= late_f * pace[0];
-        now.omega_c -= late_c * pace[1] * speed_gain;
+        now.omega_f -= late_f * accelerations[0];
+        now.omega_c -= late_c * accelerations[1] * speed_gain;
         now
     };
     let with_missing = |mut now: Outputs, row: usize| {
@@ -261,17 +261,17 @@ fn stepped(
             plant.couple(unknown.locked[track.observation_of(rows.start)]);
         }
         let ticks = track.tick_of_row[rows.start]..track.tick_of_row[rows.end];
-        let begin = shown(&plant, pace);
+        let begin = shown(&plant, accelerations);
         if rows.len() == 1 {
             each(rows.start, &with_missing(begin, rows.start), &mut plant, &mut added);
             for k in ticks {
-                pace = step(&mut plant, k..k + 1, rows.clone(), &added);
+                accelerations = step(&mut plant, k..k + 1, rows.clone(), &added);
             }
             continue;
         }
         let (from, to) = (track.ticks[ticks.start].time, track.tick_end(ticks.end - 1));
-        pace = step(&mut plant, ticks, rows.clone(), &added);
-        let end = shown(&plant, pace);
+        accelerations = step(&mut plant, ticks, rows.clone(), &added);
+        let end = shown(&plant, accelerations);
         for row in rows {
             let share = (track.time[row] - from) / (to - from);
             each(row, &with_missing(between(&begin, &end, share), row), &mut plant, &mut added);
@@ -416,9 +416,9 @@ pub fn corrected_in(
             let Some(innovation) = innovation else { continue };
             let of = &gain.of[c];
             // A speed that is sensed late describes an earlier instant; the missing torques that it reveals have changed the speeds since then.
-            let rate = filter.rate(k, of).map(|rate| rate * innovation);
+            let rate = filter.accelerations(k, of).map(|rate| rate * innovation);
             plant.correct_speeds([of[0] * innovation, of[1] * innovation / speed_gain], rate, c);
-            plant.correct_shafts(filter.found(k, of, plant.state().stuck) * innovation);
+            plant.correct_shafts(filter.load_torque(k, of, plant.state().stuck) * innovation);
         }
         if filter.stands[k] {
             plant.hold_car();

@@ -211,7 +211,7 @@ impl Track {
     }
 
     /// Typical interval of the observations, s.
-    pub fn pace(&self) -> f64 {
+    pub fn observation_interval(&self) -> f64 {
         self.interval() * self.rows() as f64 / self.observations() as f64
     }
 
@@ -285,8 +285,8 @@ impl Track {
         let number = |k: usize| k as f64 - 0.5 * (n - 1.0);
         let mean = clock.iter().sum::<f64>() / n;
         let products: f64 = clock.iter().enumerate().map(|(k, t)| number(k) * (t - mean)).sum();
-        let pace = products / (n * (n * n - 1.0) / 12.0);
-        let off = |(k, t): (usize, &f64)| (t - mean - pace * number(k)).powi(2);
+        let interval = products / (n * (n * n - 1.0) / 12.0);
+        let off = |(k, t): (usize, &f64)| (t - mean - interval * number(k)).powi(2);
         (clock.iter().enumerate().map(off).sum::<f64>() / n).sqrt()
     }
 

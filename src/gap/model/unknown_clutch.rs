@@ -151,7 +151,7 @@ impl Speeds {
         }
     }
 
-    fn pace(&self) -> f64 {
+    fn observation_interval(&self) -> f64 {
         let n = self.time.len();
         (self.time[n - 1] - self.time[0]) / (n.max(2) - 1) as f64
     }
@@ -197,8 +197,8 @@ impl Speeds {
     /// Whether the clutch is locked from each observation to the next.
     fn locked(&self, sensors: Sensors) -> Vec<bool> {
         let together = self.together(sensors, 0.0);
-        let pace = self.pace();
-        let (least, margin) = ((LEAST_S / pace).ceil() as usize, ((MARGIN_S + sensors.lag.abs()) / pace).ceil() as usize);
+        let interval = self.observation_interval();
+        let (least, margin) = ((LEAST_S / interval).ceil() as usize, ((MARGIN_S + sensors.lag.abs()) / interval).ceil() as usize);
         let mut locked = vec![false; together.len()];
         for run in runs(&together).filter(|r| r.len() >= least.max(2 * margin + 2)) {
             // Each entry covers the interval to the next observation, so the last observation of a run has none.
@@ -226,8 +226,8 @@ impl Sensors {
             let one = |s: &Speeds| {
                 let together = s.together(sensors, COARSE);
                 let moves = |r: &std::ops::Range<usize>| r.clone().filter(|&k| s.value[1][k] > MOVING_SPEED).count();
-                let pace = s.pace();
-                runs(&together).map(|r| moves(&r) as f64 * pace).filter(|t| *t > LEAST_S).sum::<f64>()
+                let interval = s.observation_interval();
+                runs(&together).map(|r| moves(&r) as f64 * interval).filter(|t| *t > LEAST_S).sum::<f64>()
             };
             // Summed in order, so that the result does not depend on the threads.
             all.par_iter().map(one).collect::<Vec<f64>>().iter().sum()
@@ -249,7 +249,7 @@ impl Sensors {
         for s in all {
             let [omega_f, omega_c] = &s.value;
             let variance = s.noise[0].powi(2) + s.noise[1].powi(2);
-            for run in runs(&s.together(self, coarse)).filter(|r| r.len() as f64 * s.pace() > LEAST_S) {
+            for run in runs(&s.together(self, coarse)).filter(|r| r.len() as f64 * s.observation_interval() > LEAST_S) {
                 for k in run.start + SLOPE..run.end.saturating_sub(SLOPE) {
                     let slope = (omega_f[k + SLOPE] - omega_f[k - SLOPE]) / (s.time[k + SLOPE] - s.time[k - SLOPE]);
                     let row = Vector2::new(omega_f[k], -slope);

@@ -6,7 +6,7 @@ use super::track::Track;
 use std::ops::Range;
 
 /// Number of observations on either side over which the slope of a channel is taken.
-pub const PACE_OBSERVATIONS: usize = 3;
+pub const SLOPE_OBSERVATIONS: usize = 3;
 
 /// Interval from observation `k` to the next, s.
 pub fn interval(track: &Track, k: usize) -> f64 {
@@ -94,9 +94,9 @@ pub fn unseen(track: &Track, signal: &[f64], counts: impl Fn(usize) -> bool) -> 
     }
 }
 
-/// Slope of a channel around observation `k`, per second, from the first and the last known sample within [`PACE_OBSERVATIONS`] on either side.
+/// Slope of a channel around observation `k`, per second, from the first and the last known sample within [`SLOPE_OBSERVATIONS`] on either side.
 pub fn slope(samples: &[(f64, usize)], time: &impl Fn(usize) -> f64, k: usize) -> Option<f64> {
-    let near = k.saturating_sub(PACE_OBSERVATIONS)..(k + PACE_OBSERVATIONS + 1).min(samples.len());
+    let near = k.saturating_sub(SLOPE_OBSERVATIONS)..(k + SLOPE_OBSERVATIONS + 1).min(samples.len());
     let mut known = near.filter(|&j| samples[j].0.is_finite());
     let (a, b) = known.next().zip(known.next_back())?;
     Some((samples[b].0 - samples[a].0) / (time(b) - time(a)).max(1e-3))
