@@ -349,7 +349,7 @@ fn screening_fits_and_evidence() {
         let name = format!("{set:?}");
         found.push((
             format!("{name}: evidence"),
-            h.by_accuracy.into_iter().chain([h.lead, h.log_posterior, h.fit.cost, h.fit.log_evidence]).collect(),
+            h.by_accuracy.into_iter().chain([h.exact_log_posterior, h.log_posterior, h.fit.cost, h.fit.log_evidence]).collect(),
         ));
         found.push((format!("{name}: point"), h.fit.point.shared.iter().copied().chain(h.fit.point.effects).collect()));
         found.push((format!("{name}: own"), h.fit.point.own.concat()));
@@ -358,12 +358,12 @@ fn screening_fits_and_evidence() {
             h.fit.mean_covariance.as_ref().unwrap().diagonal().iter().copied().chain([h.fit.form_size]).collect(),
         ));
         if set.len() < 2 {
-            let laws = places(&p, &h, h.lead - 1e9);
+            let laws = places(&p, &h, h.exact_log_posterior - 1e9);
             for u in laws {
                 let fitted = u.fit.as_ref().map_or(0.0, |f| f.cost);
                 found.push((
                     format!("{name}: {}", u.law.place.id()),
-                    u.by_accuracy.into_iter().chain([u.lead, u.log_posterior, fitted]).collect(),
+                    u.by_accuracy.into_iter().chain([u.exact_log_posterior, u.log_posterior, fitted]).collect(),
                 ));
             }
         }

@@ -13,7 +13,7 @@ use kisspoint::gap::verdict::{Verdict, conclude};
 fn an_effect_that_a_law_leaves_nothing_to_do_has_no_form() {
     let problem = made_up_under(|_| {}, |t: f64| 6.0 * ((1.7 * t).sin() + (3.1 * t + 0.5).sin()));
     let base = Hypothesis::fitted(&problem, Vec::new(), &problem.nominal(), 12, None);
-    let laws = places(&problem, &base, base.lead);
+    let laws = places(&problem, &base, base.exact_log_posterior);
     let gusts = laws.iter().find(|u| u.law.place == Subsystem::Driveline && u.fit.is_some()).expect("it leads");
     let point = &gusts.fit.as_ref().unwrap().point;
     let lag = effects::find("engine_torque_lag").unwrap();
