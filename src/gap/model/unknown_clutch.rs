@@ -326,6 +326,19 @@ mod tests {
         }
     }
 
+    /// A lock that just exceeds both margins counts between them, and a shorter one not at all. At 100 Hz a lag of 0.1 s makes each margin 15 observations, and the longest mean and the
+    /// interpolation hide 13 more at either end.
+    #[test]
+    fn a_lock_counts_from_two_margins_on() {
+        let locked = |lasting: usize| {
+            let omega_c = (0..300).map(|k| if (100..100 + lasting).contains(&k) { 100.0 } else { 60.0 }).collect();
+            let speeds =
+                Speeds { time: (0..300).map(|k| 0.01 * f64::from(k)).collect(), value: [vec![100.0; 300], omega_c], noise: [0.1, 0.1] };
+            speeds.locked(Sensors { gain: 1.0, lag: 0.1 }).iter().filter(|l| **l).count()
+        };
+        assert_eq!([locked(57), locked(58), locked(60)], [0, 1, 3]);
+    }
+
     /// Locked for 3 s, then with a slip in proportion to the speed, as if a sensor had a gain. The gain is believed only if this lasts longer than the lock by a tenth and half a
     /// second.
     #[test]
