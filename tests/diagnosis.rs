@@ -6,6 +6,7 @@ use kisspoint::campaign::{self, Campaign, ReadOptions};
 use kisspoint::effects::REGISTRY;
 use kisspoint::fmu;
 use kisspoint::gap::diagnosis::{Diagnosis, DiagnosisError, diagnose};
+use kisspoint::gap::verdict::Verdict;
 use realcar::{Car, Kind, Place, draw_car_of};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -100,6 +101,23 @@ fn the_speed_of_another_shaft_is_a_mistake_in_the_map() {
         answer.sentence
     );
     assert!(answer.which.effects.is_empty() && answer.place.primary.is_none() && answer.confidence.0 > 0.9, "{:?}", answer.confidence);
+}
+
+/// If only the recording that was to be held out shows a gap, the car is not called healthy: another recording judges instead.
+#[test]
+fn a_gap_that_only_the_held_out_recording_shows_is_found() {
+    let mut campaign = Folder::of("judge", &everyday(Kind::Healthy)).read();
+    let healthy = diagnose(&campaign, &|_, _| {}).unwrap().answer;
+    assert_eq!(healthy.verdict, Verdict::NoGap);
+    let [judge] = healthy.how_far.held_out.as_slice() else { panic!("{:?}", healthy.how_far.held_out) };
+    // In this recording alone the engine gives more torque than it reports.
+    let held_out = campaign.recordings.iter_mut().find(|r| r.name == *judge).unwrap();
+    held_out.t_e.iter_mut().for_each(|t| *t *= 0.6);
+    let answer = diagnose(&campaign, &|_, _| {}).unwrap().answer;
+    assert!(answer.verdict != Verdict::NoGap && answer.place.primary == Some("engine"), "{}", answer.sentence);
+    assert!(!answer.how_far.held_out.contains(judge), "{:?}", answer.how_far.held_out);
+    let told = format!("{judge} was to be held out, but the others show no gap and it does");
+    assert!(answer.notes.iter().any(|n| n.starts_with(&told)), "{:?}", answer.notes);
 }
 
 #[test]

@@ -129,7 +129,7 @@ mod tests {
     #[test]
     fn what_is_not_used_is_said() {
         let Example { campaign, vehicle } = Example::read();
-        let ready = Ready::new(&campaign, &vehicle, &Default::default()).unwrap();
+        let ready = Ready::judged_by(None, &campaign, &vehicle, &Default::default()).unwrap();
         let judge = &campaign.recordings[ready.split.judge].name;
         let all = campaign.recordings.len();
         for (share, what) in [(0.8, "Not used: "), (0.3, "These are ")] {
@@ -158,7 +158,7 @@ mod tests {
         assert!(read.len() < all / 2 && read.iter().all(|r| note.contains(&r.name)), "{note}");
         // The one that judges is read as well.
         let fitted: usize = read.iter().map(|r| 2 * r.time.len()).sum();
-        let ready = Ready::new(&campaign, &Example::read().vehicle, &Default::default()).unwrap();
+        let ready = Ready::judged_by(None, &campaign, &Example::read().vehicle, &Default::default()).unwrap();
         assert_eq!(found.answer.how_far.held_out, [ready.split.name]);
         let judge = 2 * found.held_out.time.len();
         assert!(fitted - judge <= most && fitted > most / 2, "{fitted} with {judge} of {most}");

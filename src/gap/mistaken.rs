@@ -178,7 +178,7 @@ mod tests {
         };
         let of = |recordings: Vec<Recording>| {
             let campaign = Campaign { recordings, ..example.campaign.clone() };
-            let ready = Ready::new(&campaign, &example.vehicle, &Work::default()).unwrap();
+            let ready = Ready::judged_by(None, &campaign, &example.vehicle, &Work::default()).unwrap();
             mistaken(&campaign, &example.vehicle, &ready, &alone(&ready.problem, None), &alone).unwrap()
         };
         let right = &example.campaign.recordings;

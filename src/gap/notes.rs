@@ -44,6 +44,11 @@ pub(super) fn control_unit(interval: f64) -> String {
     said.to_owned()
 }
 
+/// Note that another recording was held out than at first, because only the first one shows the gap.
+pub(super) fn judge_changed(first: &str, now: &str) -> String {
+    format!("{first} was to be held out, but the others show no gap and it does: it is part of the fit, and {now} is held out instead")
+}
+
 /// Note that the search ended early, because it reached the maximum number of replayed rows.
 pub(super) fn cut_short() -> String {
     format!(
@@ -99,7 +104,7 @@ mod tests {
     #[test]
     fn a_start_temperature_that_is_pulled_far_is_said() {
         let Example { campaign, vehicle } = Example::read();
-        let mut problem = Ready::new(&campaign, &vehicle, &Default::default()).unwrap().problem;
+        let mut problem = Ready::judged_by(None, &campaign, &vehicle, &Default::default()).unwrap().problem;
         problem.tracks.iter_mut().for_each(|track| track.theta_0_sigma = [2.0, 5.0]);
         let mut point = problem.nominal();
         (point.own[0][0], point.own[1][1]) = (3.9, -3.9);

@@ -27,17 +27,14 @@ pub(super) struct Ready {
 }
 
 impl Ready {
-    pub(super) fn new(campaign: &Campaign, vehicle: &Vehicle, work: &Work) -> Result<Self, DiagnosisError> {
-        Self::judged_by(None, campaign, vehicle, work)
-    }
-
     /// Prepares another reading of the campaign, or a part of it, which is judged by the same recording.
     pub(super) fn of(&self, campaign: &Campaign, other: &Campaign, vehicle: &Vehicle) -> Result<Self, DiagnosisError> {
         let judge = campaign.recordings[self.split.judge].name.as_str();
         Self::judged_by(Some(judge), other, vehicle, &self.problem.work)
     }
 
-    fn judged_by(judge: Option<&str>, campaign: &Campaign, vehicle: &Vehicle, work: &Work) -> Result<Self, DiagnosisError> {
+    /// Prepares a campaign, judged by the recording of this name, or by the one that [`split`] chooses.
+    pub(super) fn judged_by(judge: Option<&str>, campaign: &Campaign, vehicle: &Vehicle, work: &Work) -> Result<Self, DiagnosisError> {
         let split = split(&campaign.recordings, judge);
         if split.fitted_part.is_empty() {
             return Err(DiagnosisError::TooFew(campaign.recordings.len()));

@@ -234,7 +234,7 @@ mod tests {
     #[test]
     fn a_plant_has_those_of_the_numbers_allowed_that_follow_the_recordings() {
         let Example { campaign, vehicle } = Example::read();
-        let Ready { problem, split, .. } = Ready::new(&campaign, &vehicle, &Work::default()).unwrap();
+        let Ready { problem, split, .. } = Ready::judged_by(None, &campaign, &vehicle, &Work::default()).unwrap();
         let effect = effects::find("kiss_point_thermal").unwrap();
         let fit = Hypothesis::fitted(&problem, vec![effect], &problem.nominal(), 12, None).fit;
         let place = fit.shared.iter().position(|c| *c == Coordinate::Effect(slope)).unwrap();
