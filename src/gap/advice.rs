@@ -7,6 +7,7 @@ use super::plan::reach::{Reach, TOO_LARGE};
 use super::plan::split::Rival;
 use super::plan::{Outlook, Worth};
 use super::prose::chance;
+use super::verdict::NAMED_BESIDE;
 use crate::effects::{PARAMETERS, REGISTRY};
 use crate::vehicle::written;
 
@@ -27,14 +28,19 @@ pub fn separated_by(outlook: &Outlook, effect: usize) -> String {
     let Some(best) = ranked.first() else {
         return "no manoeuvre was rehearsed, for what stands in its place has no formula".to_owned();
     };
-    let what = said(&outlook.manoeuvres[best.manoeuvre]);
-    format!(
-        "{what}: {} nats expected in {:.1} minutes, preparation included ({} per minute); it tells them apart with a probability of {}",
-        nats(best.nats),
-        outlook.manoeuvres[best.manoeuvre].minutes(),
-        nats(best.nats_per_minute),
-        chance(best.splits)
-    )
+    told_apart(best, &outlook.manoeuvres[best.manoeuvre])
+}
+
+/// Text on how well a manoeuvre distinguishes rivals. The best one may still be unlikely to.
+fn told_apart(best: &Worth, m: &Manoeuvre) -> String {
+    let (what, nats, minutes, per_minute) = (said(m), nats(best.nats), m.minutes(), nats(best.nats_per_minute));
+    let expected = format!("{nats} nats expected in {minutes:.1} minutes, preparation included ({per_minute} per minute)");
+    if best.splits < NAMED_BESIDE {
+        return format!(
+            "none of the manoeuvres that were rehearsed is likely to, driven once; the most per minute comes from {what}: {expected}"
+        );
+    }
+    format!("{what}: {expected}; it tells them apart with a probability of {}", chance(best.splits))
 }
 
 /// Text on the manoeuvre that best shows an effect which the recordings cannot show.
@@ -88,6 +94,16 @@ mod tests {
         let words = |name: &str| said(all.iter().find(|m| m.name == name).unwrap());
         let [cold, hot] = ["launch", "launch_hot"].map(words);
         assert!(cold.ends_with(" (launch, 4 s)") && hot.ends_with(" (launch_hot, hot, 4 s)"), "{cold}, {hot}");
+    }
+
+    #[test]
+    fn a_manoeuvre_that_hardly_distinguishes_is_not_recommended_as_if_it_did() {
+        let all = built_in(&Vehicle::paper());
+        let launch = all.iter().find(|m| m.name == "launch").unwrap();
+        let worth = |splits: f64| Worth { manoeuvre: 0, nats: 0.5, nats_per_minute: 0.9, splits };
+        let [unlikely, likely] = [0.04, 0.6].map(|splits| told_apart(&worth(splits), launch));
+        assert!(unlikely.starts_with("none of the manoeuvres") && unlikely.contains("0.5 nats expected"), "{unlikely}");
+        assert!(likely.starts_with("a launch") && likely.ends_with("it tells them apart with a probability of 60 %"), "{likely}");
     }
 
     #[test]

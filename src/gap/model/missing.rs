@@ -7,7 +7,7 @@
 //! |---|---|---|---|
 //! | engine | torque | speed, requested torque, its change | 4 N·m |
 //! | actuator | position, times ∂T/∂x | commanded position now and before, its direction, time under pressure | 0.05 mm |
-//! | clutch force | torque, relative | position, its direction, time since contact, temperature | 8 % |
+//! | clutch force | torque, relative | position, its direction, time since slip began, temperature | 8 % |
 //! | friction | torque, relative | slip, temperature, power, work done, time slipped | 8 % |
 //! | thermal | temperature, times ∂T/∂θ | heat of the last second, seconds, minutes | 12 K |
 //! | driveline | torque | nothing (a constant), speed, its direction, acceleration, time since the start | 3 N·m |
@@ -171,17 +171,6 @@ pub fn states(track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Vec
     all.map(|v| last.iter().map(|&row| v[row]).collect()).to_vec()
 }
 
-/// Time since the faces met, s: infinite where they have touched since before the recording began, zero where they do not touch. Contact outlasts slip, so that it does not
-/// begin anew where a lock breaks away.
-fn time_since_contact(s: &Signals) -> Vec<f64> {
-    let mut since = f64::INFINITY;
-    let next = |x: &f64| {
-        since = if *x > s.travel[0] { since + s.dt } else { 0.0 };
-        since
-    };
-    s.position.iter().map(next).collect()
-}
-
 /// Direction in which the bearing moves, from −1 to 1.
 fn direction(s: &Signals) -> Vec<f64> {
     let slow = lagged(&s.position, s.dt, 0.05);
@@ -202,10 +191,6 @@ const CAR: f64 = 3.0;
 const BEARING: f64 = 0.05;
 const CLUTCH: f64 = 0.08;
 const DISC: f64 = 12.0;
-
-/// Time constants with which a law settles, s. Clutch force and friction have the same ones: in a recording in which the faces meet once, the time since then and the time slipped are the
-/// same, and only the other recordings tell the two places apart.
-const SETTLING_S: [f64; 3] = [0.3, 1.0, 3.0];
 
 impl Signals {
     /// Law of a clutch torque `f`, N·m, by row; zero where the clutch does not slip.
@@ -279,16 +264,16 @@ pub fn bumps(
 pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, theta: [f64; 2]) -> Vec<Missing> {
     let s = signals(track, filter, car, theta);
     let n = track.rows();
-    let share = |k: usize| (s.position[k] - s.travel[0]) / (s.travel[1] - s.travel[0]);
-    let since = time_since_contact(&s);
-    // Work done and time slipped since the recording began.
-    let (mut work, mut slipped, mut done) = (vec![0.0; n], vec![0.0; n], 0.0);
+    // Time since slip began; work done and time slipped since the recording began.
+    let (mut since, mut work, mut slipped, mut done) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], 0.0);
     for k in 1..n {
+        since[k] = if s.slipping[k] { since[k - 1] + s.dt } else { 0.0 };
         done += (s.torque[k] * s.slip[k]).max(0.0) * s.dt;
         work[k] = done;
         slipped[k] = slipped[k - 1] + if s.slipping[k] { s.dt } else { 0.0 };
     }
     let power: Vec<f64> = (0..n).map(|k| (s.torque[k] * s.slip[k]).max(0.0)).collect();
+    let share = |k: usize| (s.position[k] - s.travel[0]) / (s.travel[1] - s.travel[0]);
     let direction = direction(&s);
     let mut all: Vec<Missing> = Vec::new();
     match place {
@@ -331,7 +316,7 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
             for centre in [0.35, 0.65] {
                 all.push(s.clutch(&|k| CLUTCH * s.torque[k] * direction[k] * bump(share(k), centre, 0.2)));
             }
-            for tau in SETTLING_S {
+            for tau in [0.2, 1.0] {
                 all.push(s.clutch(&|k| CLUTCH * s.torque[k] * (-since[k] / tau).exp()));
             }
             for centre in [40.0, 110.0, 180.0] {
@@ -351,8 +336,8 @@ pub fn functions(place: Subsystem, track: &Track, filter: &Filter, car: &Car, th
             for joules in [2e3, 1e4, 5e4] {
                 all.push(s.clutch(&|k| CLUTCH * s.torque[k] * (-work[k] / joules).exp()));
             }
-            for tau in SETTLING_S {
-                all.push(s.clutch(&|k| CLUTCH * s.torque[k] * (-slipped[k] / tau).exp()));
+            for seconds in [0.5, 3.0] {
+                all.push(s.clutch(&|k| CLUTCH * s.torque[k] * (-slipped[k] / seconds).exp()));
             }
         }
         Subsystem::Thermal => {
@@ -473,9 +458,6 @@ mod tests {
         assert!(on.torque[0].is_empty() && on.torque[1][3] == 3.0 && s.sensed(0, &|_| 7.0).sensed[0] == [7.0; 5]);
         let moving = Signals { speed: [vec![0.0; 5], vec![0.0, 0.25, 0.5, 40.0, -40.0]], ..along() }.on_moving_car(&|_| 2.0);
         assert!(moving.torque[1].iter().zip([0.0, 0.4621, 0.7616, 1.0, 1.0]).all(|(t, share)| (t - 2.0 * CAR * share).abs() < 1e-3));
-        let contact = |position: [f64; 5]| time_since_contact(&Signals { position: position.to_vec(), ..along() });
-        assert_eq!(contact([0.9, 1.1, 1.2, 1.0, 1.1]), [0.0, 0.1, 0.2, 0.0, 0.1]);
-        assert_eq!(contact([1.1, 1.2, 1.1, 0.9, 1.1]), [f64::INFINITY, f64::INFINITY, f64::INFINITY, 0.0, 0.1]);
         let d = direction(&s);
         assert!(d[0] == 0.0 && d[2] > 0.5 && d[4] < -0.5, "{d:?}");
     }
